@@ -19,13 +19,13 @@ np.savetxt(
     OUT / "lifts.csv", np.column_stack([degrees, readings]), delimiter=",", header=head, comments=""
 )
 
-found = cam_rig.fit_cam(OUT / "lifts.csv")
-print(*found.summary(), sep="\n")
-figure = found.plot()
+fit = cam_rig.fit_cam(OUT / "lifts.csv")
+print(*fit.summary(), sep="\n")
+figure = fit.plot()
 figure.savefig(OUT / "fit_cam.png")
 plt.close(figure)
 
 angle = np.linspace(0.0, 2.0 * np.pi, 3601)
-away = np.abs(found.law(angle) - true(angle)).max()
-print(f"scatter {found.scatter * 1e6:.1f} µm, farthest from the truth {away * 1e6:.1f} µm")
+away = np.abs(fit.law(angle) - true(angle)).max()
+print(f"scatter {fit.scatter * 1e6:.1f} µm, farthest from the truth {away * 1e6:.1f} µm")
 assert away < 10e-6

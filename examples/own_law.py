@@ -6,11 +6,12 @@ import numpy as np
 
 import cam_rig
 
-HERE, OUT = Path(__file__).parent, Path("out")
+FOLDER = Path(__file__).parent
+OUT = Path("out")
 OUT.mkdir(exist_ok=True)
 
 # From a file: segments around the turn, each a law by name or with its numbers.
-cam = cam_rig.load_cam(HERE / "own_cam.yaml")
+cam = cam_rig.load_cam(FOLDER / "own_cam.yaml")
 from_file = cam_rig.build_law(cam)
 failed = [check.name for check in cam_rig.contour(cam).checks if not check.passed]
 print(f"{cam.title}: lift {from_file.lift * 1e3:g} mm; checks that fail: {failed or 'none'}")

@@ -6,7 +6,8 @@ import numpy as np
 
 import cam_rig
 
-BAG, OUT = Path(__file__).parents[1] / "bags" / "golden", Path("out")
+BAG = Path(__file__).parents[1] / "bags" / "golden"
+OUT = Path("out")
 OUT.mkdir(exist_ok=True)
 
 recording = cam_rig.read_bag(BAG)

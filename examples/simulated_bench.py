@@ -13,7 +13,8 @@ import cam_rig
 from benchmark.simulated_instruments import measured_run
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
-JOINT, WRENCHES = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"
+JOINT = "sensor_msgs/msg/JointState"
+WRENCHES = "geometry_msgs/msg/WrenchStamped"
 BEGIN_NS = 1_767_225_600_000_000_000  # the wall's time of the first sample
 
 

@@ -12,8 +12,8 @@ OUT.mkdir(exist_ok=True)
 
 rig = cam_rig.load_rig("tm21").replace(stem_stiffness="400 N/mm")  # soft: it shows
 rpm = np.arange(150.0, 351.0, 10.0)
-found = cam_rig.vibration(["modified_trapezoid", "cycloidal", "poly345", "poly4567"], rig, rpm)
-table = found.to_pandas()
+result = cam_rig.vibration(["modified_trapezoid", "cycloidal", "poly345", "poly4567"], rig, rpm)
+table = result.to_pandas()
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(11.0, 4.4), layout="constrained")
 for cam, rows in table.groupby("cam", sort=False):

@@ -11,15 +11,15 @@ from .study import PreloadResult
 
 
 @styled
-def figure(found: PreloadResult) -> Figure:
+def figure(result: PreloadResult) -> Figure:
     """Draw the least preload of each cam, and the preload of the rig."""
     out = empty(3.4)
     axes = out.subplots()
-    for cam in found.cam_set.laws:
-        rows = [row for row in found.rows if row.cam == cam]
-        name = title_of(found.cam_set.titles, cam)
+    for cam in result.cam_set.laws:
+        rows = [row for row in result.rows if row.cam == cam]
+        name = title_of(result.cam_set.titles, cam)
         axes.plot([r.rpm for r in rows], [r.least for r in rows], label=name, **line(cam))
-    axes.axhline(found.rows[0].rig, color="0.3", lw=0.9, label="the rig's own")
+    axes.axhline(result.rows[0].rig, color="0.3", lw=0.9, label="the rig's own")
     axes.set(xlabel="cam speed [rpm]", ylabel="least preload [N]")
     axes.legend()
     return out

@@ -64,11 +64,11 @@ class PreloadResult(Result):
 def least_preloads(cam_set: CamSet, speeds: list[float], progress: Progress) -> PreloadResult:
     """Return the least preload of each cam at each speed (rpm)."""
     p = FollowerParameters.from_rig(cam_set.rig)
-    cases = [(cam, one) for one in speeds for cam in cam_set.laws]
+    cases = [(cam, speed) for speed in speeds for cam in cam_set.laws]
     rows = []
-    for cam, one in progress.track(cases):
-        force, _ = force_extremes(cam_set.laws[cam], p, one * RPM)
-        rows.append(PreloadRow(cam, one, p.preload - force, p.preload))
+    for cam, speed in progress.track(cases):
+        force, _ = force_extremes(cam_set.laws[cam], p, speed * RPM)
+        rows.append(PreloadRow(cam, speed, p.preload - force, p.preload))
     return PreloadResult(cam_set, tuple(rows))
 
 

@@ -25,8 +25,12 @@ from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
 from cam_rig.units import RPM, TURN, FloatArray
 from examples.paper.common import CAMS, RIG, SCENE, Table, parser, publish, titles
 
-#: Cam that the paper cut (fig. 12), and radii (m) over which it is cut here.
-CUT, BASES, ROLLERS = "bezier15", (0.050, 0.065, 0.100), (0.005, 0.010, 0.020)
+#: Cam that the paper cut (fig. 12).
+CUT = "bezier15"
+#: Base radii over which it is cut here, m.
+BASES = (0.050, 0.065, 0.100)
+#: Roller radii over which it is cut here, m.
+ROLLERS = (0.005, 0.010, 0.020)
 #: Parts of the turn over which a piece of the roller's law extends: of degree 7, it is then known
 #: to rounding.
 PARTS = 360
@@ -179,13 +183,13 @@ def table(rows: Sequence[AsCut], caption: str) -> Table:
                 1e3 * row.base,
                 1e3 * row.roller,
                 1e3 * row.above[0],
-                *(1e3 * _least_second(one.law) for one in (row.drawn, row.cut)),
-                *(one.jump for one in (row.drawn, row.cut)),
+                *(1e3 * _least_second(law_study.law) for law_study in (row.drawn, row.cut)),
+                *(law_study.jump for law_study in (row.drawn, row.cut)),
                 float(row.change.min()),
                 float(row.change.max()),
                 *(
-                    "–" if one.lands_from is None else f"{one.lands_from:.0f}"
-                    for one in (row.drawn, row.cut)
+                    "–" if law_study.lands_from is None else f"{law_study.lands_from:.0f}"
+                    for law_study in (row.drawn, row.cut)
                 ),
             )
             for row in rows
@@ -215,9 +219,11 @@ def figure(result: AsCut) -> Figure:
     lift.plot(degrees, 1e3 * (cut(angle) - drawn(angle)), **series(0))
     lift.set(ylabel="roller above s [mm]", title="roller on s + $R_b$, less s")
     second: Axes = out.add_subplot(grid[1, 1], sharex=lift)
-    for i, (one, name) in enumerate(((result.drawn, "s"), (result.cut, "roller on s + $R_b$"))):
-        label = f"{name}: jump speed {one.jump:.1f} rpm"
-        second.plot(degrees, 1e3 * one.law(angle, 2), label=label, **series(i))
+    for i, (law_study, name) in enumerate(
+        ((result.drawn, "s"), (result.cut, "roller on s + $R_b$"))
+    ):
+        label = f"{name}: jump speed {law_study.jump:.1f} rpm"
+        second.plot(degrees, 1e3 * law_study.law(angle, 2), label=label, **series(i))
     second.set(ylabel="s″ [mm/rad²]", xlabel=CAM_ANGLE)
     for axes in (lift, second):
         turn_axis(axes)
@@ -257,8 +263,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     result = study()
     first = result[CAMS.index(CUT)]
     captions = "A roller on the contour that a polar plot of s + R_b gives", f"{CUT} over its radii"
-    shown = [table(result, captions[0]), table(over_sizes(first), captions[1])]
-    publish(out, shown, {"as_cut": figure(first)}, map(summary, result))
+    tables = [table(result, captions[0]), table(over_sizes(first), captions[1])]
+    publish(out, tables, {"as_cut": figure(first)}, map(summary, result))
 
 
 if __name__ == "__main__":

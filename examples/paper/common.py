@@ -18,8 +18,10 @@ from cam_rig.show.tables import DataTable, Header
 
 #: Cams of the paper's Table 2, in the order in which it prints them.
 CAMS = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
-#: Rig identified from the jump speeds of Table 2, and the rig with the stem that Table 1 prints.
-RIG, STIFF_RIG = "paper_table2", "tm21"
+#: Rig identified from the jump speeds of Table 2.
+RIG = "paper_table2"
+#: Rig with the stem that Table 1 prints.
+STIFF_RIG = "tm21"
 #: Scene of the paper's noise measurements.
 SCENE = "tm21_sweep"
 
@@ -76,13 +78,13 @@ def titles(cams: Iterable[str] = CAMS) -> dict[str, str]:
 
 def parser(description: str | None) -> argparse.ArgumentParser:
     """Return the command line of a script, with the folder of its figures."""
-    found = argparse.ArgumentParser(
+    options = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    found.add_argument(
+    options.add_argument(
         "--out", type=_folder, default=Path("out/paper"), help="folder of the figures (%(default)s)"
     )
-    return found
+    return options
 
 
 def _folder(text: str) -> Path:

@@ -31,22 +31,31 @@ from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
 from cam_rig.units import RPM, TURN, FloatArray, rms
 from examples.paper.common import CAMS, RIG, STIFF_RIG, Table, load_laws, parser, publish, titles
 
-#: The paper's proposed cam, and the spans (°) into which its turn is compressed: 360 as in the
-#: paper, 297.5 as the other laws take from rise to fall.
-PROPOSED, SPANS = "bezier15", (360.0, 330.0, 297.5, 270.0, 240.0)
-#: Lift in m (paper, Table 1), and laws of classes C1, C2, C2, C3, C4.
-LIFT, RISES = 0.05, ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9")
+#: The paper's proposed cam.
+PROPOSED = "bezier15"
+#: Spans (°) into which its turn is compressed: 360 as in the paper, 297.5 as the other laws take
+#: from rise to fall.
+SPANS = (360.0, 330.0, 297.5, 270.0, 240.0)
+#: Lift in m (paper, Table 1).
+LIFT = 0.05
+#: Laws of classes C1, C2, C2, C3, C4.
+RISES = ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9")
 #: Event angles (°), about the 117.5° identified from Table 2; dwells share the rest of the turn.
 EVENTS = (90.0, 105.0, 120.0, 135.0, 150.0, 165.0)
-#: Law whose acceleration over these event angles (°) all laws have in the second design. The
-#: sharpest law then takes 178° at most.
-REFERENCE, GENTLE = "poly345", (90.0, 100.0, 110.0, 120.0, 130.0, 140.0)
+#: Law whose acceleration all laws have in the second design.
+REFERENCE = "poly345"
+#: Event angles (°) of that law. The sharpest law then takes 178° at most.
+GENTLE = (90.0, 100.0, 110.0, 120.0, 130.0, 140.0)
 #: Duration of each run from rest in s, as for the jump speeds of Table 2.
 RUN = 1.7
-#: Speeds in rpm of the peak acceleration, of the residual vibration (the paper's range, so that no
-#: single resonance decides), of the noise, and of the noise in contact (the paper's lowest).
-ACCELERATED, RESIDUAL = (200.0, 250.0, 300.0), tuple(np.arange(200.0, 401.0, 10.0).tolist())
-NOISE, NOISE_IN_CONTACT = tuple(np.arange(200.0, 401.0, 20.0).tolist()), 200.0
+#: Speeds of the peak acceleration, rpm.
+ACCELERATED = (200.0, 250.0, 300.0)
+#: Speeds of the residual vibration, rpm: the paper's range, so that no single resonance decides.
+RESIDUAL = tuple(np.arange(200.0, 401.0, 10.0).tolist())
+#: Speeds of the noise, rpm.
+NOISE = tuple(np.arange(200.0, 401.0, 20.0).tolist())
+#: Speed of the noise in contact, rpm: the paper's lowest.
+NOISE_IN_CONTACT = 200.0
 #: Lowest class in which the acceleration is continuous.
 SMOOTH = 2
 
@@ -70,10 +79,10 @@ def squeezed(law: cam_rig.Law, span: float) -> cam_rig.Law:
     """
     if span >= TURN:
         return law
-    rest = np.full_like(law.ordinates[:, :1], law.ordinates[0, 0])
+    dwell = np.full_like(law.ordinates[:, :1], law.ordinates[0, 0])
     breaks = np.append(law.breaks * (span / TURN), TURN)
     name = f"{law.name} in {math.degrees(span):.4g}°"
-    return cam_rig.Law(name, breaks, np.hstack([law.ordinates, rest]))
+    return cam_rig.Law(name, breaks, np.hstack([law.ordinates, dwell]))
 
 
 class Measures(NamedTuple):
@@ -161,10 +170,10 @@ def shares_of(values: FloatArray, classes: Sequence[int]) -> Shares:
     left = values - values.mean()
     row, column, order = left.mean(axis=1), left.mean(axis=0), np.array(classes)
     between = sum((order == k).sum() * row[order == k].mean() ** 2 for k in set(classes))
-    rest = ((left - row[:, None] - column) ** 2).sum()
+    interaction = ((left - row[:, None] - column) ** 2).sum()
     laws, angles = column.size * (row @ row), row.size * (column @ column)
-    total = float(laws + angles + rest)
-    parts = np.array([laws, column.size * between, angles, rest]) / (total or 1.0)
+    total = float(laws + angles + interaction)
+    parts = np.array([laws, column.size * between, angles, interaction]) / (total or 1.0)
     law, classed, angle, interaction = parts.tolist()
     return Shares(law, classed, angle, interaction, total)
 
@@ -285,8 +294,8 @@ def advantages(result: Study) -> list[Advantage]:
             less = best.acceleration / other.acceleration
             own = best.own_acceleration / other.own_acceleration
             shares = math.log(slopes) / math.log(jump), math.log(own) / math.log(less)
-            rest = other.residual / best.residual, best.noise - other.noise
-            rows.append(Advantage(cam, jump, shares[0], less, shares[1], *rest))
+            ratios = other.residual / best.residual, best.noise - other.noise
+            rows.append(Advantage(cam, jump, shares[0], less, shares[1], *ratios))
     return rows
 
 
@@ -295,7 +304,7 @@ def tables(result: Study) -> list[Table]:
     same, alike, names = result.same_angles, result.same_acceleration, titles(result.cams)
     wholes = [same, alike]
     designs = [part for whole in wholes for part in (whole, whole.smooth) if part is not None]
-    means = [np.exp(np.log(one.values("jump")).mean(axis=1)).tolist() for one in wholes]
+    means = [np.exp(np.log(design.values("jump")).mean(axis=1)).tolist() for design in wholes]
     return [
         *map(variance_table, designs),
         Table(

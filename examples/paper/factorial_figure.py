@@ -24,9 +24,9 @@ def figure(result: Study) -> Figure:
 
 def _effects(out: FigureBase, result: Study) -> None:
     """Draw the curves of both designs, a hollow marker where contact is lost."""
-    shown = [key for key in EFFECTS if key != "noise_in_contact"]
-    panels = out.subplots(len(shown), 2, sharey="row")
-    for row, key in zip(panels, shown, strict=True):
+    keys = [key for key in EFFECTS if key != "noise_in_contact"]
+    panels = out.subplots(len(keys), 2, sharey="row")
+    for row, key in zip(panels, keys, strict=True):
         effect = EFFECTS[key]
         for axes, design in zip(row, result[:2], strict=True):
             values, lost = effect.factor * design.values(key), design.lost(key)
@@ -55,15 +55,15 @@ def _effects(out: FigureBase, result: Study) -> None:
 def _shares(out: FigureBase, result: Study) -> None:
     """Draw the shares of the sum of squares as bars."""
     smooth = result.same_acceleration.smooth
-    designs = [one for one in (*result[:2], smooth) if one is not None]
+    designs = [design for design in (*result[:2], smooth) if design is not None]
     panels = out.subplots(1, len(designs), sharey=True)
     for axes, design in zip(panels, designs, strict=True):
         _bars(axes, design)
         axes.set(title=design.name.replace(", ", ",\n"), xlabel="share of the sum of squares [%]")
         axes.set(xlim=(0.0, 100.0), xticks=range(20, 81, 20))
     panels[0].invert_yaxis()
-    words = panels[0].get_legend_handles_labels()
-    out.legend(*words, loc="outside lower center", ncols=2, frameon=False)
+    legend = panels[0].get_legend_handles_labels()
+    out.legend(*legend, loc="outside lower center", ncols=2, frameon=False)
 
 
 def _bars(axes: Axes, design: Design) -> None:
@@ -86,6 +86,6 @@ def _bars(axes: Axes, design: Design) -> None:
             bar.set(hatch=hatch, edgecolor="white", linewidth=0.6)
         for i, (start, width) in enumerate(zip(left, part, strict=True)):
             if width > 9.0:
-                at = start + 0.5 * width, i
-                axes.text(*at, f"{width:.0f}", ha="center", va="center", bbox=box)
+                position = start + 0.5 * width, i
+                axes.text(*position, f"{width:.0f}", ha="center", va="center", bbox=box)
         left = left + part

@@ -21,8 +21,10 @@ from cam_rig.show.figure import CAM_SPEED, LEVEL, empty, line, styled
 from cam_rig.units import FloatArray, rms
 from examples.paper.common import SCENE, Table, parser, publish
 
-#: Cam that is identified, and its rig.
-CAM, RIG = "tm21", "tm21"
+#: Cam that is identified.
+CAM = "tm21"
+#: Its rig.
+RIG = "tm21"
 #: Limits of lift (m), event span (°) and nose span as a fraction of the event span.
 LIMITS = Bounds([0.002, 60.0, 0.05], [0.05, 300.0, 0.95])
 #: Largest pitch radius (m) of a flank that is visibly concave, as the paper calls the cam.
@@ -127,12 +129,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     command.add_argument("--seed", type=int, default=1, help="of the search (%(default)s)")
     chosen = command.parse_args(argv)
     result = study(chosen.seed)
-    words = f"{CAM}: lift {result.lift:.3f} mm, event {result.event:.2f}°, nose {result.nose:.2f}°"
+    text = f"{CAM}: lift {result.lift:.3f} mm, event {result.event:.2f}°, nose {result.nose:.2f}°"
     publish(
         chosen.out,
         [table(result)],
         {"identify": figure(result)},
-        [f"{words}: {result.rms:.2f} dB RMS, {result.trials} trials"],
+        [f"{text}: {result.rms:.2f} dB RMS, {result.trials} trials"],
     )
 
 

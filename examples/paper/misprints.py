@@ -16,7 +16,12 @@ class Misprint(NamedTuple):
     correct: str
 
 
-PAPER, LAWS, PROFILE, EXAMPLE = "paper", "laws thesis", "profile thesis", "worked example"
+#: Sources of the misprints.
+PAPER = "paper"
+LAWS = "laws thesis"
+PROFILE = "profile thesis"
+EXAMPLE = "worked example"
+
 MISPRINTS = (
     Misprint(PAPER, "eq. 2, two coefficients", "45045, 434434", "4504.5, 4344.34"),
     Misprint(PAPER, "eq. 20, constant", "2593808", "25.93808"),

@@ -37,16 +37,23 @@ GRID_RPM = 5.0
 TABLE_2 = {
     cam: (row.rpm, row.time_s) for cam, row in load_tables(tables_path()).table_2_jump.items()
 }
-#: First speed of the grid in rpm, and its last speed relative to the printed speed.
-FIRST_RPM, LAST = 200.0, 1.3
-#: Speeds within one step of the printed one at which the time is computed, points per turn there
-#: (16 per period up to 3 kHz at 600 rpm), and speeds computed at once.
-SPEEDS, POINTS, BATCH = 501, 4800, 16
-#: Times just above the jump speed are computed at these relative distances from it: the error of a
-#: solver of differential equations, and a larger one.
-SOLVER, BEYOND = 1e-6, 1e-3
+#: First speed of the grid, rpm.
+FIRST_RPM = 200.0
+#: Last speed of the grid, relative to the printed speed.
+LAST_SPEED_RATIO = 1.3
+#: Number of speeds within one step of the printed one at which the time is computed.
+SPEEDS = 501
+#: Number of points per turn there: 16 per period up to 3 kHz at 600 rpm.
+TURN_SAMPLES = 4800
+#: Number of speeds computed at once.
+BATCH = 16
+#: Relative distance from the jump speed of the first time above it: the error of a solver of
+#: differential equations.
+SOLVER = 1e-6
+#: Relative distance from the jump speed of the second time above it.
+BEYOND = 1e-3
 #: Speed relative to the printed speed below which a loss of contact is far too early.
-EARLY = 0.9
+EARLY_SPEED_RATIO = 0.9
 #: Numbers of the follower besides its two masses.
 FOLLOWER = ("stem_stiffness", "spring_stiffness", "stem_damping", "damping", "preload")
 
@@ -87,7 +94,7 @@ class Reading(BaseModel):
 def load_readings() -> tuple[dict[str, Reading], float]:
     """Return all readings by name, and the duration (s) of each run from rest."""
     data: dict[str, Any] = yaml.safe_load(FILE.read_text(encoding="utf-8"))
-    readings = {name: Reading.model_validate(one) for name, one in data["readings"].items()}
+    readings = {name: Reading.model_validate(entry) for name, entry in data["readings"].items()}
     return readings, data["run_s"]
 
 
@@ -152,7 +159,7 @@ class Read:
     @property
     def early(self) -> list[Row]:
         """Rows with loss of contact far below the printed speed, on the grid."""
-        return [row for row in self.rows if row.rpm < EARLY * TABLE_2[row.cam][0]]
+        return [row for row in self.rows if row.rpm < EARLY_SPEED_RATIO * TABLE_2[row.cam][0]]
 
 
 def first_on_grid(
@@ -168,7 +175,7 @@ def window(
     law: cam_rig.Law, follower: TwoMassParameters, printed: tuple[float, float], run: float
 ) -> float:
     """Return the range (rpm) of speeds near the printed one that give the printed time."""
-    shape, agree, (rpm, time) = ShapeTable.of(law, POINTS), [], printed
+    shape, agree, (rpm, time) = ShapeTable.of(law, TURN_SAMPLES), [], printed
     speeds = RPM * np.linspace(rpm - GRID_RPM, rpm + GRID_RPM, SPEEDS)
     for batch in np.array_split(speeds, SPEEDS // BATCH):
         spans = np.broadcast_to(law.spans, (batch.size, law.spans.size))
@@ -196,7 +203,7 @@ def read(
 
     for cam, printed in table.items():
         law = reading.law(cam)
-        rpm = first_on_grid(law, follower, LAST * printed[0], run)
+        rpm = first_on_grid(law, follower, LAST_SPEED_RATIO * printed[0], run)
         jump = find_jump_speed(law, follower, run, FIRST_RPM)
         rows.append(
             Row(
@@ -238,13 +245,13 @@ def tables(result: Sequence[Read]) -> list[Table]:
     """
     names = titles(TABLE_2)
     numbers = []
-    for one in result:
+    for solution in result:
         texts = []
         for key, _, number_format in LISTED:
-            mark = "*" if key in one.reading.fitted else ""
-            texts.append(f"{getattr(one.reading, key).raw:{number_format}}{mark}")
-        counts = len(one.reading.fitted), one.speeds, one.times
-        numbers.append((one.name.replace("_", " "), *texts, *counts, 100.0 * one.rms))
+            mark = "*" if key in solution.reading.fitted else ""
+            texts.append(f"{getattr(solution.reading, key).raw:{number_format}}{mark}")
+        counts = len(solution.reading.fitted), solution.speeds, solution.times
+        numbers.append((solution.name.replace("_", " "), *texts, *counts, 100.0 * solution.rms))
     return [
         Table(
             "Readings of the paper's Table 2: their numbers, and what they show of it",
@@ -264,14 +271,14 @@ def tables(result: Sequence[Read]) -> list[Table]:
             "window [rpm] :.2f | least force [N] :+.1f",
             [
                 (
-                    one.name.replace("_", " "),
+                    solution.name.replace("_", " "),
                     names[row.cam],
                     TABLE_2[row.cam][0],
                     *(row.rpm, row.jump, TABLE_2[row.cam][1]),
                     *(row.time, row.at_jump, row.beyond, row.window, row.force),
                 )
-                for one in result
-                for row in one.rows
+                for solution in result
+                for row in solution.rows
             ],
             "Time: at the first speed of the grid, and above the jump speed by so much of it.\n"
             f"Window: the range of speeds, within {GRID_RPM:g} rpm of the printed one, that give "
@@ -284,13 +291,13 @@ def tables(result: Sequence[Read]) -> list[Table]:
 
 def summary(result: Sequence[Read]) -> list[str]:
     """Return the agreement of each reading, the nearest one, and the widest window."""
-    nearest = min(result, key=lambda one: one.rms)
-    widest = max(row.window for one in result for row in one.rows)
+    nearest = min(result, key=lambda solution: solution.rms)
+    widest = max(row.window for solution in result for row in solution.rows)
     return [
         *(
-            f"{one.name}: {one.speeds} of {len(one.rows)} speeds and {one.times} times with "
-            f"{len(one.reading.fitted)} fitted"
-            for one in result
+            f"{solution.name}: {solution.speeds} of {len(solution.rows)} speeds and "
+            f"{solution.times} times with {len(solution.reading.fitted)} fitted"
+            for solution in result
         ),
         f"jump speeds at any speed are nearest on {nearest.name}, {nearest.rms:.2%} r.m.s.",
         f"a printed time comes out over {widest:.2g} of {2 * GRID_RPM:g} rpm about its speed",

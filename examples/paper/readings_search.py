@@ -47,8 +47,10 @@ BOUNDS = {
 LOGARITHMIC = frozenset({"stem_stiffness", "stem_damping", "damping"})
 #: Points per turn at the slower speeds, at which the envelope of the vibration is sufficient.
 OUTLINE_POINTS = 160
-#: Largest miss of a trial that counts, rpm, and the least window of a printed time, rpm.
-MAX_MISS, MIN_WINDOW = 50.0, 0.02
+#: Largest miss of a trial that counts, rpm.
+MAX_MISS = 50.0
+#: Least window of a printed time, rpm.
+MIN_WINDOW = 0.02
 #: Miss (rpm) added if no speed has the printed turn as the first.
 NO_WINDOW = 2.0
 #: Least change of the force in N/rpm, so that a miss is finite.
@@ -134,9 +136,9 @@ def _time_miss(force: FloatArray, first: NDArray[np.intp], slope: FloatArray) ->
     The window of the turn must be `MIN_WINDOW` rpm.
     """
     lowest, rows = np.minimum.accumulate(force, axis=1), np.arange(force.shape[0])
-    there, before = lowest[rows, first] / slope, lowest[rows, first - 1] / slope
-    miss = np.maximum(np.maximum(0.0, there + MIN_WINDOW), np.maximum(0.0, -before))
-    narrow = np.maximum(0.0, MIN_WINDOW - (before - there))
+    at_first, before = lowest[rows, first] / slope, lowest[rows, first - 1] / slope
+    miss = np.maximum(np.maximum(0.0, at_first + MIN_WINDOW), np.maximum(0.0, -before))
+    narrow = np.maximum(0.0, MIN_WINDOW - (before - at_first))
     return np.asarray(miss + np.where(narrow > 0.0, NO_WINDOW + narrow, 0.0))
 
 

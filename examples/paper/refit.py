@@ -67,20 +67,20 @@ def _kinds(cam: CamConfig) -> list[str]:
 
     A high dwell is above half the lift.
     """
-    kinds, place = [], 0.0
+    kinds, end = [], 0.0
     for segment in cam.segments:
-        place = getattr(segment, "to", place)
-        dwell = "high" if place > 0.5 else "low"
+        end = getattr(segment, "to", end)
+        dwell = "high" if end > 0.5 else "low"
         kinds.append(dwell if segment.law == "dwell" else "event")
     return kinds
 
 
 #: Largest factor by which a search may leave its start, in either direction.
-REACH = 3.0
+MAX_FACTOR = 3.0
 #: Step of a numerical derivative.
-STEP = 1e-3
+DERIVATIVE_STEP = 1e-3
 #: Relative step on either side for the standard errors of the parameters.
-ABOUT = 0.02
+ERROR_STEP = 0.02
 #: Number of starts. The first is the rig of the file.
 STARTS = 3
 #: Standard deviations of the logarithms of the other starts.
@@ -90,7 +90,7 @@ SEED = 1
 #: Largest number of steps of one search.
 MAX_STEPS = 20
 #: Start of a search for a jump speed, relative to the published speed.
-BELOW = 0.6
+START_RATIO = 0.6
 #: Step of the speeds in Table 2, rpm.
 ROUNDED_TO = 5.0
 
@@ -169,9 +169,9 @@ def refit(
         rpm = published[cam]
         laws, trial = refitted({cam: cams[cam]}, parameters, numbers)
         try:
-            return find_jump_speed(laws[cam], trial, duration, BELOW * rpm) / RPM / rpm - 1.0
+            return find_jump_speed(laws[cam], trial, duration, START_RATIO * rpm) / RPM / rpm - 1.0
         except CamRigError:
-            return -(1.0 - BELOW)
+            return -(1.0 - START_RATIO)
 
     def differences(x: FloatArray) -> FloatArray:
         nonlocal best
@@ -218,8 +218,10 @@ def _solutions(
 ) -> list[OptimizeResult]:
     """Return the results of all starts, the best first. One start is the rig itself."""
     generator = np.random.default_rng(SEED)
-    most = np.log([1.15, REACH, min(REACH, 0.95 / start.roller_share), REACH])
-    options = dict[str, Any](diff_step=np.full(4, STEP), x_scale=SCATTER, max_nfev=MAX_STEPS)
+    most = np.log([1.15, MAX_FACTOR, min(MAX_FACTOR, 0.95 / start.roller_share), MAX_FACTOR])
+    options = dict[str, Any](
+        diff_step=np.full(4, DERIVATIVE_STEP), x_scale=SCATTER, max_nfev=MAX_STEPS
+    )
     solutions = []
     for i in range(STARTS):
         x = np.clip(generator.normal(size=4) * SCATTER * (i > 0), -0.9 * most, 0.9 * most)
@@ -230,11 +232,11 @@ def _solutions(
 def _slopes(differences: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
     """Return the derivatives of the differences by the parameters, ``(4, 4)``.
 
-    The step is `ABOUT` on either side. A speed has a step if another resonance is the first to
+    The step is `ERROR_STEP` on either side. A speed has a step if another resonance is the first to
     lift. A wide difference averages over it.
     """
-    sides = [(differences(x + step), differences(x - step)) for step in ABOUT * np.eye(4)]
-    return np.stack([(up - down) / (2.0 * ABOUT) for up, down in sides], axis=1)
+    sides = [(differences(x + step), differences(x - step)) for step in ERROR_STEP * np.eye(4)]
+    return np.stack([(up - down) / (2.0 * ERROR_STEP) for up, down in sides], axis=1)
 
 
 def tables(result: Refit) -> list[Table]:

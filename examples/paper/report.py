@@ -26,9 +26,9 @@ SEEDS = (
 class Printed(Progress):
     """Progress as lines: the section that is being computed."""
 
-    def describe(self, words: str) -> None:
+    def describe(self, text: str) -> None:
         """Print the title of a section."""
-        print(f"  {words}", flush=True)
+        print(f"  {text}", flush=True)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

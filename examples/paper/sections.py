@@ -47,15 +47,24 @@ from examples.paper.shared import PROPOSED, Paper, jump_claims, summary_table
 CONTACT_CAMS = ("flat", "oscillating_flat", "point")
 #: Cams that move their follower both ways.
 FORM_CLOSED = ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate")
-#: Speed in rpm of the contact section, and roller and least radius of the nomogram, in lifts.
-CONTACT_RPM, SHARPEST = 300.0, 2.0
-#: Highest order in the Campbell diagrams, whose rays stay apart on paper, and dots per inch of
-#: their thousands of strokes, which are pixels within the SVG.
-SHOWN_ORDERS, ORDERS_DPI = 40, 130
-#: Speeds of the bounce map: from, to (rpm) and number; a restitution that no source prints.
-BOUNCE_RPM, BOUNCE_SPEEDS, RESTITUTION = (300.0, 600.0), 151, 0.7
-#: Speeds of the figures in rpm: below every jump speed, and above all but Bézier 15's.
-STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0
+#: Speed of the contact section, rpm.
+CONTACT_RPM = 300.0
+#: Roller and least radius of the nomogram, in lifts.
+SHARPEST = 2.0
+#: Highest order in the Campbell diagrams, whose rays stay apart on paper.
+SHOWN_ORDERS = 40
+#: Dots per inch of their thousands of strokes, which are pixels within the SVG.
+ORDERS_DPI = 130
+#: First and last speed of the bounce map, rpm.
+BOUNCE_RPM = (300.0, 600.0)
+#: Number of speeds of the bounce map.
+BOUNCE_SPEEDS = 151
+#: Restitution of the bounce map, which no source prints.
+RESTITUTION = 0.7
+#: Speed of the figures below every jump speed, rpm.
+STEADY_RPM = 300.0
+#: Speed of the figures above all jump speeds but that of Bézier 15, rpm.
+TAKEOFF_RPM = 460.0
 #: The follower's numbers in Table 1: key there, attribute, heading.
 FOLLOWER = (
     ("spring_stiffness_N_per_m", "spring_stiffness", "return spring [N/m]"),
@@ -74,8 +83,8 @@ def table_1(paper: Paper) -> Table:
     elastic, stiff = paper.cam_set.rig, paper.stiff
     lift, printed = paper.cam_set.cams[PROPOSED].lift.si, paper.printed.table_1
     rows = [
-        (name, printed[key], *(getattr(rig.follower, at).si for rig in (stiff, elastic)))
-        for key, at, name in FOLLOWER
+        (name, printed[key], *(getattr(rig.follower, attribute).si for rig in (stiff, elastic)))
+        for key, attribute, name in FOLLOWER
     ]
     return Table(
         "The paper's Table 1: parameters",
@@ -112,7 +121,7 @@ def _cams(paper: Paper) -> Content:
 def _vibration(paper: Paper) -> Content:
     own, stiff, cam_set = paper.vibration, paper.stiff_vibration, paper.cam_set
     claims = [*own.claims, *jump_claims(paper.jumps.rpm, cam_set.rig.name), *stiff.claims]
-    speed = [one.tables()[0].select(STEADY_RPM) for one in (own, stiff)]
+    speed = [study.tables()[0].select(STEADY_RPM) for study in (own, stiff)]
     moved = float(cam_set.laws[PROPOSED](0.5 * DEFAULT_WINDOW_RAD)) / cam_set.cams[PROPOSED].lift.si
     tables = [*speed, claims_table(claims, own.rpm)]
     return Content(
@@ -123,27 +132,27 @@ def _vibration(paper: Paper) -> Content:
 
 
 def _flywheel(_: Paper) -> Content:
-    found, cam = flywheel.study(), flywheel.SHOWN_CAM
+    result, cam = flywheel.study(), flywheel.SHOWN_CAM
     return Content(
-        [table.for_report for table in flywheel.tables(found)],
-        {"flywheel": partial(flywheel.figure, found)},
+        [table.for_report for table in flywheel.tables(result)],
+        {"flywheel": partial(flywheel.figure, result)},
         {
-            "free": found.turns[cam, flywheel.SHOWN],
-            "held": found.turns[cam, math.inf],
-            "bare": found.without_preload[cam],
+            "free": result.turns[cam, flywheel.SHOWN],
+            "held": result.turns[cam, math.inf],
+            "bare": result.without_preload[cam],
             "shown": flywheel.SHOWN,
         },
     )
 
 
 def _jump(paper: Paper) -> Content:
-    found, cam_set = paper.jumps, paper.cam_set
-    printed = [row.published_rpm for row in found.rows if row.published_rpm]
+    result, cam_set = paper.jumps, paper.cam_set
+    printed = [row.published_rpm for row in result.rows if row.published_rpm]
     mean = math.sqrt(sum(x**-2 for x in printed) / len(printed))
-    angles = [math.degrees(row.jump.angle) for row in found.rows]
+    angles = [math.degrees(row.jump.angle) for row in result.rows]
     follower = TwoMassParameters.from_rig(cam_set.rig)
     values = {
-        "jump": found.comparison,
+        "jump": result.comparison,
         "degrees": refit.jump_by_degree(cam_set.cams[refit.BY_SEGMENTS], follower, REST_DURATION_S),
         "rounded_to": readings.GRID_RPM,
         "rounding": readings.GRID_RPM / math.sqrt(12.0) * mean,
@@ -151,36 +160,36 @@ def _jump(paper: Paper) -> Content:
         "takeoff_rpm": TAKEOFF_RPM,
     }
     flights = partial(jump_plot.lift_off_figure, cam_set, TAKEOFF_RPM)
-    figures: dict[str, Callable[[], Figure]] = {"jump": found.plot, "fig11": flights}
-    return Content(found.to_display(paper.titles), figures, values)
+    figures: dict[str, Callable[[], Figure]] = {"jump": result.plot, "fig11": flights}
+    return Content(result.to_display(paper.titles), figures, values)
 
 
 def _bounce(paper: Paper) -> Content:
     """Return the bounces of one mass on the TM21's cam, with an assumed restitution."""
     law, rpm = paper.scene.laws[paper.arcs], np.linspace(*BOUNCE_RPM, BOUNCE_SPEEDS)
-    found = cam_rig.bounce_map(law, paper.scene.rig, rpm=rpm, restitution=RESTITUTION, turns=100)
-    irregular = [row for row in found.rows if row.motion == IRREGULAR]
+    result = cam_rig.bounce_map(law, paper.scene.rig, rpm=rpm, restitution=RESTITUTION, turns=100)
+    irregular = [row for row in result.rows if row.motion == IRREGULAR]
     values = {
-        "bounce": found,
+        "bounce": result,
         "cam": paper.scene.titles[paper.arcs],
         "restitution": RESTITUTION,
-        "rest": [row.rpm for row in found.rows if row.comes_to_rest and row.motion == PERIODIC],
+        "rest": [row.rpm for row in result.rows if row.comes_to_rest and row.motion == PERIODIC],
         "irregular": irregular,
         "spread": max((row.level_spread_db or 0.0 for row in irregular), default=0.0),
     }
-    return Content(found.to_display(paper.titles), {"bounce": found.plot}, values)
+    return Content(result.to_display(paper.titles), {"bounce": result.plot}, values)
 
 
 def _stem(_: Paper) -> Content:
-    found = stem.study()
-    soft = found[0]
-    tables = [one.over_elements for one in found] + [one.over_cams for one in found]
+    result = stem.study()
+    soft = result[0]
+    tables = [study.over_elements for study in result] + [study.over_cams for study in result]
     frequencies = soft.over_elements.frame["first natural frequency [Hz]"]
     return Content(
         [table.for_report for table in tables],
         {"stem": stem.figure},
         {
-            "studies": [(one.stiffness, stem.errors(one)) for one in found],
+            "studies": [(study.stiffness, stem.errors(study)) for study in result],
             "low": 100.0 * (1.0 - frequencies.iloc[0] / frequencies.iloc[-1]),
             "matched": soft.matched,
             "matched_error": stem.matched_error(soft),
@@ -189,11 +198,11 @@ def _stem(_: Paper) -> Content:
 
 
 def _as_cut(_: Paper) -> Content:
-    found = as_cut.study()
-    first = found[CAMS.index(as_cut.CUT)]
+    result = as_cut.study()
+    first = result[CAMS.index(as_cut.CUT)]
     title = cam_rig.load_cam(as_cut.CUT).title
     sizes = as_cut.table(as_cut.over_sizes(first), f"{title} as cut, over base and roller radius")
-    every = as_cut.table(found, "A roller on the contour that a polar plot of s + R_b gives")
+    every = as_cut.table(result, "A roller on the contour that a polar plot of s + R_b gives")
     figures = {"fig12": partial(as_cut.figure, first)}
     return Content([every.for_report, sizes.for_report], figures, {"cut": first})
 
@@ -217,7 +226,7 @@ def _timing(_: Paper) -> Content:
 
 
 def _contact(paper: Paper) -> Content:
-    found = cam_rig.contact_stress(
+    result = cam_rig.contact_stress(
         [*CAMS, *CONTACT_CAMS], RIG, CONTACT_RPM, pressure_angle=MAX_GUIDED_ANGLE
     )
     rows = []
@@ -231,59 +240,59 @@ def _contact(paper: Paper) -> Content:
         "Negative: the follower would jam. The contours are splines through 3600 points.",
     )
     return Content(
-        [*found.to_display(paper.titles), table.for_report],
+        [*result.to_display(paper.titles), table.for_report],
         {
-            "contact": found.plot,
+            "contact": result.plot,
             "events": partial(contact_plot.events_figure, MAX_GUIDED_ANGLE, SHARPEST),
         },
-        {"contact": found},
+        {"contact": result},
     )
 
 
 def _noise(paper: Paper) -> Content:
-    found = paper.noise
-    tables = found.to_display(paper.titles)
-    values = {"best": found.best, "why": found.high_dwell, "levels": tables[-1]}
-    return Content(tables, {"fig16": found.plot}, values)
+    result = paper.noise
+    tables = result.to_display(paper.titles)
+    values = {"best": result.best, "why": result.high_dwell, "levels": tables[-1]}
+    return Content(tables, {"fig16": result.plot}, values)
 
 
 def _orders(paper: Paper) -> Content:
     """Return orders at the lowest speed, where all keep contact, the figures', and the highest."""
-    found = cam_rig.order_spectrum(SCENE, paper.scene.scene.schedule.speeds.numbers).studies
-    rpm = [spectrum.rpm for spectrum in found[0].spectra]
-    shown = OrdersResult(tuple(one.only(rpm[0], STEADY_RPM, rpm[-1]) for one in found))
-    drawn = OrdersResult(tuple(one.up_to(SHOWN_ORDERS) for one in found), paper.scene.titles)
+    result = cam_rig.order_spectrum(SCENE, paper.scene.scene.schedule.speeds.numbers).studies
+    rpm = [spectrum.rpm for spectrum in result[0].spectra]
+    shown_orders = OrdersResult(tuple(study.only(rpm[0], STEADY_RPM, rpm[-1]) for study in result))
+    drawn = OrdersResult(tuple(study.up_to(SHOWN_ORDERS) for study in result), paper.scene.titles)
     return Content(
-        shown.speeds.to_display(paper.titles),
+        shown_orders.speeds.to_display(paper.titles),
         {"orders": drawn.plot},
-        {"studies": found, "steady_rpm": STEADY_RPM},
+        {"studies": result, "steady_rpm": STEADY_RPM},
         dpi=ORDERS_DPI,
     )
 
 
 def _question(paper: Paper) -> Content:
-    found = paper.factorial
-    elastic, stiff = (one.at(STEADY_RPM) for one in (paper.vibration, paper.stiff_vibration))
+    result = paper.factorial
+    elastic, stiff = (study.at(STEADY_RPM) for study in (paper.vibration, paper.stiff_vibration))
     stiffer = (elastic[cam].residual_amplitude / stiff[cam].residual_amplitude for cam in elastic)
-    tables = [table.for_report for table in factorial.tables(found)]
+    tables = [table.for_report for table in factorial.tables(result)]
     values = {
-        "classes": found.same_angles.classes,
+        "classes": result.same_angles.classes,
         "stiffer": min(stiffer),
         "advantage": [table for table in tables if table.caption.startswith("Advantage")],
     }
-    return Content(tables, {"factorial": partial(factorial_figure.figure, found)}, values)
+    return Content(tables, {"factorial": partial(factorial_figure.figure, result)}, values)
 
 
 def _design(paper: Paper) -> Content:
-    found = designs.paper_designs(paper.cam_set)
-    tables = [designs.table(found).for_report] if found else []
-    figures = {"best": partial(design_plot.figure, found[0])} if found else {}
-    return Content(tables, figures, {"designs": found, "cut": PROPOSED})
+    result = designs.paper_designs(paper.cam_set)
+    tables = [designs.table(result).for_report] if result else []
+    figures = {"best": partial(design_plot.figure, result[0])} if result else {}
+    return Content(tables, figures, {"designs": result, "cut": PROPOSED})
 
 
 def _readings(paper: Paper) -> Content:
     tables = [table.for_report for table in readings.tables(paper.readings)]
-    rows = [row for one in paper.readings for row in one.rows]
+    rows = [row for study in paper.readings for row in study.rows]
     half_turns = [30.0 / row.jump for row in rows]
     limit = [abs(row.at_jump - readings.TABLE_2[row.cam][1]) for row in rows]
     apart = [abs(row.at_jump - row.beyond) for row in rows]
@@ -300,7 +309,7 @@ def _readings(paper: Paper) -> Content:
 def _numbers(paper: Paper) -> Content:
     rigs = {f"rig {rig.name}": rig for rig in (paper.cam_set.rig, paper.stiff)}
     cams = {f"cam {name}": cam for name, cam in (paper.cam_set.cams | paper.scene.cams).items()}
-    others = {f"reading {name}": one for name, one in paper.readings_by_name.items()}
+    others = {f"reading {name}": study for name, study in paper.readings_by_name.items()}
     scene = {f"scene {paper.scene.scene.name}": paper.scene.scene}
     return origins({**rigs, **cams, **scene, **others})
 

@@ -98,11 +98,13 @@ def _summary_rows(paper: Paper) -> list[tuple[str, str, str]]:
     by_claim = dict[str, list[bool]]()
     for claim in (*paper.vibration.claims, *jump_claims(paper.jumps.rpm, RIG)):
         by_claim.setdefault(claim.claim, []).append(claim.holds == claim.cases > 0)
-    first, either = (sum(f(one) for one in by_claim.values()) for f in (lambda o: o[0], all))
+    first, either = (
+        sum(f(outcomes) for outcomes in by_claim.values()) for f in (lambda o: o[0], all)
+    )
     jump, rows = paper.jumps.comparison, paper.jumps.rows
     printed = [row.published_rpm for row in rows if row.published_rpm is not None]
     tests = [row for row in rows if row.role == "test"]
-    times = sum(one.times for one in paper.readings)
+    times = sum(reading.times for reading in paper.readings)
     noise, published = paper.noise, paper.scene.published
     assert jump is not None and published is not None
     best, cams = noise.best, paper.scene.titles
@@ -110,7 +112,7 @@ def _summary_rows(paper: Paper) -> list[tuple[str, str, str]]:
     rivals = " and ".join(cams[cam] for cam in published.crossover.between)
     shares = [row.jump_share for row in factorial.advantages(paper.factorial) if row.jump > 1.0]
     residual = paper.factorial.same_acceleration.shares("residual")
-    found = [
+    lines = [
         (
             "Claims of vibration and jump speed that hold",
             f"{len(by_claim)}",
@@ -159,16 +161,16 @@ def _summary_rows(paper: Paper) -> list[tuple[str, str, str]]:
             "it has no high dwell",
             f"its lift makes {lift:.1f} % of the variation, the high dwell {dwell:.1f} %",
         )
-        found.insert(5, row)
-    return [(name, said, re.sub(r"(?<=\d)%", " %", here)) for name, said, here in found]
+        lines.insert(5, row)
+    return [(name, said, re.sub(r"(?<=\d)%", " %", text)) for name, said, text in lines]
 
 
 def jump_claims(speeds: Mapping[str, float], rig: str) -> list[Claim]:
     """Return the paper's claims about the jump speeds (rpm) of its cams, tested on a rig."""
     is_highest = max(speeds, key=lambda cam: speeds[cam]) == PROPOSED
-    words = "the polynomial of higher degree has the lower jump speed"
+    claim = "the polynomial of higher degree has the lower jump speed"
     is_lower = speeds[HIGHER] < speeds[LOWER]
     return [
         Claim(rig, "Bézier 15 has the highest jump speed", "Table 2", int(is_highest), 1),
-        Claim(rig, words, "conclusions", int(is_lower), 1),
+        Claim(rig, claim, "conclusions", int(is_lower), 1),
     ]

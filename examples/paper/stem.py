@@ -30,20 +30,29 @@ from examples.paper.common import CAMS, RIG, STIFF_RIG, Table, load_laws, parser
 #: Number of elements of a bar, and of the stems that are compared.
 BAR = math.inf
 ELEMENTS = (1.0, 2.0, 3.0, 5.0, 9.0, BAR)
-#: Speed of vibration and level in rpm, and the cam whose rows over the elements are listed.
-SPEED_RPM, SHOWN_CAM = 300.0, "poly345"
-#: Speeds in rpm at which two masses are compared with the bar: from, and step up to the jump.
-SLOWEST_RPM, STEP_RPM = 100.0, 5.0
+#: Speed of vibration and level, rpm.
+SPEED_RPM = 300.0
+#: Cam whose rows over the elements are listed.
+SHOWN_CAM = "poly345"
+#: Lowest speed at which two masses are compared with the bar, rpm.
+SLOWEST_RPM = 100.0
+#: Step of these speeds up to the jump, rpm.
+STEP_RPM = 5.0
 #: Two masses are sufficient if the difference of their least force from the bar's is at most this,
 #: relative to the preload.
 SUFFICIENT = 0.1
-#: The series has harmonics up to this multiple of the stem's frequency, at least `MIN_HARMONICS`.
-HARMONICS_PER_STEM, MIN_HARMONICS = 8.0, 2048
+#: The series has harmonics up to this multiple of the stem's frequency.
+HARMONICS_PER_STEM = 8.0
+#: Least number of harmonics of the series.
+MIN_HARMONICS = 2048
 #: Samples of the law per sample of the series, against aliasing.
 OVERSAMPLING = 4
-#: The jump is searched from 8 resonances below the rigid jump speed to 1.5 times it, in 8 steps
-#: per resonance: a minimum of the least force is then sampled by three of them.
-RESONANCES, STEPS, HIGHEST = 8.0, 8.0, 1.5
+#: Number of resonances below the rigid jump speed from which on the jump is searched.
+RESONANCES = 8.0
+#: Number of steps per resonance. Three of them sample a minimum of the least force.
+STEPS = 8.0
+#: Highest speed of the search, relative to the rigid jump speed.
+HIGHEST = 1.5
 
 
 @dataclass(frozen=True)
@@ -100,8 +109,10 @@ class Stem:
                 pull = f.spring_stiffness - self.head_mass * square * phase**2
                 return f.stem_stiffness * phase * math.cos(phase) + pull * math.sin(phase)
 
-            at = [brentq(residual, (i + 1e-9) * math.pi, (i + 1) * math.pi) for i in range(count)]
-            return np.array(at) * math.sqrt(square)
+            roots = [
+                brentq(residual, (i + 1e-9) * math.pi, (i + 1) * math.pi) for i in range(count)
+            ]
+            return np.array(roots) * math.sqrt(square)
         n = int(self.elements)
         masses = np.full(n, self.mass / n)
         masses[-1] = 0.5 * self.mass / n + self.head_mass
@@ -137,10 +148,10 @@ def stem_turn(law: cam_rig.Law, stem: Stem, speed: float) -> Turn:
     forces = np.concatenate([[static], force * lift[1:]])
     # The mass on the cam takes s'' itself: its series would end too early at the corners of s''.
     on_cam = stem.foot_mass + 0.5 * stem.mass / stem.elements
-    rest = forces - on_cam * np.concatenate([[0.0], rates**2]) * lift
+    free_force = forces - on_cam * np.concatenate([[0.0], rates**2]) * lift
     heads = np.concatenate([[0.0], (head - f.share) * lift[1:]])
     angle = np.arange(2.0 * count) * (TURN / (2 * count))
-    total, moved = (np.fft.irfft(part, 2 * count) * (2 * count) for part in (rest, heads))
+    total, moved = (np.fft.irfft(part, 2 * count) * (2 * count) for part in (free_force, heads))
     return Turn(angle, on_cam * speed**2 * law(angle, 2) + total, moved, forces[1:], rates)
 
 
@@ -223,9 +234,11 @@ def study_stem(rig: cam_rig.Rig, laws: Mapping[str, cam_rig.Law]) -> StemTables:
         jumps = [stem_jump(law, stem, rig) for stem in (two, bar, softer)]
         insufficient, level_error = "never", 0.0
         for rpm in np.arange(SLOWEST_RPM, min(jumps[:2]), STEP_RPM).tolist():
-            one, other = (stem_turn(law, stem, rpm * RPM) for stem in (two, bar))
-            level_error = max(level_error, abs(level(one, radiation) - level(other, radiation)))
-            apart = abs(one.force.min() - other.force.min())
+            two_masses, other = (stem_turn(law, stem, rpm * RPM) for stem in (two, bar))
+            level_error = max(
+                level_error, abs(level(two_masses, radiation) - level(other, radiation))
+            )
+            apart = abs(two_masses.force.min() - other.force.min())
             if insufficient == "never" and apart > SUFFICIENT * follower.preload:
                 insufficient = f"{rpm:.0f}"
         off = 100.0 * (jumps[0] / jumps[1] - 1.0)
@@ -261,7 +274,7 @@ def study(cams: Sequence[str] = CAMS) -> list[StemTables]:
     rig, printed = cam_rig.load_rig(RIG), cam_rig.load_rig(STIFF_RIG).follower.stem_stiffness
     assert printed is not None
     rigs = rig, rig.with_follower(stem_stiffness=printed.si)
-    return [study_stem(one, load_laws(cams)) for one in rigs]
+    return [study_stem(rig, load_laws(cams)) for rig in rigs]
 
 
 @styled
@@ -277,7 +290,7 @@ def figure() -> Figure:
     left, right = out.subplots(1, 2)
     for mode in range(3):
         n = counts[counts > mode]
-        result = [Stem(follower, float(one)).frequencies(mode + 1)[mode] for one in n]
+        result = [Stem(follower, float(elements)).frequencies(mode + 1)[mode] for elements in n]
         error = 100.0 * np.abs(np.array(result) / limits[mode] - 1.0)
         left.loglog(n, error, label=f"frequency {mode + 1}", **series_marker(mode))
     left.loglog(counts, 10.0 / counts**2.0, color="0.4", lw=0.8, ls=":", label="∝ 1/n²")
@@ -340,7 +353,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Run the experiment: some 15 s."""
     out = parser(__doc__).parse_args(argv).out
     result = study()
-    tables = [table for one in result for table in (one.over_elements, one.over_cams)]
+    tables = [
+        table for stem_study in result for table in (stem_study.over_elements, stem_study.over_cams)
+    ]
     publish(out, tables, {"stem": figure()}, map(summary, result))
 
 

@@ -43,8 +43,10 @@ EVENTS = {
 #: Relative change of s at which an angle is within the reach of an ordinate, per change of the
 #: ordinate.
 REACHED = 1e-3
-#: Degree of the B-spline, and its pieces, of 15° each.
-DEGREE, PIECES = 5, 24
+#: Degree of the B-spline.
+DEGREE = 5
+#: Number of its pieces, of 15° each.
+PIECES = 24
 #: Cam angles (rad) at which reaches are sampled, to 0.005°, and at which curves are compared.
 SAMPLES = (np.arange(72_000) + 0.5) * (TURN / 72_000)
 COMPARED = np.linspace(0.0, TURN, 720)
@@ -276,8 +278,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Run the experiment."""
     out = parser(__doc__).parse_args(argv).out
     result = study()
-    shown = [events_table(), ordinates_table(result[0]), control_table(result)]
-    publish(out, shown, {"timing": figure(result)}, summary(result))
+    tables = [events_table(), ordinates_table(result[0]), control_table(result)]
+    publish(out, tables, {"timing": figure(result)}, summary(result))
 
 
 if __name__ == "__main__":

@@ -18,9 +18,10 @@ from cam_rig.units import TURN, ComplexArray, FloatArray
 
 #: Derivatives of the law that are kept, sufficient for ten periods of the vibration per turn.
 DERIVATIVES = 14
-#: Points per turn, and points that a period of the vibration needs: with fewer, its envelope is
-#: taken instead.
-TURN_POINTS, PER_PERIOD = 640, 16
+#: Number of points per turn.
+TURN_POINTS = 640
+#: Number of points that a period of the vibration requires. With fewer its envelope is used.
+PER_PERIOD = 16
 #: Size of two successive terms of a series, relative to the largest term, at which it ends. The
 #: remainder is rounding.
 SERIES_RTOL = 1e-14
@@ -198,9 +199,9 @@ def _least(
         u = np.linspace(0.0, 1.0, piece.shape[1])
         start = amplitude * np.exp(rigs.rate * before)[:, None] + added[:, i : i + 1]
         force = _force(forced, start * weight[:, None], rigs.rate[:, None] * times[:, i : i + 1], u)
-        at = force.argmin(axis=2)
-        least = np.take_along_axis(force, at[:, :, None], 2)[:, :, 0]
-        position = before[:, None] + times[:, i : i + 1] * u[at]
+        indices = force.argmin(axis=2)
+        least = np.take_along_axis(force, indices[:, :, None], 2)[:, :, 0]
+        position = before[:, None] + times[:, i : i + 1] * u[indices]
         lower = least < least_force
         least_force, angle = np.where(lower, least, least_force), np.where(lower, position, angle)
         before = before + times[:, i]

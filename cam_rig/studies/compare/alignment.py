@@ -230,6 +230,19 @@ def _iterate(
     return alignment
 
 
+def _sample_model(
+    time: FloatArray, runs: Sequence[ModelRun]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return lift, its velocity and the cam speed of the model at times (s), NaN between runs."""
+    modelled, velocity, speed = (np.full_like(time, np.nan) for _ in range(3))
+    for run in runs:
+        inside = (time >= run.start) & (time <= run.rows[0, -1])
+        modelled[inside] = np.interp(time[inside], run.rows[0], run.rows[1])
+        velocity[inside] = np.interp(time[inside], run.rows[0], run.rows[2])
+        speed[inside] = run.stretch.mean_speed
+    return modelled, velocity, speed
+
+
 def _gauss_newton_step(
     alignment: Alignment, runs: Sequence[ModelRun], lift: Signal, names: set[str]
 ) -> Alignment:
@@ -237,13 +250,7 @@ def _gauss_newton_step(
 
     Readings beyond `CLIP_SIGMAS` standard deviations, such as landings, are left out.
     """
-    time = alignment.on_cam_clock(lift.time)
-    modelled, velocity, speed = (np.full_like(time, np.nan) for _ in range(3))
-    for run in runs:
-        inside = (time >= run.start) & (time <= run.rows[0, -1])
-        modelled[inside] = np.interp(time[inside], run.rows[0], run.rows[1])
-        velocity[inside] = np.interp(time[inside], run.rows[0], run.rows[2])
-        speed[inside] = run.stretch.mean_speed
+    modelled, velocity, speed = _sample_model(alignment.on_cam_clock(lift.time), runs)
     has_model = np.isfinite(modelled)
     if np.count_nonzero(has_model) < MIN_READINGS:
         return alignment

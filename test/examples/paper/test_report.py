@@ -41,7 +41,7 @@ def fewer(monkeypatch):
     """Reduce each long study to a few cases, and draw no figure."""
     pictures = property(lambda content: {key: [PICTURE] * 2 for key in content.figures})
     monkeypatch.setattr("cam_rig.report.document.Content.drawn", pictures)
-    monkeypatch.setattr("examples.paper.designs.ASKED", ())
+    monkeypatch.setattr("examples.paper.designs.REQUESTS", ())
     monkeypatch.setattr(stem, "STEP_RPM", 50.0)
     monkeypatch.setattr(stem, "ELEMENTS", (1.0, stem.BAR))
     monkeypatch.setattr(as_cut, "BASES", (0.065,))
@@ -49,7 +49,7 @@ def fewer(monkeypatch):
     monkeypatch.setattr(flywheel, "INERTIAS", (flywheel.SHOWN, flywheel.INERTIAS[-1]))
     monkeypatch.setattr(sections, "BOUNCE_SPEEDS", 11)
     monkeypatch.setattr(readings, "SPEEDS", 32)
-    monkeypatch.setattr(readings, "POINTS", 640)
+    monkeypatch.setattr(readings, "TURN_SAMPLES", 640)
     monkeypatch.setattr(factorial, "EVENTS", (105.0, 135.0))
     monkeypatch.setattr(factorial, "GENTLE", (110.0, 130.0))
     monkeypatch.setattr(report, "ProcessPoolExecutor", Here)

@@ -18,8 +18,8 @@ from cam_rig.studies.fit_rig.run.noise_model import update_noise
 from cam_rig.studies.fit_rig.run.search import GUARD, FitSolution, continue_from
 from cam_rig.units import FloatArray
 
-#: Largest growth of a sum of squares by chance. With twenty parameters, more than a fit has, χ²
-#: exceeds it once in 140 000 cases.
+#: Largest growth of a sum of squares by chance. With twenty parameters χ² exceeds it once in
+#: 140 000 cases.
 MAX_CHANCE_SSE = 60.0
 
 
@@ -27,7 +27,8 @@ def contradicts(partial: FitSolution, complete: FitSolution) -> bool:
     """Return True if the parameters of all segments do not fit some of them.
 
     The test is the growth of the sum of squares of these segments. If one follower explains both,
-    it grows by about the number of parameters.
+    it grows by about the number of parameters. Case: a stem that a rigid mass cannot fit in flight
+    (``test_parameters_of_all_speeds_may_contradict_some``).
     """
     partial_likelihood, complete_likelihood = partial.likelihood, complete.likelihood
     order = [

@@ -315,7 +315,8 @@ def _restart_from_stem(one_mass: Candidate, fit: FitSolution, indices: list[int]
     """Return two masses at some segments: the solution, or a likelier one.
 
     The other search starts from the stem that clearly improves one mass at these segments. Case: a
-    stem that was searched for with flights (``test_a_stem_that_leaves_a_cam_of_arcs``).
+    stem that was searched for with flights (``test_a_stem_that_leaves_a_cam_of_arcs``, and
+    ``test_errors_of_two_masses``, seed 179).
     """
     rigid = search(
         continue_from(one_mass, one_mass.smooth, one_mass.values, indices, zero_offset=False)

@@ -76,7 +76,7 @@ def _restitution_interval(fit: FitSolution) -> tuple[FitSolution, float, float]:
     """Return the likeliest solution, and the limits of the restitution's interval.
 
     A search stops in a local maximum. If another restitution is likelier, the next search starts
-    there.
+    there (``test_error_of_restitution``, seed 27).
     """
     free = fit.likelihood.free
     index, number = free.index("restitution"), PARAMETERS["restitution"]
@@ -99,8 +99,8 @@ def _widen(
 
     If hardly a sample is in a bounce, the likelihood is nearly constant, and the best of its many
     narrow maxima is likelier by chance. A maximum outweighs the whole range of the restitution only
-    if its log ratio exceeds the logarithm of the ratio of their widths. Case: a speed just above
-    the jump speed (``test_error_of_restitution``, seeds 61 and 151).
+    if its log ratio exceeds the logarithm of the ratio of their widths. Case: a restitution next to
+    the end of a narrow interval (``test_flights_identify_the_restitution``).
     """
     number = PARAMETERS["restitution"]
     min_width = FIRST_STEP / 2.0**HALVINGS

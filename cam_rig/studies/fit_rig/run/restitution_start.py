@@ -52,7 +52,7 @@ def free_restitution(fixed: FitSolution, free: tuple[str, ...]) -> FitSolution:
 
     If bounces are lower than the noise of the lift, no derivative identifies the restitution, and a
     search drifts. The restitution is then listed as free with its derivatives, at its previous
-    value (``test_a_restitution_without_information_stays_at_its_value``).
+    value (``test_error_of_restitution``, seeds 27, 61 and 151).
     """
     released = search(continue_from(fixed, free, fixed.values))
     if len(released.segments) == len(fixed.segments) and log_ratio_of_all(released, fixed) >= 0.0:
