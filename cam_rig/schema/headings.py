@@ -266,6 +266,8 @@ def parse_heading(text: str) -> Heading:
     plain = _plain_text(text)
     units, words_in_brackets = list[_Unit](), list[str]()
     try:
+        if re.search(r"[(\[{]\s*-\s*[a-z]", plain):
+            raise ValueError("a unit has no sign")
         for inner in _BRACKETS.findall(plain):
             new_units, words = _take_units(_tokens(inner), alone=True)
             units += new_units

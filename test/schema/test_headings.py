@@ -47,7 +47,14 @@ UNCLEAR = [
     *("lift (divisions)", "lift bob mm", "lift (mm*1000)", "Lift*1000 (mm)", "lift [mm] [in]"),
     *("lift in hundredths", "lift per degree (mm/deg)", "Hub mm x 10", "angle ATDC deg"),
     *("Lift per inch", "angolo motore (gradi)", "Lift (mm/s)", "lift in/s", "lift mm/s²"),
-    *("Lift mm/0", "Lift (mm/10 deg)", "Lift (mm) / 5", "lift mm s^-1", "angle deg/s"),
+    *(
+        "Lift mm/0",
+        "Lift (mm/10 deg)",
+        "Lift (mm) / 5",
+        "lift mm s^-1",
+        "angle deg/s",
+        "Lift (-mm)",
+    ),
 ]
 
 

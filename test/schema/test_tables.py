@@ -375,3 +375,23 @@ def test_degrees_above_one_turn_may_be_of_the_crank(tmp_path, first, is_noted):
     path.write_text("\n".join(["deg,Lift mm", *rows]))
     notes = read_gauge_table(path, TableOptions()).notes
     assert any("--angle crank halves it" in note for note in notes) == is_noted
+
+
+def test_minutes_of_arc_in_their_own_column_are_refused(read):
+    message = catch_error(read, "deg,min,Lift mm\n0,0,0.0\n2,30,1.5\n")
+    assert "'min' next to 'deg' looks like minutes of arc" in message
+
+
+def test_a_second_heading_with_another_unit_is_refused(read):
+    """A repeated identical heading is skipped."""
+    text = "deg,Lift mm\n0,0.0\n9,1.5\ndeg,Lift {}\n18,2.5\n"
+    assert len(read(text.format("mm")).angles) == 3
+    assert "line 4: a second heading with another unit" in catch_error(read, text.format("in"))
+
+
+@pytest.mark.parametrize("line", ["Base circle dia 50 mm", "# Base radius: 25", "base Ø50"])
+def test_stated_dimensions(read, line):
+    """A diameter is halved, and a number without a unit is in that of the lifts."""
+    table = read(f"{line}\n# roller diameter = 16 mm\ndeg,Lift mm\n0,0.0\n9,1.5\n")
+    assert table.stated["base radius"][0] == pytest.approx(0.025)
+    assert table.stated["roller radius"][0] == pytest.approx(0.008)
