@@ -187,7 +187,7 @@ def _law_and_rig(cam: str, rig: str | None) -> tuple[Law, RigConfig]:
 
 
 def _values(text: str | None) -> list[float] | None:
-    """Return the numbers of --values."""
+    """Return the numbers in the option --values, None without the option."""
     from cam_rig.simulation.inputs import parse_numbers
 
     if text is None:

@@ -1,6 +1,6 @@
-"""Motion and Lyapunov exponents of a run of many turns.
+"""Kind and Lyapunov exponents of a motion, from a run of many turns.
 
-A motion is in contact, periodic, irregular or undetermined ("undetermined").
+A motion is in contact, periodic, irregular or undetermined.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def bouncing(rig: RigConfig, restitution: float | None, model: str = ONE_MASS) -
 
 
 def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion:
-    """Return the motion in the last ``kept`` turns of a run."""
+    """Determine the kind of the motion in the last ``kept`` turns of a run."""
     landings, undetermined = run.landings[-kept:], (math.nan,) * run.size
     if not landings.any() and not run.contact_times[-kept:].all():  # it flies, and did not land
         return TurnMotion(UNDETERMINED, None, None, undetermined, math.nan)
@@ -94,11 +94,11 @@ def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion
 
 
 def _rounding_grows(run: TurnsRun, scale: FloatArray, kept: int) -> bool:
-    """Return True if rounding exceeds `PERIOD_RTOL` between two rests.
+    """Return True if rounding errors make a motion with rests undetermined.
 
-    The last ``kept`` turns are evaluated. A rest on the cam removes all earlier differences, so a
-    motion with rests repeats exactly or not at all. The growth of a change from each rest to the
-    next decides if this is determined.
+    They then exceed `PERIOD_RTOL` between two rests of the last ``kept`` turns. A rest on the cam
+    removes all earlier differences, so a motion with rests repeats exactly or not at all. The
+    growth of a change from each rest to the next decides if this is determined.
     """
     product = None
     derivatives = run.derivatives[-kept:] / scale[:, None] * scale
@@ -125,7 +125,11 @@ def _period(states: FloatArray) -> int | None:
 
 
 def _exponent(derivatives: FloatArray) -> float:
-    """Return ln |μ| per turn of the largest multiplier μ of a period, −∞ for 0."""
+    """Return the largest Lyapunov exponent of a periodic motion, 1/turn.
+
+    It is ln |μ| per turn for the largest multiplier μ of the period, −∞ for 0. ``derivatives`` are
+    those of its turns, ``(turns, n, n)``.
+    """
     product = np.eye(derivatives.shape[1])
     for derivative in derivatives:
         product = derivative @ product
@@ -134,9 +138,10 @@ def _exponent(derivatives: FloatArray) -> float:
 
 
 def _with_others(largest: float, growth: FloatArray) -> tuple[float, ...]:
-    """Return all exponents, 1/turn, from the largest and the growth of each direction.
+    """Return all Lyapunov exponents, 1/turn.
 
-    Two directions together grow as areas do. The same applies to a pair of multipliers. The small
+    ``largest`` is the largest exponent, ``growth`` the mean growth of each direction. Two
+    directions together grow as areas do. The same applies to a pair of multipliers. The small
     multipliers of a long product are below its rounding error, so they are not used.
     """
     if largest == -math.inf:
@@ -146,9 +151,10 @@ def _with_others(largest: float, growth: FloatArray) -> tuple[float, ...]:
 
 
 def _without_period(growth: FloatArray) -> TurnMotion:
-    """Return an irregular motion if the mean of the largest growth exceeds its error.
+    """Return an irregular motion if the largest exponent exceeds its error.
 
-    Otherwise the motion is undetermined.
+    Otherwise the motion is undetermined. ``growth`` is the growth of each direction per turn,
+    ``(turns, n)``.
     """
     largest = growth[:, 0]
     if not np.isfinite(largest).all():  # a turn started on the cam, or some turns rest there

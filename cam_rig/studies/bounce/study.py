@@ -139,7 +139,10 @@ def bounce_map(
 def _compute_rows(
     runs: BounceRuns, start: str, executor: Executor | None, progress: Progress
 ) -> list[BounceRow]:
-    """Return one row per value, each from the cam or from the row before it."""
+    """Compute one row per value, each from the cam or from the row before it.
+
+    ``start`` selects the initial state, see `bounce_map`.
+    """
     progress.start(runs.total, runs.law.name)
     step, rows = -1 if start == ABOVE else 1, []
     for row in _from_rest(runs, executor) if start == REST else _continued(runs, step):
@@ -188,7 +191,10 @@ def _sweep(
 def _follow_motions(
     runs: BounceRuns, rows: Sequence[BounceRow], progress: Progress
 ) -> tuple[Branch, ...]:
-    """Follow the periodic motions of some rows over the range of all rows."""
+    """Follow the periodic motions in some rows over the range of all rows.
+
+    Returns their branches.
+    """
     progress.describe("periodic motions")
     sweep = runs.sweep
     flying = [row for row in rows if row.period is not None and not row.comes_to_rest]
