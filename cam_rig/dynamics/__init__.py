@@ -1,4 +1,4 @@
-"""Motion of the follower: models by name, with a common function ``advance``."""
+"""Models of the follower's motion, by name, with a common function ``advance``."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from cam_rig.schema import RigConfig
 
 @dataclass(frozen=True)
 class Model:
-    """Follower model.
+    """Model of the follower's motion, as a set of functions.
 
     Parameters
     ----------

@@ -30,7 +30,10 @@ from cam_rig.laws import Law
 
 @lru_cache(maxsize=64)
 def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearResponse:
-    """Return the linear model at a speed (rad/s), with the state (r, ṙ), m and m/s."""
+    """Return the linear model of the mass on its stem at a cam speed (rad/s).
+
+    Its state is (r, ṙ) in m and m/s, the vibration about the static part of the lift.
+    """
     p = parameters
     total = p.spring_stiffness + p.stem
     share, damping = p.stem / total, p.damping / p.mass
@@ -41,7 +44,10 @@ def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearRe
 
 @lru_cache(maxsize=64)
 def outputs(parameters: FollowerParameters) -> Outputs:
-    """Return the outputs x, ẋ, ẍ and contact force (stem and preload), in SI units."""
+    """Return the outputs of the linear model: x, ẋ, ẍ and the contact force, SI units.
+
+    The contact force is the force of the stem plus the preload.
+    """
     p = parameters
     total = p.spring_stiffness + p.stem
     share, damping = p.stem / total, p.damping / p.mass
@@ -66,9 +72,10 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """Return the state at the end of an interval, and its block of samples.
+    """Return the state at the end of an interval, and the block of its samples.
 
-    A step of ṡ (m/s) before the interval changes neither x nor ẋ.
+    ``step`` is a step of the cam's velocity ṡ (m/s) just before the interval. It changes neither x
+    nor ẋ.
     """
     model = response(law, parameters, interval.speed)
     start = np.zeros(2) if state is None else check_state(state.inner, 2)

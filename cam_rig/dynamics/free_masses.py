@@ -113,13 +113,13 @@ class TwoMassParameters:
 
     @cached_property
     def damping_ratio(self) -> float:
-        """Damping ratio of the end mass with both dampers, while the roller does not move."""
+        """Damping ratio of the end mass with both dampers, while the roller is fixed."""
         both = self.stem_damping + self.damping
         return 0.5 * both / float(np.sqrt(self.stiffness * self.end_mass))
 
     @cached_property
     def stiffness(self) -> float:
-        """k₁ + k₂, N/m."""
+        """Stiffness k₁ + k₂ that acts on the end mass while the roller is fixed, N/m."""
         return self.stem_stiffness + self.spring_stiffness
 
     @cached_property
@@ -128,15 +128,18 @@ class TwoMassParameters:
         return self.stem_stiffness / self.stiffness
 
     def static_position(self, cam: FloatArray) -> FloatArray:
-        """Return (y, ẏ) of the end mass without vibration, ``(2, n)``.
+        """Return (y, ẏ) of the end mass without vibration, ``(2, n)``, m and m/s.
 
-        The first two rows of ``cam`` are s (m) and ṡ (m/s).
+        The first two rows of ``cam`` are the cam's s (m) and ṡ (m/s).
         """
         return np.stack([self.share * cam[0] - self.preload / self.stiffness, self.share * cam[1]])
 
     @cached_property
     def inner_matrix(self) -> FloatArray:
-        """Matrix A of the flight in (w, ẇ, Y, Ẏ), as in `free_masses`, ``(4, 4)``."""
+        """Matrix A of the two masses in flight, in the state (w, ẇ, Y, Ẏ), ``(4, 4)``.
+
+        `free_masses` explains the state.
+        """
         m1, m2 = self.roller_mass, self.end_mass
         total, both = m1 + m2, 1.0 / m1 + 1.0 / m2
         share, end = m1 / total, 1.0 / m2
@@ -184,7 +187,7 @@ NEWTON_RTOL = 1e-15
 
 @lru_cache(maxsize=64)
 def free_masses(parameters: TwoMassParameters) -> FreeSystem:
-    """Return both masses in flight.
+    """Return the equation of motion of both masses in flight.
 
     The state is (w, ẇ, Y, Ẏ), with the stretch w = y − z of the stem and the centre of mass Y.
     These separate the slow motion from the fast one. In z and y the force of the closing spring
@@ -208,7 +211,7 @@ def free_masses(parameters: TwoMassParameters) -> FreeSystem:
 
 
 def to_inner(parameters: TwoMassParameters, state: FloatArray) -> FloatArray:
-    """Return (w, ẇ, Y, Ẏ) of a state (z, ż, y, ẏ), ``(4,)``."""
+    """Convert (z, ż, y, ẏ) to stem stretch and centre of mass (w, ẇ, Y, Ẏ), ``(4,)``."""
     p, z, y = parameters, state[:2], state[2:]
     stretch = y - z
     centre = z + p.end_mass / (p.roller_mass + p.end_mass) * stretch
@@ -216,7 +219,7 @@ def to_inner(parameters: TwoMassParameters, state: FloatArray) -> FloatArray:
 
 
 def from_inner(parameters: TwoMassParameters, inner: FloatArray) -> FloatArray:
-    """Return (z, ż, y, ẏ) of states (w, ẇ, Y, Ẏ), ``(4,)`` or ``(4, n)``."""
+    """Convert states (w, ẇ, Y, Ẏ) to the masses' (z, ż, y, ẏ), ``(4,)`` or ``(4, n)``."""
     p = parameters
     stretch, centre = inner[:2], inner[2:]
     contact_mass = centre - p.end_mass / (p.roller_mass + p.end_mass) * stretch
@@ -224,9 +227,10 @@ def from_inner(parameters: TwoMassParameters, inner: FloatArray) -> FloatArray:
 
 
 def _pairs(p: TwoMassParameters) -> Pairs | None:
-    """Return the pairs of the four rates that couple stem and centre of mass least.
+    """Return the pairs that couple the stem and the centre of mass least.
 
-    Returns None if no pairs have a condition number below `MAX_CONDITION`.
+    The four rates of the flight can be grouped into pairs in several ways. Returns None if no way
+    has a condition number below `MAX_CONDITION`.
     """
     candidates = [
         _shape_pairs(p, *sides)
@@ -248,7 +252,8 @@ def _condition(shapes: FloatArray) -> float:
 def _characteristic(p: TwoMassParameters) -> FloatArray:
     """Return a₃, a₂, a₁, a₀ of the characteristic polynomial λ⁴ + a₃ λ³ + ….
 
-    Each is a sum of positive terms, so no digits cancel.
+    It is that of both masses in flight. Each coefficient is a sum of positive terms, so no digits
+    cancel.
     """
     m1, m2, k1, k2 = p.roller_mass, p.end_mass, p.stem_stiffness, p.spring_stiffness
     c1, c2 = p.stem_damping, p.damping
@@ -262,9 +267,10 @@ Factor = tuple[float, float]
 
 
 def _factors(polynomial: FloatArray) -> list[tuple[Factor, Factor]]:
-    """Return all real factors (λ² + P λ + Q)(λ² + p λ + q) of λ⁴ + … with Q ≥ q.
+    """Return all factorisations of a quartic into two real quadratics.
 
-    Each is ((P, Q), (p, q)).
+    The quartic λ⁴ + a₃ λ³ + … has the coefficients ``polynomial`` after the first. The factors are
+    (λ² + P λ + Q)(λ² + p λ + q) with Q ≥ q, each returned as ((P, Q), (p, q)).
     """
     rate = float(polynomial[3]) ** 0.25
     scale = max(rate, float(np.sqrt(polynomial[1])))
@@ -310,10 +316,11 @@ def _refine_factors(polynomial: FloatArray, p: float, q: float) -> tuple[Factor,
 
 
 def _shape_pairs(p: TwoMassParameters, stem: Factor, spring: Factor) -> Pairs | None:
-    """Return the pair of the stem stretch w and the pair of the centre of mass Y.
+    """Return the transformation to pairs for the stem and for the centre of mass.
 
-    In the first pair (w, ẇ) = (q, q̇), and Y follows from its equation of motion. In the second
-    pair (Y, Ẏ) = (q, q̇), and w follows. Returns None if the shapes do not exist.
+    ``stem`` and ``spring`` are the rates (2δ, κ) of the pairs. In the first pair the stem stretch
+    is (w, ẇ) = (q, q̇), and Y follows from its equation of motion. In the second pair (Y, Ẏ) = (q,
+    q̇), and w follows. Returns None if the shapes do not exist.
     """
     shapes, matrix = np.eye(4), p.inner_matrix
     for first, pair in ((0, stem), (2, spring)):
@@ -348,7 +355,7 @@ def _follower_weights(row: FloatArray, first: int, other: int, pair: Factor) -> 
     """Return the weights f = (c + d B)(a + b B)⁻¹ of q and q̇ in the other coordinate.
 
     B is the matrix of the pair, B² = −κ − 2δ B, and ``row`` is the equation of motion of the
-    following coordinate. Each weight is written out, so that it is accurate to its last digit.
+    dependent coordinate. Each weight is written out, so that it is accurate to its last digit.
     Returns None if a + b B is singular.
     """
     damping, stiffness = pair

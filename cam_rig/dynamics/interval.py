@@ -34,7 +34,7 @@ COLUMNS = (
 
 
 class NamedRows:
-    """Named access to an array ``rows``, ``(6, n)``, in the order of `COLUMNS`.
+    """Named access to samples ``rows``, ``(6, n)``, in the order of `COLUMNS`.
 
     Each property is a view of shape ``(n,)``.
     """
@@ -43,7 +43,7 @@ class NamedRows:
 
     @property
     def time(self) -> FloatArray:
-        """Rig time, s."""
+        """Rig time of the samples, s."""
         return self.rows[0, :]
 
     @property
@@ -73,7 +73,7 @@ class NamedRows:
 
     @property
     def motion(self) -> FloatArray:
-        """Lift (m), velocity (m/s) and acceleration (m/s²), ``(3, n)``."""
+        """Follower displacement (m), velocity (m/s) and acceleration (m/s²), ``(3, n)``."""
         return self.rows[1:4]
 
 
@@ -128,10 +128,10 @@ def wrap(angle: float, turns: int = 0) -> tuple[int, float]:
 
 @dataclass(frozen=True)
 class Interval:
-    """Interval of rig time with θ = angle + speed t + acceleration t²/2.
+    """Interval of rig time with a constant acceleration of the cam.
 
-    The angle and the whole turns are stored separately, so that the angle keeps all its digits
-    after many turns.
+    The cam angle is θ = angle + speed t + acceleration t²/2. The angle and the whole turns are
+    stored separately, so that the angle keeps all its digits after many turns.
 
     Parameters
     ----------
@@ -186,27 +186,30 @@ class Interval:
 
     @property
     def duration(self) -> float:
-        """Duration, s."""
+        """Duration of the interval, s."""
         return (self.stop_ns - self.start_ns) / NS
 
     @property
     def mean_speed(self) -> float:
-        """Mean cam speed, rad/s."""
+        """Mean cam speed over the interval, rad/s."""
         return self.speed + 0.5 * self.acceleration * self.duration
 
     def angle_at(self, time: Time) -> Time:
-        """Return the cam angle (rad) at times (s) since the start, without ``turns``."""
+        """Return the cam angle (rad) at times (s) since the start of the interval.
+
+        The whole turns in ``turns`` are not included.
+        """
         return self.angle + time * (self.speed + 0.5 * self.acceleration * time)
 
     def unwrapped_at(self, time: Time) -> Time:
-        """Return the cam angle (rad) at times (s) since the start, with the turns before.
+        """Return the cam angle (rad) with all turns at times (s) since the start.
 
         It is meant for display, because it loses digits with the number of turns.
         """
         return self.turns * TURN + self.angle_at(time)
 
     def speed_at(self, time: Time) -> Time:
-        """Return the cam speed (rad/s) at times (s) since the start."""
+        """Return the cam speed (rad/s) at times (s) since the start of the interval."""
         return self.speed + self.acceleration * time
 
     def time_at(self, angle: float) -> float:
@@ -221,10 +224,10 @@ class Interval:
         return 2.0 * ahead / (self.speed + math.sqrt(square))
 
     def split(self, max_angle: float) -> list[Interval]:
-        """Split the interval into parts of equal duration.
+        """Split the interval into intervals of equal duration.
 
-        In no part does the cam turn by more than ``max_angle`` rad, even at the highest speed of
-        the interval.
+        In none of them does the cam turn by more than ``max_angle`` rad, even at the highest speed
+        of the whole interval.
         """
         max_speed = max(abs(self.speed), abs(self.speed_at(self.duration)))
         length = self.stop_ns - self.start_ns
@@ -237,10 +240,10 @@ class Interval:
         return parts
 
     def grid(self, sample_rate: int) -> SampleGrid:
-        """Return the grid of the samples in [start, stop).
+        """Return the grid of the samples in the interval [start, stop).
 
-        Sample times are k / ``sample_rate`` (Hz) with whole k, so that all intervals share one
-        grid of rig time.
+        Sample times are k / ``sample_rate`` (Hz) with whole k, so that all intervals share one grid
+        of rig time.
         """
         rate: object = sample_rate  # the annotation is not checked at run time
         if not (isinstance(rate, int | np.integer) and 1 <= rate <= NS):
@@ -255,7 +258,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class SampleGrid:
-    """Samples of the rig's time grid that lie in one interval."""
+    """Sample times of one interval on the rig's common time grid."""
 
     first: int  #: index of the first sample since rig time 0
     count: int  #: number of samples
@@ -264,11 +267,11 @@ class SampleGrid:
     duration: float  #: duration of the interval, s
 
     def sample_times(self) -> FloatArray:
-        """Return the times of the samples since the start, s, ``(count,)``."""
+        """Return the sample times since the start of the interval, s, ``(count,)``."""
         return self.offset + np.arange(self.count) / self.sample_rate
 
     def new_rows(self) -> FloatArray:
-        """Return a new array of rows as in `COLUMNS`, ``(6, count)``.
+        """Return a new array of samples in the order of `COLUMNS`, ``(6, count)``.
 
         Times are set and impulses are 0. The caller writes the rows from lift to contact force.
         """
@@ -281,13 +284,17 @@ class SampleGrid:
         return rows
 
     def index_after(self, time: float) -> int:
-        """Return the index of the first sample at or after a time (s since the start)."""
+        """Return the index of the first sample at or after a time (s).
+
+        The time is measured from the start of the interval.
+        """
         return samples_before((time - self.offset) * self.sample_rate)
 
     def find_samples(self, start: float, end: float) -> tuple[slice, FloatArray] | None:
-        """Return the samples between two times (s since the start), and their times (s).
+        """Return the samples between two times (s since the start of the interval).
 
-        Returns None if the times enclose no sample.
+        The results are the slice of their indices and their times (s). Returns None if no sample
+        lies between the times.
         """
         # By rounding the last sample may be at the end of the interval. It belongs to the interval.
         last = self.count if end >= self.duration else min(self.index_after(end), self.count)
@@ -393,7 +400,10 @@ class Block(NamedRows):
     events: tuple[Event, ...] = ()
 
     def with_impulse(self, impulse: float) -> Block:
-        """Return the block with an impulse (N·s) added to its first sample."""
+        """Return a copy of the block with an impulse (N·s) added to its first sample.
+
+        An impulse of 0 returns the block itself.
+        """
         if impulse == 0.0:
             return self
         changed = replace(self, rows=self.rows.copy())
@@ -402,14 +412,17 @@ class Block(NamedRows):
 
 
 def add_cam_state(state: FollowerState, interval: Interval) -> FollowerState:
-    """Return a state with angle and speed of the cam at the end of its interval."""
+    """Return a state with the cam's angle and speed at the end of its interval."""
     _, angle = wrap(interval.angle_at(interval.duration))
     speed = interval.speed_at(interval.duration)
     return replace(state, cam_angle=angle, cam_speed=speed)
 
 
 def require_continuation(state: FollowerState | None, interval: Interval) -> None:
-    """Raise a `DynamicsError` if an interval does not start at the state's angle."""
+    """Raise a `DynamicsError` if an interval does not start at the state's cam angle.
+
+    A state without a cam angle, or None, is always accepted.
+    """
     if state is None or state.cam_angle is None:
         return
     difference = abs(math.remainder(interval.angle - state.cam_angle, TURN))
@@ -422,7 +435,7 @@ def require_continuation(state: FollowerState | None, interval: Interval) -> Non
 
 
 def speed_change(state: FollowerState | None, interval: Interval) -> float:
-    """Return the increase of the cam speed (rad/s) since the state.
+    """Return the increase of the cam speed (rad/s) from a state to the next interval.
 
     It is 0 if the difference is rounding, or if the speed of the state is unknown.
     """
@@ -440,10 +453,10 @@ def is_same_speed(first: float, second: float) -> bool:
 def add_impulses(
     rows: FloatArray, grid: SampleGrid, events: Sequence[Event], pending: float
 ) -> float:
-    """Add each impulse to the first sample at or after its event.
+    """Add the impulse of each event to the first sample at or after it.
 
-    ``pending`` is the impulse (N·s) of the previous interval. Returns the impulse (N·s) of the
-    events after the last sample.
+    ``pending`` is the impulse (N·s) that the previous interval left. Returns the impulse (N·s) of
+    the events after the last sample, which belongs to the next interval.
     """
     late = 0.0
     due = [(0, pending)] + [(grid.index_after(event.time), event.impulse) for event in events]

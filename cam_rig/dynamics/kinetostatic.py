@@ -25,7 +25,10 @@ ROUNDING_ERRORS = 16.0
 
 
 def force_weights(parameters: FollowerParameters, speed: float) -> FloatArray:
-    """Return the weights k, c ω, m ω² of s, s', s'' in the force at a speed (rad/s)."""
+    """Return the weights of s, s' and s'' in the contact force at a cam speed (rad/s).
+
+    They are k (N/m), c ω and m ω², shape (3,).
+    """
     p = parameters
     return np.array([p.spring_stiffness, p.damping * speed, p.mass * speed**2])
 
@@ -50,7 +53,7 @@ def force_extremes(law: Law, parameters: FollowerParameters, speed: float) -> tu
 
 
 def force_rounding(law: Law, parameters: FollowerParameters, speed: float) -> float:
-    """Return a bound of the rounding error of the force (N) at a speed (rad/s)."""
+    """Return a bound of the contact force's rounding error (N) at a speed (rad/s)."""
     size = force_weights(parameters, speed) @ np.array(law.bounds) + parameters.preload
     return ROUNDING_ERRORS * bernstein.EPS * float(size)
 
@@ -59,9 +62,10 @@ def force_rounding(law: Law, parameters: FollowerParameters, speed: float) -> fl
 def loss_intervals(
     law: Law, parameters: FollowerParameters, speed: float
 ) -> tuple[tuple[float, float], ...]:
-    """Return the intervals of the cam angle in [0, 2π] with a negative force.
+    """Return the intervals of the cam angle in which the contact force is negative.
 
-    Contact is lost there, because the cam cannot pull. ``speed`` is in rad/s.
+    Each is (start, end) in rad, within [0, 2π]. Contact is lost there, because the cam cannot pull.
+    ``speed`` is in rad/s.
     """
     ordinates = force_ordinates(law, parameters, speed)
     losses: list[tuple[float, float]] = []
@@ -92,7 +96,7 @@ def _at_one_speed(
     sample_rate: int,
     _step: float,
 ) -> tuple[FollowerState, Block]:
-    """Return the state at the end of an interval, and its block of samples.
+    """Return the state at the end of an interval of constant speed, and its block.
 
     The previous state is not used. The contact force may be negative.
     """

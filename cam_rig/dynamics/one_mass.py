@@ -23,9 +23,9 @@ from cam_rig.units import FloatArray
 
 @lru_cache(maxsize=64)
 def free_mass(parameters: FollowerParameters) -> FreeSystem:
-    """Return the follower in flight, m ÿ + c ẏ + k y + preload = 0.
+    """Return the equation of motion in flight, m ÿ + c ẏ + k y + preload = 0.
 
-    Its state is (y, ẏ) in m and m/s.
+    Its state is (y, ẏ) of the follower in m and m/s.
     """
     p = parameters
     stiffness, damping = p.spring_stiffness / p.mass, p.damping / p.mass
@@ -45,9 +45,9 @@ def flight_from(
     gap: float | None = None,
     gap_rate: float | None = None,
 ) -> Flight:
-    """Return the flight from a displacement (m) and a velocity (m/s).
+    """Return the flight of one mass from a displacement (m) and a velocity (m/s).
 
-    The gap and its rate are those of `Flight`.
+    ``gap`` (m) and ``gap_rate`` (m/s) are those to the cam, None if not known.
     """
     return Flight(free_mass(parameters), np.array([start, velocity]), gap, gap_rate)
 
@@ -69,8 +69,8 @@ class OneMassTrajectory(Trajectory):
     def run(self, state: FollowerState | None, step: float = 0.0) -> None:
         """Find all phases and events of the interval.
 
-        The run starts from ``state``, or on the cam if it is None. Before the interval ṡ increases
-        by ``step`` m/s.
+        The run starts from ``state``, or on the cam if it is None. ``step`` is a step of the cam's
+        velocity ṡ (m/s) just before the interval.
         """
         start: FloatArray | Flight = np.zeros(2)
         if state is not None and not state.in_contact:
@@ -86,7 +86,10 @@ class OneMassTrajectory(Trajectory):
             self._search(self.run_table(duration), first, duration)
 
     def run_table(self, duration: float) -> RunTable:
-        """Return the table of a run of ``duration`` s from the start of the interval."""
+        """Return the table for the event search in a run of ``duration`` s.
+
+        The run starts at the start of the interval.
+        """
         law, p, speed = self.law, self.parameters, self.speed
         return self._table(
             duration,
@@ -132,7 +135,7 @@ def advance(
 ) -> tuple[FollowerState, Block]:
     """Return the state at the end of an interval, and its block of samples and events.
 
-    Before the interval ṡ increases by ``step`` m/s.
+    ``step`` is a step of the cam's velocity ṡ (m/s) just before the interval.
     """
     trajectory = OneMassTrajectory(law, parameters, interval)
     trajectory.run(state, step)

@@ -59,10 +59,11 @@ RULES |= {"restitution": "in [0, 1)", "motor_torque": "of either sign"}
 
 
 def check_numbers(numbers: Mapping[str, Any], *optional: str) -> dict[str, float | None]:
-    """Return numbers as floats, after checking their limits.
+    """Return numbers as floats, after a check of their limits.
 
-    Numbers whose name is in ``optional`` may be None. Integers are converted, because they would
-    make integer matrices, and the event search would be compiled once more for them.
+    ``numbers`` are values by name. Numbers whose name is in ``optional`` may be None. Integers are
+    converted, because they would make integer matrices, and the event search would be compiled once
+    more for them.
     """
     for name, value in numbers.items():
         if value is not None or name not in optional:

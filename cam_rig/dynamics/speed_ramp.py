@@ -43,9 +43,10 @@ AtOneSpeed = Callable[
 def with_ramps(
     advance: AtOneSpeed[P], require: Callable[[Law], None] = lambda _law: None
 ) -> Advance[P]:
-    """Extend a model at constant speed to ramps and to changes of speed.
+    """Extend a model for constant speed to ramps and to changes of the speed.
 
-    ``require`` raises a `DynamicsError` for a law that the model cannot solve.
+    Returns the extended function. ``require`` raises a `DynamicsError` for a law that the model
+    cannot solve.
     """
 
     @wraps(advance)
@@ -79,7 +80,7 @@ def with_ramps(
 
 @lru_cache(maxsize=64)
 def substitute(law: Law, interval: Interval) -> tuple[Law, Interval]:
-    """Return a law and an interval at constant speed that replace a ramp.
+    """Return a substitute law and an interval at constant speed that replace a ramp.
 
     The substitute cam starts at angle 0.
     """
@@ -104,9 +105,10 @@ Stretch = tuple[float, float, int, float]
 def _velocity_jumps(
     law: Law, interval: Interval, stretches: list[Stretch], speed: float
 ) -> dict[int, float]:
-    """Return the jumps of the substitute's s' by the index of the stretch.
+    """Return the jumps of a substitute law's slope s' by the index of the stretch.
 
-    They are the velocity jumps of the law that the ramp passes, at the cam speed there.
+    They are the velocity jumps of the law that the ramp passes, at the cam speed there. ``speed``
+    is that of the substitute cam, rad/s.
     """
     return {
         i: law.velocity_jumps[piece] * interval.speed_at(start) / speed
@@ -118,7 +120,7 @@ def _velocity_jumps(
 
 
 def _stretches(law: Law, interval: Interval) -> list[Stretch]:
-    """Return the stretches of a ramp, one per piece of the law that it passes.
+    """Return the stretches of a ramp, one per piece of the law that the cam passes.
 
     A velocity jump at the end of the ramp belongs to the next interval.
     """
@@ -142,7 +144,11 @@ def _stretches(law: Law, interval: Interval) -> list[Stretch]:
 def _piece(
     law: Law, interval: Interval, start: float, end: float, index: int, low: float
 ) -> FloatArray:
-    """Return s, ṡ and s̈ in one stretch as polynomials of time, ``(3, 2p + 3)``."""
+    """Return s, ṡ and s̈ in one stretch as polynomials of time, ``(3, 2p + 3)``.
+
+    ``start`` and ``end`` are times in s, ``index`` is the piece of the law, and ``low`` is the cam
+    angle (rad) at the start of the piece.
+    """
     span, length = float(law.spans[index]), end - start
     speeds = np.array([interval.speed_at(start), interval.speed_at(end)])
     first, last = ((interval.angle_at(t) - low) / span for t in (start, end))

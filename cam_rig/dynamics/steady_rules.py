@@ -63,5 +63,6 @@ def is_steady(turns: float, transient_turns: float) -> bool:
     """Return True if a tick starts after the turns that are omitted at each speed.
 
     `turns` is the number of turns from the start of the speed to the start of the tick.
+    `transient_turns` is the number of omitted turns.
     """
     return turns > transient_turns - TURN_ATOL

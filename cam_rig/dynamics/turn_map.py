@@ -1,8 +1,9 @@
 """Map of the follower's state at cam angle 0 to the state one turn later.
 
-The state of one mass is the gap and its rate. Two masses have two more numbers, the stretch of the
-stem between them and its rate. Between two landings the motion is known in closed form, and a
-landing is a root of an equation. The map and its derivative are therefore exact to rounding.
+The state of one mass is the gap to the cam and its rate. Two masses have two more numbers, the
+stretch of the stem between them and its rate. Between two landings the motion is known in closed
+form, and a landing is a root of an equation. The map and its derivative are therefore exact to
+rounding.
 """
 
 from __future__ import annotations
@@ -51,9 +52,10 @@ class TurnsRun:
 
     @property
     def states(self) -> FloatArray:
-        """Gap (m) and its rate (m/s) at the end of each turn, ``(turns, n)``.
+        """State of the follower at the end of each turn, ``(turns, n)``.
 
-        Two masses also have the stretch of the stem (m) and its rate (m/s).
+        It is the gap to the cam (m) and its rate (m/s). Two masses also have the stretch of the
+        stem (m) and its rate (m/s).
         """
         return self._columns("state")
 
@@ -90,7 +92,7 @@ class TurnsRun:
 
     @property
     def growth(self) -> FloatArray:
-        """Logarithm of the growth of n directions in each turn, ``(turns, n)``.
+        """Logarithm of the growth of n perturbations in each turn, ``(turns, n)``.
 
         Their sum is the logarithm of the contraction of volumes. A landing contributes r² to the
         contraction, and the dampers contribute the rest. In a turn with contact two logarithms are
@@ -100,23 +102,25 @@ class TurnsRun:
 
     @property
     def derivatives(self) -> FloatArray:
-        """Derivative of the last state of each turn by its first state, ``(turns, n, n)``."""
+        """Derivative of each turn's last state by its first state, ``(turns, n, n)``."""
         return np.ascontiguousarray(self.records["derivative"][:, : self.size, : self.size])
 
     def derivative(self) -> FloatArray:
-        """Return the derivative of the last state by the first state, ``(n, n)``."""
+        """Return the derivative of the run's last state by its first state, ``(n, n)``."""
         product = np.eye(self.size)
         for turn in self.derivatives:
             product = turn @ product
         return product
 
     def _columns(self, name: str) -> FloatArray:
-        """Return the first n numbers of a field, ``(turns, n)``."""
+        """Return the first n numbers of a field of the records, ``(turns, n)``."""
         return np.ascontiguousarray(self.records[name][:, : self.size])
 
 
 class StroboscopicMap:
-    """Turn map of one rigid mass, or of two masses with an elastic stem.
+    """Map of the follower's state by one turn of the cam.
+
+    The follower is one rigid mass, or two masses with an elastic stem.
 
     Parameters
     ----------
@@ -167,7 +171,7 @@ class StroboscopicMap:
         return np.array(sizes)
 
     def run(self, turns: int, state: State = ON_THE_CAM) -> TurnsRun:
-        """Run successive turns.
+        """Run the follower over successive turns of the cam.
 
         Parameters
         ----------
@@ -206,7 +210,7 @@ class StroboscopicMap:
         return TurnsRun(records, self.size)
 
     def follower(self, state: State) -> FollowerState:
-        """Return a state at cam angle 0 in the form that the model of the follower needs."""
+        """Convert a state at cam angle 0 to the state of the follower's model."""
         first = self._start(state)[0]
         is_flying = first["mode"] == RunMode.FLIGHT
         lift, velocity = (a + b for a, b in zip(self._cam(), state, strict=False))
@@ -215,12 +219,12 @@ class StroboscopicMap:
         return FollowerState(lift, velocity, 0.0, not is_flying, inner=(*stem, *gap_state))
 
     def _cam(self) -> tuple[float, float]:
-        """Return s (m) and ṡ (m/s) at angle 0, before a velocity jump there."""
+        """Return the cam's s (m) and ṡ (m/s) at angle 0, before a velocity jump there."""
         s, slope = self.law.motion[:2, -1, -1].tolist()
         return s, slope * self.speed
 
     def _start(self, state: State) -> NDArray[np.void]:
-        """Return the first state of a run as one record of `RUN_STATE`."""
+        """Return the initial state of a run as one record of `RUN_STATE`."""
         gap, gap_rate, *stem = state
         require_number("gap", gap, "≥ 0")
         require_number("opening", gap_rate, "of either sign")

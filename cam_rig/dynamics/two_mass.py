@@ -47,7 +47,7 @@ from cam_rig.units import TURN, FloatArray
 def first_lift_off(
     law: Law, parameters: TwoMassParameters, speed: float, state: FloatArray, limit: float
 ) -> float | None:
-    """Return the time (s) of the first lift-off, or None if later than ``limit``.
+    """Return the time (s) of the first lift-off, or None if later than ``limit`` (s).
 
     The run starts at cam angle 0 from the vibration ``state`` (η, η̇) and turns at ``speed`` rad/s.
     A lower bound of the force is computed for all parts of all turns at once. The zero of the force
@@ -72,10 +72,10 @@ def first_lift_off(
 def may_lose_contact(
     response: LinearResponse, parameters: TwoMassParameters, free: FloatArray
 ) -> NDArray[np.bool_]:
-    """Return for each part if the force may reach zero, ``(turns, parts)``.
+    """Return for each part of the turn if the contact force may reach zero.
 
-    ``free`` is the free vibration at the start of each part, ``(turns, parts, 2)``. The force has
-    two lower bounds, and the larger one counts:
+    The shape is ``(turns, parts)``. ``free`` is the free vibration at the start of each part,
+    ``(turns, parts, 2)``. The force has two lower bounds, and the larger one counts:
 
     - the smaller force at the ends of the part, less max |F̈| T²/8 for a part of T s
     - the smallest ordinate of the polynomial, less the amplitude of the vibration, whose energy
@@ -110,7 +110,7 @@ def acceleration_rounding(law: Law, p: TwoMassParameters, speed: float) -> float
 
 
 class Separation(Trajectory):
-    """Trajectory of two masses on one law at constant speed.
+    """Trajectory of two masses on a law at constant speed, with flights.
 
     Parameters
     ----------
@@ -175,9 +175,10 @@ class Separation(Trajectory):
         self.run_from(duration, start)
 
     def run_from(self, duration: float, start: FloatArray | Flight, step: float = 0.0) -> None:
-        """Find all phases and events up to ``duration`` s from (η, η̇) or a flight.
+        """Find all phases and events of a run of ``duration`` s.
 
-        Before the run ṡ increases by ``step`` m/s.
+        ``start`` is the vibration (η, η̇) in contact, or a flight. ``step`` is a step of the cam's
+        velocity ṡ (m/s) just before the run.
         """
         require_number("duration", duration, "> 0")
         require_angle(self.angle + self.speed * duration, "angle at the end")
@@ -187,7 +188,7 @@ class Separation(Trajectory):
         self._search(self.run_table(float(duration)), first, float(duration))
 
     def run_table(self, duration: float) -> RunTable:
-        """Return the table of a run of ``duration`` s."""
+        """Return the table for the event search in a run of ``duration`` s."""
         p, output = self.parameters, self._force
         drive, weights = self.response.drive[1].tolist(), output.law[0].tolist()
         return self._table(
@@ -206,12 +207,15 @@ class Separation(Trajectory):
         )
 
     def fly(self, flight: Flight, times: FloatArray) -> FloatArray:
-        """Return (z, ż, y, ẏ) at times (s) since a lift-off, ``(4, len(times))``."""
+        """Return (z, ż, y, ẏ) of the masses at times (s) since a lift-off.
+
+        The shape is ``(4, len(times))``.
+        """
         change, _ = self.system.state_change(flight.start, times)
         return from_inner(self.parameters, flight.start[:, None] + change)
 
     def cam(self, time: FloatArray) -> FloatArray:
-        """Return s (m), ṡ (m/s) and s̈ (m/s²) at times in s, ``(3, len(time))``."""
+        """Return the cam's s (m), ṡ (m/s) and s̈ (m/s²) at times (s), ``(3, len(time))``."""
         angle = self.angle + self.speed * time
         return self.law.motion_at(angle) * (self.speed ** np.arange(3.0))[:, None]
 
@@ -240,9 +244,11 @@ class Separation(Trajectory):
 
 
 def states(trajectory: Separation, times: FloatArray) -> FloatArray:
-    """Return (z, ż, y, ẏ, F) at ascending times (s), ``(5, len(times))``.
+    """Return the motion and the force (z, ż, y, ẏ, F) at ascending times (s).
 
-    A time at the border of two phases belongs to the later one.
+    The shape is ``(5, len(times))``. z (m) is the displacement of the roller mass, y (m) that of
+    the end mass, and F (N) the contact force. A time at the border of two phases belongs to the
+    later one.
     """
     end = trajectory.phases[-1].end if trajectory.phases else 0.0
     times = check_times(times, last=end * (1.0 + 1e-12))
@@ -257,7 +263,10 @@ def states(trajectory: Separation, times: FloatArray) -> FloatArray:
 
 
 def phase_states(trajectory: Separation, phase: Phase, times: FloatArray) -> FloatArray:
-    """Return (z, ż, y, ẏ, F) at times (s) in one phase, ``(5, len(times))``."""
+    """Return the motion and the force (z, ż, y, ẏ, F) at times (s) in one phase.
+
+    The shape is ``(5, len(times))``.
+    """
     if phase.flight is not None:
         flight = trajectory.fly(phase.flight, times - phase.begin)
         return np.vstack([flight, np.zeros(times.size)])
@@ -279,8 +288,8 @@ def advance(
 ) -> tuple[FollowerState, Block]:
     """Return the state at the end of an interval, and its block of samples and events.
 
-    The motion in the block is that of the roller mass. Before the interval ṡ increases by ``step``
-    m/s.
+    The motion in the block is that of the roller mass. ``step`` is a step of the cam's velocity ṡ
+    (m/s) just before the interval.
     """
     trajectory = Separation(law, parameters, interval.speed, interval.angle, interval.turns)
     start: FloatArray | Flight = np.zeros(2)
@@ -307,7 +316,7 @@ def _write_contact(
     trajectory: Separation,
     phase: Phase,
 ) -> None:
-    """Write motion and force of a contact phase to its columns of a block."""
+    """Write motion and contact force of a contact phase to its columns of a block."""
     first, count, period = float(times[0]), times.size, 1.0 / sample_rate
     block.motion[:, columns] = sample_law(
         trajectory.law,

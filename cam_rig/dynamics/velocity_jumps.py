@@ -1,4 +1,4 @@
-"""Velocity jumps of a law: the jumps that an interval contains, and their times.
+"""Velocity jumps of a law: the jumps that belong to an interval, and their times.
 
 A jump at the border of two intervals belongs to the later one. An interval from angle a to b
 contains the joints in [a − ε, b − ε), ε = `JOINT_ATOL_RAD`. Exactly one of two adjacent intervals
@@ -36,7 +36,7 @@ class VelocityJump(NamedTuple):
 def velocity_jumps_ahead(
     law: Law, angle: float, speed: float, duration: float
 ) -> tuple[VelocityJump, ...]:
-    """Return the velocity jumps that an interval contains, in the order of time.
+    """Return the velocity jumps that belong to an interval, in the order of time.
 
     The interval starts at ``angle`` (rad) and takes ``duration`` s at ``speed`` rad/s.
     """
@@ -60,7 +60,8 @@ def velocity_jumps_ahead(
 def _arrival_time(law: Law, angle: float, speed: float, ahead: float, piece: int) -> float:
     """Return the time (s) at which the cam reaches the joint at the start of a piece.
 
-    The time is increased until the rounded cam angle is not before the joint.
+    ``ahead`` is the angle (rad) to the joint. The time is increased until the rounded cam angle is
+    not before the joint.
     """
     time = max(0.0, ahead) / speed
     for _ in range(8):
@@ -72,10 +73,10 @@ def _arrival_time(law: Law, angle: float, speed: float, ahead: float, piece: int
 
 
 def step_before_velocity_jump(law: Law, angle: float) -> float:
-    """Return an angle (rad), moved to just before a velocity jump if it lies at one.
+    """Return an angle (rad), moved to just before a velocity jump if it is at one.
 
-    The motion at the end of an interval is evaluated at this angle, because a jump there belongs
-    to the next interval.
+    The motion at the end of an interval is evaluated at this angle, because a jump there belongs to
+    the next interval.
     """
     if not (law.velocity_jumps and law.repeats):
         return angle

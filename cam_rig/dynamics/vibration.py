@@ -1,4 +1,7 @@
-"""Residual and torsional vibration in steady state (paper, figs. 4-6 and 9)."""
+"""Residual and torsional vibration in steady state (paper, figs. 4-6 and 9).
+
+The residual vibration is that of the follower in a dwell.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +51,7 @@ class LowDwell:
         return (self.start + 0.5 * self.span) % TURN
 
     def contains(self, angle: FloatArray) -> NDArray[np.bool_]:
-        """Return for each cam angle (rad) whether it is in the window, without its end."""
+        """Return for each cam angle (rad) if it is in the window, without its end."""
         return np.asarray((angle - self.start) % TURN < self.span * (1.0 - 1e-9))
 
 
@@ -81,7 +84,7 @@ SAMPLES = 4096
 
 @dataclass(frozen=True)
 class FlywheelTurn:
-    """One turn of a cam on its shaft in steady state, driven by a constant torque."""
+    """Steady turn of a cam on its shaft, driven by a constant motor torque."""
 
     inertia: float  #: I_v of the flywheel, kg·m², infinite at constant flywheel speed
     fluctuation: float  #: (max − min)/mean speed of the flywheel
@@ -96,7 +99,7 @@ class FlywheelTurn:
 def flywheel_turn(
     law: Law, shaft: TorsionalParameters, inertia: float, speed: float
 ) -> FlywheelTurn:
-    """Return a steady turn at a mean speed (rad/s) and flywheel inertia (kg·m²).
+    """Return the steady turn at a mean speed (rad/s) and a flywheel inertia (kg·m²).
 
     An infinite inertia is a flywheel at constant speed.
     """
@@ -119,9 +122,10 @@ def flywheel_turn(
 
 
 def energy_fluctuation(law: Law, shaft: TorsionalParameters, speed: float) -> float:
-    """Return the peak-to-peak ∫(T_mean − T) dθ (J) of a turn at a speed (rad/s).
+    """Return the fluctuation of energy (J) of the load in a turn at a speed (rad/s).
 
-    T = (m ω² s'' + c ω s' + k s + F₀) s' is the torque of the load.
+    It is the peak-to-peak value of ∫(T_mean − T) dθ with the torque of the load T = (m ω² s'' + c ω
+    s' + k s + F₀) s'.
     """
     f = shaft.follower
     angles = np.linspace(0.0, TURN, SAMPLES + 1)
@@ -322,7 +326,7 @@ MIN_RATE_DIFFERENCE = 1e-7
 
 
 def free_amplitude(run: ModalRun, speed: float, angle: float) -> float:
-    """Return the amplitude of the free vibration of the output at a cam angle (rad).
+    """Return the amplitude of the output's free vibration at a cam angle (rad).
 
     The run is in steady state at ``speed`` rad/s. The vibration is (η, η̇) = Σ a (1, λ) e^{λt} with
     two rates λ, complex or real. The amplitude of the output p η + q η̇ is Σ |a (p + q λ)|.
@@ -341,7 +345,10 @@ def free_amplitude(run: ModalRun, speed: float, angle: float) -> float:
 def steady_twist(
     law: Law, shaft: TorsionalParameters, speed: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return flywheel angle and twist ψ (rad) of a steady turn, ``(n,)`` each."""
+    """Return flywheel angle (rad) and twist ψ (rad) of a steady turn, ``(n,)`` each.
+
+    ``speed`` is the mean speed, rad/s.
+    """
     motion = steady_motion(law, shaft, speed)
     times = np.linspace(0.0, motion.stop_time, TWIST_SAMPLES)
     return speed * times, motion.at(times)[0]

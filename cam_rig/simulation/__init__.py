@@ -1,1 +1,4 @@
-"""A scene file to samples and sound levels, without ROS; the nodes use the same core."""
+"""Computation of samples and sound levels from a scene file, without ROS.
+
+The nodes use the same classes.
+"""

@@ -26,7 +26,10 @@ MIN_GAP_RATIO = 1e-9
 
 @dataclass
 class FlightCount:
-    """Counter of the flights in successive blocks of samples, resolved to one sample."""
+    """Counter of the follower's flights in successive blocks of samples.
+
+    Times are resolved to one sample.
+    """
 
     min_gap: float  #: m; with a smaller gap the follower has not left the cam
     _length: int = field(default=0, init=False)  #: samples of the flight so far
@@ -34,9 +37,10 @@ class FlightCount:
     _bounced: bool = field(default=False, init=False)  #: True if the flight started with a bounce
 
     def add(self, force: FloatArray, gap: FloatArray, impulse: FloatArray) -> tuple[int, int]:
-        """Return the lift-offs in a block, and the samples of the longest flight so far.
+        """Return the number of lift-offs in a block, and the length of the longest flight.
 
-        A flight starts with a lift-off or a bounce. A bounce is not counted as a lift-off.
+        The length is a number of samples. A flight starts with a lift-off or a bounce. A bounce is
+        not counted as a lift-off.
 
         Parameters
         ----------
@@ -64,7 +68,10 @@ class FlightCount:
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """Quantities of one cam at one speed, over its whole settled turns."""
+    """Quantities of one cam at one speed, over its whole settled turns.
+
+    A turn is settled after the transient turns at the start of each speed.
+    """
 
     cam: str
     rpm: float  #: cam speed
@@ -115,7 +122,10 @@ class _TickStatistics:
         )
 
     def row(self, cam: str, speed: float, rate: int, level: float | None) -> SpeedRow:
-        """Return the row of a cam at a speed (rad/s), from samples at `rate` Hz."""
+        """Return the table row of a cam at a speed (rad/s).
+
+        `rate` is the sample rate in Hz. `level` is the sound level in dB, None if unknown.
+        """
         turns = self.turned / TURN
         return SpeedRow(
             cam=cam,
@@ -134,7 +144,7 @@ class _TickStatistics:
 
 
 class SpeedRows:
-    """Accumulator of the ticks of a run into one row per cam and speed.
+    """Accumulator that forms one row per cam and speed from the ticks of a run.
 
     Parameters
     ----------

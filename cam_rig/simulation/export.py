@@ -55,7 +55,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Successive rows of an export."""
+    """Successive rows of an exported file."""
 
     numbers: FloatArray  #: ``(k, n)``, rows in the order of `COLUMNS`
     cams: tuple[str, ...]  #: cam of each tick
@@ -63,13 +63,13 @@ class Chunk:
 
     @property
     def names(self) -> NDArray[np.str_]:
-        """Cam of each row, shape `(n,)`."""
+        """Name of the cam in each row, shape `(n,)`."""
         return np.repeat(np.array(self.cams), self.counts)
 
 
 @dataclass
 class Contents:
-    """Summary of the rows of an export, complete when the export is finished."""
+    """Summary of the exported rows, complete when the export is finished."""
 
     rate: int  #: Hz
     rows: int = 0
@@ -81,7 +81,7 @@ class Contents:
     available: dict[str, None] = field(default_factory=dict)
 
     def track(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-        """Yield the same chunks, and update the summary."""
+        """Yield the given chunks of rows, and update the summary with each of them."""
         for chunk in chunks:
             number = np.rint(chunk.numbers[0] * self.rate)
             if not self.rows:
@@ -95,7 +95,10 @@ class Contents:
 
 
 def chunks(ticks: Iterable[TickSamples]) -> Iterator[Chunk]:
-    """Yield the ticks as chunks of rows, with at most one chunk in memory."""
+    """Join ticks to chunks of rows, and yield them.
+
+    At most one chunk is in memory.
+    """
     pending: list[TickSamples] = []
     count = 0
     for tick in ticks:
@@ -115,7 +118,10 @@ def _join(ticks: list[TickSamples]) -> Chunk:
 
 
 def write_csv(path: Path, chunks: Iterable[Chunk], _about: dict[str, str], _rate: int) -> None:
-    """Write rows as CSV, with the cam in the second column and all digits of numbers."""
+    """Write rows to a CSV file, with all digits of the numbers.
+
+    The name of the cam is in the second column.
+    """
     time, *others = (column.name for column in COLUMNS)
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join([time, CAM, *others]) + "\n")
@@ -161,7 +167,10 @@ def write_npz(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: 
 
 
 def _member(archive: zipfile.ZipFile, name: str, dtype: np.dtype[Any], rows: int) -> IO[bytes]:
-    """Open a column of the archive, write its header, and return it for the data."""
+    """Open a column of a NumPy archive, write its header, and return its file.
+
+    `rows` is the number of values that the caller writes.
+    """
     out = archive.open(f"{name}.npy", "w", force_zip64=True)
     description = np.lib.format.dtype_to_descr(dtype)
     header = {"descr": description, "fortran_order": False, "shape": (rows,)}
@@ -212,7 +221,9 @@ REMEDY = "so select one --cam and --rpm, or write .parquet, .npz or .csv"
 
 
 def write_wav(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
-    """Write rows as a WAV file: one channel per quantity, 32-bit floats in SI units.
+    """Write rows to a WAV file, with one channel per quantity.
+
+    Samples are 32-bit floats in SI units.
 
     Raises
     ------
@@ -245,7 +256,10 @@ def _require_no_gap(path: Path, times: np.ndarray, rate: int) -> None:
 
 
 def _comment(about: dict[str, str], start: float) -> bytes:
-    """Return names and units of the channels, of equal length for any start (s)."""
+    """Return the comment of a WAV file: names and units of the channels.
+
+    Its length does not depend on the start time `start` (s).
+    """
     names = ", ".join(f"{COLUMNS[i].name} [{COLUMNS[i].unit}]" for i in CHANNELS)
     run = ", ".join(f"{name} {text}" for name, text in about.items())
     text = f"channels: {names}; begins at {start:024.12f} s; {run}".encode()
@@ -253,7 +267,10 @@ def _comment(about: dict[str, str], start: float) -> bytes:
 
 
 def _header(rows: int, rate: int, comment: bytes) -> bytes:
-    """Return all chunks before the samples, and the header of the chunk of samples."""
+    """Return the header of a WAV file with `rows` samples per channel.
+
+    It contains all chunks before the samples, and the header of the chunk of samples.
+    """
     frame = 4 * len(CHANNELS)
     layout = struct.pack("<HHIIHHH", IEEE_FLOAT, len(CHANNELS), rate, rate * frame, frame, 32, 0)
     chunks = (
@@ -337,7 +354,10 @@ def export(
 def _select(
     ticks: Iterable[TickSamples], cam: str | None, rpm: float | None, available: dict[str, None]
 ) -> Iterator[TickSamples]:
-    """Yield the ticks of a cam and a speed, and add other steps to `available`."""
+    """Yield the ticks of a cam at a speed (rpm), None for any.
+
+    The other cams and constant speeds are added to `available`.
+    """
     for tick in ticks:
         if tick.is_of(cam, rpm):
             yield tick

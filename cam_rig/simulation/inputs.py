@@ -1,4 +1,4 @@
-"""Resolution of the arguments of a study: cams, rig, scene and speeds.
+"""Conversion of the arguments of a study to objects: cams, rig, scene and speeds.
 
 The functions of ``import cam_rig`` and the commands of the same names accept the same forms: a
 name, a path or an object.
@@ -59,9 +59,10 @@ MAX_RPM = 1e5
 
 
 def resolve_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
-    """Return cams with their laws on a rig, or the cams of one scene on its rig.
+    """Return cams with their laws on a rig.
 
-    The default cams are those of the paper's Table 2. The default rig is that of `default_rig`.
+    If `cams` is a scene, its cams and its rig are returned. The default cams are those of the
+    paper's Table 2. The default rig is that of `default_rig`.
     """
     items = list_cams(cams)
     if (scene := find_scene(items)) is not None:
@@ -73,7 +74,7 @@ def resolve_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
 
 
 def list_cams(cams: Cams) -> list[str | Path | CamConfig]:
-    """Return one cam or several as a list, empty for None.
+    """Return a single cam or several cams as a list, empty for None.
 
     Raises
     ------
@@ -107,7 +108,9 @@ def resolve_cam(cam: Cam) -> CamConfig:
 
 
 def resolve_law(law: LawOrCam) -> Law:
-    """Return a law, or that of a cam for the dynamic models, which need a closing spring.
+    """Return a law, or the law of a cam.
+
+    A cam must have a closing spring, which the dynamic models need.
 
     Raises
     ------
@@ -167,10 +170,10 @@ def resolve_rig(rig: RequiredRig, *cams: LawOrCam) -> RigConfig:
 
 
 def default_rig(cams: Sequence[Path], default: str = DEFAULT_RIG) -> Path:
-    """Return the only rig next to a user's cams, or a shipped rig, and print which.
+    """Return the path of the only rig next to a user's cams, or of a shipped rig.
 
-    The folder of the rig is ``../rigs`` relative to that of the cam. The shipped rig `default` is
-    used without a message if all cams are shipped.
+    A note on the choice is printed. The folder of the rig is ``../rigs`` relative to that of the
+    cam. The shipped rig `default` is used without a note if all cams are shipped.
 
     Raises
     ------
@@ -200,7 +203,7 @@ def _print_note(text: str) -> None:
 
 
 def resolve_scene(scene: Scene, rig: Rig = None) -> LoadedScene:
-    """Return a scene on its rig, or on another rig.
+    """Return a scene, read from its file if necessary, on its rig or on another rig.
 
     A rig that is a name is searched for next to the scene first, then among the shipped rigs.
     """
@@ -214,7 +217,7 @@ def resolve_scene(scene: Scene, rig: Rig = None) -> LoadedScene:
 
 
 def resolve_speeds(rpm: Speeds) -> list[float]:
-    """Return one speed or several as a list, rpm."""
+    """Return a single speed or several speeds as a list, rpm."""
     return [float(speed) for speed in to_vector("rpm", rpm)]
 
 
@@ -237,12 +240,12 @@ def check_speeds(rpm: Speeds) -> list[float]:
 
 
 def scene_speeds(scene: str | Path, max_count: int) -> list[float]:
-    """Return up to `max_count` speeds (rpm) of a scene, with its lowest and highest."""
+    """Return up to `max_count` speeds (rpm) of a scene, with lowest and highest."""
     return spread_speeds(speeds_of(load_scene(resolve_path("scenes", scene))), max_count)
 
 
 def parse_numbers(text: str) -> list[float]:
-    """Return the numbers of a text, or an empty list if it has another form.
+    """Return the numbers in a text, or an empty list if it has another form.
 
     The forms are "0.5", "0.3,0.5", and "0:0.9:0.1" (start, end and step, with the end included).
     """
@@ -257,7 +260,7 @@ def parse_numbers(text: str) -> list[float]:
 
 
 def parse_speeds(text: str) -> list[float]:
-    """Return the speeds (rpm) of a text such as "300", "200,300" or "200:400:10".
+    """Return the cam speeds (rpm) in a text such as "300", "200,300" or "200:400:10".
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Signals of a measured run: readings, gaps in them, and the step of an encoder."""
+"""Signals of a measured run, the gaps in them, and the counts of an encoder."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Signal:
     source: str = ""  #: topic and field from which it was read
 
     def gaps(self) -> FloatArray:
-        """Return the start and end times (s) of the gaps, shape `(k, 2)`.
+        """Return the start and end times (s) of gaps between readings, shape `(k, 2)`.
 
         A gap is a time step much longer than the median of the steps near it. `GAP_RATIO` and
         `STEADY_GAP_RATIO` are the limits of the ratio.
@@ -50,13 +50,16 @@ class Signal:
 
 
 def pulls(force: FloatArray) -> bool:
-    """Return True if a measured contact force (N), `(n,)`, has the sign of a pull."""
+    """Return True if a measured contact force (N), `(n,)`, is positive for a pull.
+
+    The sign of its sensor is then that of a pull.
+    """
     return bool(np.median(force) < 0.0 and -force.min() > 2.0 * force.max())
 
 
 @dataclass(frozen=True)
 class ReadingCount:
-    """The number of readings of a quantity, of the messages of its topic."""
+    """Number of usable readings of a quantity, and of the messages of its topic."""
 
     quantity: str
     source: str  #: topic and field
@@ -65,13 +68,19 @@ class ReadingCount:
 
     @property
     def skipped(self) -> int:
-        """Messages that gave no reading: without the field or a time, or with a wrong number."""
+        """Number of messages without a usable reading.
+
+        The field or a time is missing in such a message, or its number is wrong.
+        """
         return self.messages - self.readings
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredRun:
-    """Signals recorded of one cam on a machine, None if not recorded."""
+    """Signals recorded of one cam on a machine.
+
+    A signal is None if it was not recorded.
+    """
 
     source: Path  #: the bag
     cam: str  #: name of the cam in the scene, empty if the bag does not contain it
@@ -96,7 +105,7 @@ MIN_COUNT_RAD = 1e-8
 
 
 def encoder_count(angle: FloatArray) -> float:
-    """Return the count (rad) of the encoder of an angle, or 0 if it has no counts.
+    """Return the angle (rad) of one count of an encoder, or 0 without visible counts.
 
     Some counts may be missing in the readings. At least two different step sizes are required, and
     a step of zero is one of them: equal steps are those of a cam that turns at constant speed.

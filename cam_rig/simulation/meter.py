@@ -13,11 +13,11 @@ from cam_rig.units import FloatArray
 
 @dataclass
 class MeterSimulator:
-    """Sound-level meter at a scene's microphone, also used by the microphone node.
+    """Simulator of the sound-level meter at the microphone of a scene.
 
-    A new weighting starts a new measurement with the next block, while the sound continues. A
-    weighting that is changed and changed back between two blocks does not, because a recording of
-    it could not be repeated.
+    The microphone node uses it too. A new weighting starts a new measurement with the next block,
+    while the sound continues. A weighting that is changed and changed back between two blocks does
+    not, because a recording of it could not be repeated.
     """
 
     source: SoundSource
@@ -34,18 +34,21 @@ class MeterSimulator:
 
     @property
     def quantity(self) -> str:
-        """Symbol of the next reading in the notation of IEC 61672-1: LZF, LAS."""
+        """Symbol of the next reading in the notation of IEC 61672-1, such as LZF or LAS."""
         return self._next.quantity
 
     def weigh(self, frequency: str, time: str) -> None:
-        """Set the frequency and time weightings of the next block.
+        """Set the frequency and time weightings for the next block of samples.
 
-        The measurement continues if they are the present ones.
+        The measurement continues if they are equal to the present weightings.
         """
         requested = SoundLevelMeter(self.source.rate, frequency, time)
         self._next = self.meter if requested.quantity == self.meter.quantity else requested
 
     def read(self, block_rows: FloatArray, speed: float) -> Reading:
-        """Return the reading over a block, `(6, n)` rows, at a cam speed (rad/s)."""
+        """Return the meter's reading over a block of samples.
+
+        `block_rows` is `(6, n)` in the order of `COLUMNS`. `speed` is the cam speed, rad/s.
+        """
         self.meter, block = self._next, Samples(block_rows)
         return self.meter.read(self.source.pressure(block.force, block.impulse, speed))

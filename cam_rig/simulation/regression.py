@@ -47,7 +47,10 @@ def regression(rpm: FloatArray, level: FloatArray) -> FloatArray:
 
 
 def cubic_projection(rpm: FloatArray) -> FloatArray:
-    """Return the matrix `(n, n)` from levels at n speeds to their regression."""
+    """Return the matrix from levels at n speeds to their cubic regression, `(n, n)`.
+
+    `rpm` are the speeds, `(n,)`.
+    """
     powers = np.polynomial.polynomial.polyvander(rpm / rpm.mean() - 1.0, REGRESSION_DEGREE)
     return np.asarray(powers @ np.linalg.pinv(powers))
 
@@ -66,7 +69,7 @@ def real_roots(coefficients: FloatArray) -> FloatArray:
 def crossings(
     difference: FloatArray, speeds: tuple[float, float], *, scale: float, shift: float = 0.0
 ) -> FloatArray:
-    """Return the speeds (rpm) at which two regressions cross, sorted.
+    """Return the cam speeds (rpm) at which two regressions cross, in rising order.
 
     Parameters
     ----------
@@ -92,9 +95,10 @@ def nearest_crossing(
     scale: float,
     shift: float = 0.0,
 ) -> float | None:
-    """Return the crossing nearest to `near` (rpm), or None without a crossing.
+    """Return the crossing of two regressions that is nearest to `near` (rpm).
 
-    The other parameters are those of `crossings`.
+    It is a cam speed in rpm, or None without a crossing. The other parameters are those of
+    `crossings`.
     """
     inside = crossings(difference, speeds, scale=scale, shift=shift)
     return float(inside[np.argmin(np.abs(inside - near))]) if inside.size else None
@@ -102,7 +106,7 @@ def nearest_crossing(
 
 @dataclass(frozen=True, eq=False)
 class NoiseCurve:
-    """Level of one cam at each speed of a run, and its cubic regression in rpm."""
+    """Sound level of one cam at each speed of a run, and its cubic regression in rpm."""
 
     cam: str
     role: LevelOrigin
@@ -114,7 +118,7 @@ class NoiseCurve:
 
 @dataclass(frozen=True, eq=False)
 class NoiseResult:
-    """Noise of a run compared with published regressions."""
+    """Sound levels of a run, compared with published regressions."""
 
     curves: dict[str, NoiseCurve]  #: by cam
     crossover_rpm: float | None  #: speed of equal levels; None if the regressions do not cross
@@ -125,10 +129,11 @@ def compare(
     roles: dict[str, LevelOrigin],
     published: PublishedNoise | None,
 ) -> NoiseResult:
-    """Compare levels (dB) by cam and speed (rad/s) with published regressions.
+    """Compare the sound levels of a run with published regressions.
 
-    The result contains the regressions of all cams, their r.m.s. differences to the published
-    regressions, and the crossover of the two published cams.
+    `levels` are in dB by cam and speed (rad/s). The result contains the regressions of all cams,
+    their r.m.s. differences to the published regressions, and the crossover of the two published
+    cams.
     """
     curves = {}
     for cam, steps in levels.items():
@@ -143,9 +148,10 @@ def compare(
 def _rmse(
     cam: str, rpm: FloatArray, level: FloatArray, published: PublishedNoise | None
 ) -> float | None:
-    """Return the r.m.s. difference (dB) to the published regression, in its range.
+    """Return the r.m.s. difference (dB) of levels to a cam's published regression.
 
-    The result is None if no regression of the cam is published, or no speed is in the range.
+    Only speeds in the range of the regression count. The result is None if no regression of the cam
+    is published, or no speed is in the range.
     """
     if published is None or cam not in published.regression_db:
         return None

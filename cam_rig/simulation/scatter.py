@@ -1,4 +1,4 @@
-"""Scatter of readings from turn to turn."""
+"""Scatter of readings between turns of the cam."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MEDIAN = 0.6744897501960817
 
 
 def scatter(angle: FloatArray, value: FloatArray) -> float:
-    """Return the r.m.s. scatter of readings from turn to turn, in the unit of `value`.
+    """Return the r.m.s. scatter of readings between turns, in the unit of `value`.
 
     Readings that are neighbours by their angle in the turn are mostly of different turns. Each
     reading is compared with the straight line through its two neighbours. The median of each bin of
@@ -37,10 +37,10 @@ def scatter(angle: FloatArray, value: FloatArray) -> float:
 
 
 def off_neighbours(angle: FloatArray, value: FloatArray) -> FloatArray:
-    """Return the deviation of each value from the line through its neighbours.
+    """Return the deviation of each reading from the line through its two neighbours.
 
     Neighbours are those by angle in the turn. The deviations are scaled to the scatter of a single
-    value. The result has shape `(n - 2,)`, or is empty for fewer than three values.
+    reading. The result has shape `(n - 2,)`, or is empty for fewer than three readings.
     """
     angle_in_turn = np.remainder(angle, TURN)
     order = np.argsort(angle_in_turn, kind="stable")

@@ -134,7 +134,7 @@ SHIPPED_MODEL = "one_mass"
 
 
 class LevelOrigin(StrEnum):
-    """Origin of the sound level of a cam."""
+    """Origin of the sound level of a cam: to what the level was fitted."""
 
     CALIBRATED = "calibrated"  #: the rig's constants were fitted to the level of this cam
     IDENTIFIED = "identified"  #: the numbers of the cam were fitted to its level
@@ -163,7 +163,7 @@ VALUE_RTOL = 1e-9
 
 
 def is_calibrated(rig: RigConfig, model: str) -> bool:
-    """Return True if the acoustic constants are valid for this model and follower.
+    """Return True if a rig's acoustic constants are valid for a model.
 
     They must have been fitted. Constants of the shipped rig are valid for its follower and
     `SHIPPED_MODEL` only. Others are valid for the model and follower in the source of the gain, if
@@ -185,19 +185,22 @@ def is_calibrated(rig: RigConfig, model: str) -> bool:
 
 
 def calibration_cam(rig: RigConfig, model: str) -> str:
-    """Return the cam to whose levels a rig was fitted, empty if not calibrated."""
+    """Return the name of the cam to whose levels a rig was calibrated.
+
+    It is empty if the rig is not calibrated for this model.
+    """
     return (rig.calibrated_on or "measured levels") if is_calibrated(rig, model) else ""
 
 
 def describe_fit_model(rig: RigConfig, model: str) -> str:
-    """Return model and follower in SI units as text, for the source of a fit."""
+    """Return the model and the follower in SI units as text, for the source of a fit."""
     numbers = ((key, number) for key, number in rig.follower if number)
     texts = (f"{key} {number.si:.9g} {SI_UNITS.get(key, '')}".strip() for key, number in numbers)
     return ", ".join((model, *texts))
 
 
 def has_shipped_constants(rig: RigConfig) -> bool:
-    """Return True if gain and cut-off are those of the shipped rig."""
+    """Return True if a rig's gain and corner frequency are those of the shipped rig."""
     radiation, shipped = rig.radiation, _shipped_rig().radiation
     if radiation is None or shipped is None:
         return False
@@ -236,14 +239,14 @@ class LoadedScene:
     published_file: Path | None = None
 
     def __repr__(self) -> str:
-        """Return cams, rig, model and some of the speeds."""
+        """Return the cams, the rig, the model and some of the speeds as text."""
         speeds = ", ".join(f"{rpm:g}" for rpm in spread_speeds(speeds_of(self.scene), FORCE_SPEEDS))
         experiment = f"{', '.join(self.laws)} on {self.rig.name}, {self.scene.model}"
         return f"LoadedScene({self.scene.name}: {experiment}, {speeds} rpm)"
 
     @property
     def titles(self) -> dict[str, str]:
-        """Titles of the mounted cams by name."""
+        """Titles of the mounted cams by the name of the cam."""
         return {name: cam.title for name, cam in self.cams.items()}
 
     @property
@@ -253,22 +256,22 @@ class LoadedScene:
 
     @property
     def radiation(self) -> RadiationParameters:
-        """Acoustic constants of the rig."""
+        """Acoustic constants of the rig for the model of the scene."""
         return RadiationParameters.from_rig(self.rig, lands=MODELS[self.scene.model].lifts_off)
 
     @property
     def missing_for_sound(self) -> tuple[str, ...]:
-        """Keys of numbers that a sound level needs and the rig does not have."""
+        """Keys of the numbers that the rig lacks for a sound level."""
         return self.rig.missing_for_sound(MODELS[self.scene.model].lifts_off)
 
     @property
     def no_sound_note(self) -> str:
-        """Sentence on a sound level that cannot be computed, empty if it can."""
+        """Sentence on why no sound level can be computed, empty if it can."""
         keys = " and ".join(self.missing_for_sound)
         return f"sound level left out: rig {self.rig.name} has no {keys}" if keys else ""
 
     def require_numbers(self) -> None:
-        """Raise `ConfigError` if the rig lacks a number of the model or of the sound."""
+        """Raise `ConfigError` if the rig lacks a number for the model or the sound."""
         _ = MODELS[self.scene.model].parameters(self.rig), self.radiation
 
     @property
@@ -285,11 +288,14 @@ class LoadedScene:
     def mount(
         self, name: str, again: bool = False, require: Callable[[Law], object] = lambda _: None
     ) -> None:
-        """Add a cam, mounted by an operator, from the library of the scene's cams.
+        """Add a cam that an operator mounts during the run.
+
+        It is read from the library of the scene's cams.
 
         Parameters
         ----------
         name : str
+            Name of the cam.
         again : bool
             True to read the file of a cam that is already in the scene again.
         require : callable
@@ -305,7 +311,13 @@ class LoadedScene:
         self.laws[name], self.cams[name], self.cam_files[name] = law, cam, path
 
     def law_of(self, cam: str) -> Law:
-        """Return the law of a cam. Raise `ConfigError` if the scene does not have the cam."""
+        """Return the law of a cam of the scene.
+
+        Raises
+        ------
+        ConfigError
+            If the scene does not have the cam.
+        """
         if cam not in self.laws:
             raise ConfigError(
                 f"{self.scene_file}: has no cam {cam!r}; allowed: {', '.join(self.laws)}"
@@ -318,7 +330,7 @@ class LoadedScene:
         return is_calibrated(self.rig, self.scene.model)
 
     def level_origin(self, cam: str) -> LevelOrigin:
-        """Return the origin of the level of a cam on this rig."""
+        """Return the origin of the sound level of a cam on this rig."""
         if not self.calibrated:
             return LevelOrigin.RELATIVE
         origin, shipped = self.fitted_origin(cam), has_shipped_constants(self.rig)
@@ -327,7 +339,7 @@ class LoadedScene:
         return origin
 
     def fitted_origin(self, cam: str) -> LevelOrigin:
-        """Return the origin of a cam's level according to the files of rig and cam."""
+        """Return the origin of a cam's sound level according to the files of rig and cam."""
         if cam == self.rig.calibrated_on:
             return LevelOrigin.CALIBRATED
         source = self.cams[cam].identified_from
@@ -335,7 +347,7 @@ class LoadedScene:
         return LevelOrigin.IDENTIFIED if source and is_known else LevelOrigin.PREDICTED
 
     def published_levels(self, cam: str, rpm: FloatArray) -> FloatArray:
-        """Return the published levels (dB) of a cam at speeds in rpm, shape `(n,)`.
+        """Return the published sound levels (dB) of a cam at speeds in rpm, shape `(n,)`.
 
         Raises
         ------
@@ -356,7 +368,7 @@ class LoadedScene:
         return self.published.level(cam, rpm)
 
     def with_one_cam(self, cam: str, law: Law) -> LoadedScene:
-        """Return the scene with one cam only, and with another law for it."""
+        """Return the scene with a single cam, whose law is replaced by `law`."""
         scene = self.scene.model_copy(update={"cams": [cam]})
         return replace(self, scene=scene, laws={cam: law})
 
@@ -393,7 +405,10 @@ FORCE_ARROW_RATIO = 0.5
 
 
 def max_contact_force(loaded: LoadedScene, cam: str, speed: float) -> float:
-    """Return the maximum contact force (N) at a speed (rad/s), always in contact."""
+    """Return the largest contact force (N) of a turn at a cam speed (rad/s).
+
+    The follower is on the cam throughout.
+    """
     return force_extremes(loaded.laws[cam], loaded.follower, speed)[1]
 
 
@@ -411,7 +426,10 @@ def speeds_of(scene: SceneConfig) -> list[float]:
 
 
 def spread_speeds(speeds: list[float], max_count: int) -> list[float]:
-    """Return up to `max_count` evenly spread speeds, including the first and the last."""
+    """Return up to `max_count` evenly spread speeds, including the first and the last.
+
+    Fewer speeds are returned unchanged.
+    """
     if len(speeds) <= max_count:
         return speeds
     indices = np.linspace(0, len(speeds) - 1, max_count).round().astype(int)

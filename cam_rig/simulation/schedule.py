@@ -1,6 +1,7 @@
 """Schedule of the drive: the speeds of a scene as cam states, one per tick.
 
-A step is the time that one cam turns at one speed. Ramps to its speed are not part of it.
+A tick is a short interval of rig time for which samples are computed together. A step is the time
+that one cam turns at one speed. Ramps to its speed are not part of it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from cam_rig.units import NS, TURN
 
 @dataclass(frozen=True)
 class CamState:
-    """Cam angle and speed at a time.
+    """Cam angle and cam speed at one time.
 
     The cam turns to the next state at constant speed or on a ramp. The whole turns of the angle are
     counted separately, so its accuracy does not depend on their number. Whole turns in a given
@@ -43,11 +44,11 @@ class CamState:
         return self.turns * TURN + self.angle
 
     def since(self, other: CamState) -> float:
-        """Return the angle (rad) from another state to this one."""
+        """Return the angle (rad) that the cam turns from another state to this state."""
         return (self.turns - other.turns) * TURN + (self.angle - other.angle)
 
     def until(self, end: CamState) -> Interval:
-        """Return the interval up to the next state.
+        """Return the interval from this state to the next state.
 
         It is a ramp if the angle between the states fits the mean speed better than the first.
         """
@@ -60,7 +61,7 @@ class CamState:
         return Interval(*times, self.angle, self.speed, acceleration, self.turns)
 
     def turns_until(self, end: CamState) -> bool:
-        """Return True if the cam turns from this state to another.
+        """Return True if the cam turns from this state to another state.
 
         Otherwise the cam is stopped, or the other state does not belong to the same run.
         """
@@ -71,12 +72,12 @@ class CamState:
         return turned > 0.0 and abs(turned - 0.5 * end.speed * length) < ANGLE_TOLERANCE
 
     def is_steady_until(self, end: CamState) -> bool:
-        """Return True if the speed is constant up to the next state, not on a ramp."""
+        """Return True if the cam speed is constant up to the next state, not on a ramp."""
         return self.until(end).acceleration == 0.0
 
 
 def cam_states(scene: SceneConfig) -> Iterator[CamState]:
-    """Yield all states of a scene in order, with a continuous angle.
+    """Yield all cam states of a scene in order, with a continuous angle.
 
     In the last state the cam is stopped. It is the end of the last tick.
     """
@@ -110,7 +111,7 @@ def run_length(scene: SceneConfig) -> tuple[int, int]:
 
 
 def _steady_ticks(scene: SceneConfig, speed: float) -> Iterator[Interval]:
-    """Yield the ticks at one speed, from time and angle 0.
+    """Yield the ticks of one speed (rad/s), starting from time 0 and angle 0.
 
     They are not stored, because there may be 1e8 ticks.
     """
@@ -123,7 +124,7 @@ def _steady_ticks(scene: SceneConfig, speed: float) -> Iterator[Interval]:
 
 
 def _ticks_end_ns(scene: SceneConfig, speed: float, ticks: int) -> int:
-    """Return the time (ns) from the start of a speed to the end of a number of ticks.
+    """Return the time (ns) from the start of a speed to the end of `ticks` ticks.
 
     It is rounded from an exact fraction: the time of a whole turn does not depend on its division.
     """
@@ -133,7 +134,10 @@ def _ticks_end_ns(scene: SceneConfig, speed: float, ticks: int) -> int:
 
 
 def _ramp_ticks(scene: SceneConfig, previous_speed: float, speed: float) -> list[Interval]:
-    """Return the ticks of a ramp, not longer than a tick at its higher speed."""
+    """Return the ticks of a ramp between two speeds (rad/s).
+
+    No tick is longer than a tick at the higher speed. The list is empty without a ramp.
+    """
     if scene.schedule.ramp is None or previous_speed == speed:
         return []
     length = round(scene.schedule.ramp.si * NS)

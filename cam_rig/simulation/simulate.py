@@ -1,4 +1,4 @@
-"""Simulation of a scene in one process, with the classes that the nodes use."""
+"""Simulation of a scene in one process, with the classes that the nodes use too."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from cam_rig.units import NS, TURN, FloatArray, to_rpm
 
 @dataclass(frozen=True)
 class MeasuredTick:
-    """Measurement of the microphone over one tick."""
+    """Sound pressure at the microphone over one tick."""
 
     start: CamState
     stop_ns: int
@@ -36,7 +36,10 @@ class MeasuredTick:
     def between(
         cls, start: CamState, end: CamState, pressure: float, sample_rate: int
     ) -> MeasuredTick:
-        """Return the tick between two cam states, with samples at `sample_rate` (Hz)."""
+        """Return the measurement between two cam states.
+
+        `pressure` is the r.m.s. sound pressure (Pa), `sample_rate` is in Hz.
+        """
         interval = start.until(end)
         count = interval.grid(sample_rate).count
         return cls(start, end.time_ns, pressure, count, interval.acceleration == 0.0)
@@ -51,7 +54,8 @@ STOP_ATOL_S = 0.1
 class TransientFilter:
     """Detector of the settled ticks of a run.
 
-    They are those after the first turns of a step, the time of one cam at one speed.
+    A tick is settled after the first `turns` turns of a step. A step is the time of one cam at one
+    speed.
     """
 
     turns: float  #: number of turns left out at the start of each step
@@ -59,7 +63,7 @@ class TransientFilter:
     _last: CamState | None = field(default=None, init=False)
 
     def is_over(self, start: CamState, steady: bool) -> bool:
-        """Return True if the tick from `start` on is settled.
+        """Return True if the tick that starts at `start` is settled.
 
         It must be called for each tick in order, with `steady` False on a ramp.
         """
@@ -73,7 +77,10 @@ class TransientFilter:
 
 
 def _continues(last: CamState, start: CamState) -> bool:
-    """Return True if a cam turned at one speed between two states, adjacent or not."""
+    """Return True if a cam turned at one speed between two states.
+
+    The states may be of adjacent ticks or not.
+    """
     if (start.cam, start.speed) != (last.cam, last.speed):
         return False
     return abs((start.time_ns - last.time_ns) / NS - start.since(last) / last.speed) < STOP_ATOL_S
@@ -84,7 +91,10 @@ Part = TypeVar("Part")
 
 @dataclass
 class WholeTurns(Generic[Part]):
-    """Collector of settled ticks into whole turns: less than a turn has no mean."""
+    """Collector of settled ticks into whole turns.
+
+    Means are formed over whole turns only.
+    """
 
     settling: TransientFilter
     _parts: list[Part] = field(default_factory=list, init=False)
@@ -95,10 +105,11 @@ class WholeTurns(Generic[Part]):
     def add(
         self, start: CamState, steady: bool, turned: float, span: tuple[int, int], part: Part
     ) -> list[Part]:
-        """Add the data of the next tick, and return those of the turns that it completes.
+        """Add the data of the next tick, and return those of the turns it completes.
 
-        `steady` is False on a ramp, and `turned` is the angle of the tick in rad. `span` is its
-        start and end on any scale of whole numbers on which successive ticks are adjacent.
+        The result is empty if no turn is complete. `steady` is False on a ramp, and `turned` is the
+        angle of the tick in rad. `span` is its start and end on any scale of whole numbers on which
+        successive ticks are adjacent. `part` is the data.
         """
         settled, first = self.settling.is_over(start, steady), self.settling.first
         if not settled or (self._step, self._stop) != (first, span[0]):
@@ -115,7 +126,7 @@ class WholeTurns(Generic[Part]):
 
 
 class StepLevels:
-    """Energy mean level in dB over whole settled turns, by cam and speed (rad/s).
+    """Energy mean sound level (dB) over whole settled turns, by cam and speed (rad/s).
 
     Each tick is weighted by its number of samples, not by its duration. Ticks of equal duration may
     differ by one sample, and the level must not depend on the number of ticks per turn.
@@ -127,7 +138,10 @@ class StepLevels:
         self._turns = WholeTurns[MeasuredTick](TransientFilter(transient_turns))
 
     def add(self, tick: MeasuredTick) -> float | None:
-        """Add a tick, and return the new level if it completes a turn, else None."""
+        """Add a tick, and return the new level (dB) if the tick completes a turn.
+
+        Otherwise the result is None.
+        """
         if tick.pressure is None:
             return None
         start, span = tick.start, (tick.start.time_ns, tick.stop_ns)
@@ -148,7 +162,10 @@ class StepLevels:
 def step_levels(
     ticks: Iterable[MeasuredTick], transient_turns: float
 ) -> dict[str, dict[float, float]]:
-    """Return the level in dB by cam and speed (rad/s) of a run, see `StepLevels`."""
+    """Return the sound level (dB) of a run by cam and speed (rad/s).
+
+    `StepLevels` describes the mean.
+    """
     step = StepLevels(transient_turns)
     for tick in ticks:
         step.add(tick)
@@ -156,7 +173,10 @@ def step_levels(
 
 
 def require_ticks(levels: dict[str, dict[float, float]], source: str) -> None:
-    """Raise `CamRigError` if there are no levels. The message starts with `source`."""
+    """Raise `CamRigError` if a run has no sound levels.
+
+    The message starts with `source`.
+    """
     if not levels:
         raise CamRigError(
             f"{source}: no whole settled turn to measure; run at least one whole step"
@@ -186,7 +206,10 @@ class TickSamples(NamedRows):
         return self.interval.acceleration == 0.0
 
     def is_of(self, cam: str | None, rpm: float | None) -> bool:
-        """Return True if the tick has this cam and this constant speed. None accepts any."""
+        """Return True if the tick has this cam and this constant speed (rpm).
+
+        None accepts any cam or any speed.
+        """
         if cam is not None and cam != self.cam:
             return False
         difference = 0.0 if rpm is None else abs(to_rpm(self.start.speed) - rpm)
@@ -194,37 +217,44 @@ class TickSamples(NamedRows):
 
     @cached_property
     def _time_in_tick(self) -> FloatArray:
-        """Times since the start of the tick, s, shape `(n,)`."""
+        """Times of the samples since the start of the tick, s, shape `(n,)`."""
         return self.time - self.interval.start_ns / NS
 
     @property
     def angle(self) -> FloatArray:
-        """Cam angle with all its turns, rad, shape `(n,)`."""
+        """Cam angle of the samples with all turns, rad, shape `(n,)`."""
         return self.interval.unwrapped_at(self._time_in_tick)
 
     @cached_property
     def angle_in_turn(self) -> FloatArray:
-        """Cam angle in [0, 2π), rad, shape `(n,)`, accurate after any number of turns."""
+        """Cam angle of the samples in [0, 2π), rad, shape `(n,)`.
+
+        It is accurate after any number of turns.
+        """
         angle = self.interval.angle_at(self._time_in_tick)
         wrapped = angle - np.floor(angle / TURN) * TURN
         return np.where(wrapped < TURN, wrapped, 0.0)  # equal to TURN by rounding
 
     def turned_angle(self, rate: int) -> float:
-        """Return the angle (rad) of the cam over the samples, with samples at `rate` Hz."""
+        """Return the angle (rad) that the cam turns during the samples of the tick.
+
+        `rate` is the sample rate, Hz.
+        """
         fraction = self.time.size / self.interval.grid(rate).count
         return fraction * self.interval.mean_speed * self.interval.duration
 
     @property
     def rpm(self) -> FloatArray:
-        """Cam speed, rpm, shape `(n,)`."""
+        """Cam speed of the samples, rpm, shape `(n,)`."""
         return np.round(to_rpm(self.interval.speed_at(self._time_in_tick)), 9)
 
 
 @dataclass
 class FollowerSimulator:
-    """Simulator of the follower on the mounted cam, also used by the follower node.
+    """Simulator of the follower on the mounted cam.
 
-    It computes a block of samples for each cam state after the first.
+    The follower node uses it too. It computes a block of samples for each cam state after the
+    first.
     """
 
     model: Model
@@ -237,15 +267,15 @@ class FollowerSimulator:
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> FollowerSimulator:
-        """Return the follower of a scene."""
+        """Return the simulator for the model, the rig and the cams of a scene."""
         model, rate = MODELS[loaded.scene.model], int(loaded.scene.sample_rate.si)
         return cls(model, model.parameters(loaded.rig), rate, dict(loaded.laws))
 
     def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
         """Simulate the tick that ends at a cam state.
 
-        The follower's state and samples are returned, or None at the first cam state and if the cam
-        does not turn. On a new cam the next tick starts at rest.
+        Returns the follower's state and the block of samples. Returns None at the first cam state,
+        and if the cam does not turn. On a new cam the next tick starts at rest.
         """
         start, start_state, pending_impulse = self.last, self.state, self.pending_impulse
         self.continue_from(state)
@@ -264,13 +294,19 @@ class FollowerSimulator:
     def continue_from(
         self, last: CamState | None = None, state: FollowerState | None = None
     ) -> None:
-        """Continue from a cam state, with the follower in `state`, or at rest on the cam."""
+        """Set the cam state and the follower's state from which the simulation continues.
+
+        None for the follower's state means at rest on the cam.
+        """
         self.last, self.state, self.pending_impulse = last, state, 0.0
 
 
 @dataclass
 class MicrophoneSimulator:
-    """Simulator of the microphone, also used by the microphone node."""
+    """Simulator of the microphone.
+
+    The microphone node uses it too.
+    """
 
     parameters: RadiationParameters
     sample_rate: int
@@ -278,11 +314,15 @@ class MicrophoneSimulator:
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> MicrophoneSimulator:
-        """Return the microphone of a scene."""
+        """Return the simulator of the microphone for the rig of a scene."""
         return cls(loaded.radiation, int(loaded.scene.sample_rate.si))
 
     def listen(self, block_rows: FloatArray, speed: float) -> float:
-        """Return the r.m.s. pressure (Pa) over a block `(6, n)` at a cam speed (rad/s)."""
+        """Return the r.m.s. sound pressure (Pa) over a block of samples.
+
+        `block_rows` is `(6, n)` in the order of `COLUMNS`. `speed` is the cam speed (rad/s). The
+        filter state continues from the block before.
+        """
         block = Samples(block_rows)
         self.state, pressure = rms_pressure(
             self.parameters, self.state, block.force, block.impulse, self.sample_rate, speed
@@ -290,7 +330,7 @@ class MicrophoneSimulator:
         return pressure
 
     def measure(self, tick: TickSamples) -> MeasuredTick:
-        """Return the measurement over a tick."""
+        """Return the measured sound pressure over a tick."""
         return _measure(tick, self.listen(tick.rows, tick.interval.mean_speed))
 
 
@@ -326,7 +366,7 @@ def simulate(
     start_state: FollowerState | None = None,
     states: Iterable[CamState] | None = None,
 ) -> Iterator[MeasuredTick]:
-    """Simulate a scene, and yield the measurement of each tick.
+    """Simulate a scene, and yield the measured sound pressure of each tick.
 
     `take` is called with the samples of each tick, which are not stored. The other parameters are
     those of `simulate_ticks`. Ticks have no pressure if the rig has no acoustic constants.
@@ -347,25 +387,28 @@ RESPONSE_SCALE_RPM = 100.0
 
 
 class Sounding(Protocol):
-    """Excitation of the rig's structure by a cam at several speeds."""
+    """Sources of sound of a cam at several speeds: contact force and landings."""
 
     @property
     def speeds(self) -> FloatArray:
         """Cam speeds, rad/s, shape `(n,)`."""
 
     def every(self, step: int) -> Sounding:
-        """Return every `step`-th speed only."""
+        """Return the same sources at every `step`-th speed only."""
 
     def contact_power(self, corner_rate: float) -> FloatArray:
-        """Return the mean square of ω_c (F − q), shape `(n,)` in (N/s)², for ω_c in rad/s."""
+        """Return the mean square of ω_c (F − q) at each speed, (N/s)², shape `(n,)`.
+
+        F is the contact force and q its low-pass filtered value. ω_c is `corner_rate` in rad/s.
+        """
 
     def landing_power(self, radiation: RadiationParameters) -> FloatArray:
-        """Return the mean square pressure of the landings, shape `(n,)` in Pa²."""
+        """Return the mean square sound pressure of the landings, Pa², shape `(n,)`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Turns:
-    """Samples of the last turn of a run at each speed."""
+    """Samples of the last simulated turn at each speed."""
 
     speeds: FloatArray  #: rad/s, ``(n,)``
     forces: tuple[FloatArray, ...]  #: N, for each speed
@@ -377,16 +420,19 @@ class Turns:
         return to_rpm(self.speeds)
 
     def every(self, step: int) -> Turns:
-        """Return every `step`-th speed only."""
+        """Return the same samples at every `step`-th speed only."""
         return Turns(self.speeds[::step], self.forces[::step], self.impulses[::step])
 
     def contact_power(self, corner_rate: float) -> FloatArray:
-        """Return ⟨(ω_c (F − q))²⟩ of the periodic turn, shape `(n,)` in (N/s)²."""
+        """Return ⟨(ω_c (F − q))²⟩ of the periodic turn at each speed, `(n,)`, (N/s)².
+
+        F is the contact force and q its low-pass filtered value. ω_c is `corner_rate` in rad/s.
+        """
         blocks = zip(self.forces, self.impulses, strict=True)
         return np.array([_contact_power(corner_rate, *block) for block in blocks])
 
     def landing_power(self, radiation: RadiationParameters) -> FloatArray:
-        """Return the mean square pressure of the landings, shape `(n,)` in Pa²."""
+        """Return the mean square sound pressure of the landings, Pa², shape `(n,)`."""
         energy = [float(radiation.landing_energy(impulse).sum()) for impulse in self.impulses]
         return np.array(energy) * self.speeds / TURN
 
@@ -394,7 +440,8 @@ class Turns:
 def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float:
     """Return ⟨(ω_c (F − q))²⟩ of one periodic turn, (N/s)².
 
-    The structure is linear: its response is that from rest plus a decay that makes it periodic.
+    `rate` is ω_c in rad/s, `force` (N) and `impulse` (N·s) are the samples of the turn. The
+    structure is linear: its response is that from rest plus a decay that makes it periodic.
     """
     from_rest = structure_response(rate, TURN_RATE_HZ, 0.0, float(force[-1]), force, impulse)
     decay = np.exp(-rate / TURN_RATE_HZ * np.arange(1, force.size + 1))
@@ -405,9 +452,10 @@ def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float
 def simulate_steady_turns(
     law: Law, model: str, parameters: Any, speeds: Sequence[float] | FloatArray
 ) -> Turns:
-    """Return the second turn from rest at each speed (rad/s).
+    """Return the samples of the second turn from rest at each speed (rad/s).
 
-    It is the first turn for a rigid follower that is in contact at its end: the second is equal.
+    For a rigid follower that is in contact at the end of the first turn, the first turn is
+    returned, because the second is equal.
     """
     forces, impulses = [], []
     for speed in map(float, speeds):
@@ -432,7 +480,7 @@ class Acoustics:
     response: tuple[float, ...] = ()
 
     def levels(self, turns: Sounding) -> FloatArray:
-        """Return the level in dB at each speed, shape `(n,)`.
+        """Return the sound level (dB) at each speed, shape `(n,)`.
 
         The speed response is not applied to landings. It is measured on a cam without landings at
         some tens of Hz, and the sound of landings is at some kHz.
@@ -447,5 +495,5 @@ class Acoustics:
     def with_constants(
         self, gain: float, corner: float, response: tuple[float, ...] = ()
     ) -> Acoustics:
-        """Return these constants with another gain, corner (Hz) and speed response."""
+        """Return the constants with another gain, corner (Hz) and speed response."""
         return Acoustics(replace(self.radiation, gain=gain, corner_frequency=corner), response)

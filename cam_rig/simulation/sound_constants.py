@@ -1,4 +1,4 @@
-"""Least-squares fit of the two acoustic constants of a rig to levels of cams."""
+"""Least-squares fit of a rig's two acoustic constants to the sound levels of cams."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ from cam_rig.units import FloatArray, rms, to_rpm
 
 @dataclass(frozen=True, eq=False)
 class PublishedCam:
-    """Settled turns of a cam, and its published or measured level at the same speeds."""
+    """Settled turns of a cam, and its published or measured sound level.
+
+    The level is that at the speeds of the turns.
+    """
 
     cam: str
     turns: Sounding
@@ -30,32 +33,35 @@ class PublishedCam:
         return to_rpm(self.turns.speeds)
 
     def every(self, step: int) -> PublishedCam:
-        """Return every `step`-th speed only."""
+        """Return the same data at every `step`-th speed only."""
         return PublishedCam(self.cam, self.turns.every(step), self.published[::step])
 
     def difference(self, acoustics: Acoustics) -> FloatArray:
-        """Return simulated minus published level in dB, shape `(n,)`."""
+        """Return the simulated less the published sound level (dB) at each speed, `(n,)`."""
         return acoustics.levels(self.turns) - self.published
 
     def rms(self, acoustics: Acoustics) -> float:
-        """Return the root mean square of the difference, dB."""
+        """Return the root mean square of the level difference over all speeds, dB."""
         return rms(self.difference(acoustics))
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyTurns:
-    """Periodic sound in closed form of a cam that keeps contact at all speeds."""
+    """Sources of sound of a cam that keeps contact at all speeds, in closed form."""
 
     law: Law
     follower: FollowerParameters
     speeds: FloatArray  #: rad/s
 
     def every(self, step: int) -> SteadyTurns:
-        """Return every `step`-th speed only."""
+        """Return the same sources at every `step`-th speed only."""
         return SteadyTurns(self.law, self.follower, self.speeds[::step])
 
     def contact_power(self, corner_rate: float) -> FloatArray:
-        """Return ⟨(ω_c (F − q))²⟩ over a turn, shape `(n,)` in (N/s)²."""
+        """Return ⟨(ω_c (F − q))²⟩ over a turn at each speed, (N/s)², shape `(n,)`.
+
+        F is the contact force and q its low-pass filtered value. ω_c is `corner_rate` in rad/s.
+        """
         power = [mean_square_rate(self.law, self.follower, corner_rate, s) for s in self.speeds]
         return np.array(power)
 
@@ -67,7 +73,9 @@ class SteadyTurns:
 def fit_two_constants(
     cams: Sequence[PublishedCam], start: Acoustics, corners: tuple[float, float] = (0.0, np.inf)
 ) -> Acoustics:
-    """Fit gain and corner by least squares of the level differences (dB) of all cams.
+    """Fit gain and corner frequency to the levels of all cams by least squares.
+
+    The squares are those of the level differences in dB.
 
     Parameters
     ----------
@@ -75,7 +83,7 @@ def fit_two_constants(
     start : Acoustics
         Initial values, and the constants that are not fitted.
     corners : tuple of float
-        Limits of the corner, Hz.
+        Limits of the corner frequency, Hz.
     """
 
     def residual(x: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Compile the searches before their first long run.
+"""Command that compiles the event searches before their first long run.
 
 Usage: ``python -m cam_rig.dynamics.events``
 """
@@ -23,7 +23,10 @@ from cam_rig.units import NS, TURN
 
 
 def main() -> None:
-    """Compile the searches by one run of each model and of the jump speeds."""
+    """Compile the event searches by a short run of each follower model.
+
+    The search for the jump speed is compiled too.
+    """
     os.environ[VARIABLE] = COMPILED
     ordinates = np.array([[0.0, 0.01], [0.0, 0.01], [0.01, 0.0], [0.01, 0.0]])
     law = Law("smoothstep", np.array([0.0, 0.5 * TURN, TURN]), ordinates)

@@ -50,7 +50,7 @@ MIN_WINDOW_S = 1e-300
 
 
 class Gap(NamedTuple):
-    """Displacement of the follower less that of the cam."""
+    """Gap between the follower and the cam surface at one time of a flight."""
 
     time: float  #: since the start of the flight, s
     gap: float  #: m
@@ -60,7 +60,7 @@ class Gap(NamedTuple):
 
 
 class FlightOverCam(NamedTuple):
-    """Flight over a cam, both from time 0 on."""
+    """Flight of the follower over a turning cam, both from time 0 on."""
 
     lift_off: LiftOffState
     cam: Cam
@@ -73,7 +73,10 @@ class FlightOverCam(NamedTuple):
 
 
 def find_landing(flight: FlightOverCam, limit: float) -> Gap:
-    """Find the landing of a flight, or return the gap at ``limit`` (s) without one.
+    """Find the landing of a flight.
+
+    Returns the gap at the landing, with ``has_landed`` True. If the follower does not land before
+    ``limit`` (s), it returns the gap at ``limit``.
 
     Invariant: the gap is proven open, or zero to rounding, from the start up to ``point``.
     """
@@ -94,16 +97,20 @@ def find_landing(flight: FlightOverCam, limit: float) -> Gap:
 
 
 def rate_before_jump(flight: FlightOverCam, time: float, cam_time: float) -> float:
-    """Return the gap rate (m/s) at ``time`` (s), with the velocity of the cam at ``cam_time``.
+    """Return the gap rate (m/s) just before a velocity jump of the cam.
 
-    The cam is at a velocity jump at ``time``, and just before it at ``cam_time``.
+    ``time`` (s) is the time of the jump, at which the follower's velocity is evaluated.
+    ``cam_time`` (s) is a time just before it, at which the cam's velocity is evaluated.
     """
     rates = advance(flight.lift_off, time).rates
     return contact_component(flight.lift_off, rates) - cam_at(flight.cam, cam_time).velocity
 
 
 def _initial_gap(flight: FlightOverCam) -> Gap:
-    """Return the gap at the start: the known gap, or a difference of displacements."""
+    """Return the gap at the start of a flight.
+
+    It is the stored gap if it is known, otherwise the difference of two displacements.
+    """
     if flight.gap_known:
         return Gap(0.0, flight.gap, flight.gap_rate, 0.0, False)
     lift_off, cam = flight.lift_off, flight.cam
@@ -116,13 +123,16 @@ def _initial_gap(flight: FlightOverCam) -> Gap:
 
 
 def _initial_position(cam: Cam) -> tuple[int, float]:
-    """Return the piece in which the flight starts, and the relative position in it."""
+    """Return the index of the piece in which the flight starts, and the position.
+
+    The position is relative to the span of the piece, from 0 to below 1.
+    """
     piece, low, high = piece_from(cam, 0.0)
     return piece, min(max((cam.angle - low) / (high - low), 0.0), MAX_PIECE_POSITION)
 
 
 def _gap_at(flight: FlightOverCam, time: float, piece: int) -> Gap:
-    """Return the gap at a time (s) in a piece, with the left limit at its end.
+    """Return the gap at a time (s) in a piece of the law, the left limit at its end.
 
     In the first piece the cam's displacement relative to its initial velocity is integrated from
     s'' alone. The rounding of s and s', which differs from that of the follower, does not enter.
@@ -153,11 +163,12 @@ def _gap_at(flight: FlightOverCam, time: float, piece: int) -> Gap:
 
 
 def _step_while_open(flight: FlightOverCam, point: Gap, last: float, limit: float) -> Gap:
-    """Return the last point up to which steps from ``point`` prove an open gap.
+    """Return the gap at the last time up to which steps prove that it is open.
 
-    Each step lies in one piece. There |g̈| ≤ ‖E ẋ‖ + ω² max|s''| by (5), and the step is proven by
-    (2) or (3). No step starts after ``last``, because a step from a joint within rounding of
-    ``limit`` would return the rate after the velocity jump there (13).
+    The steps start at ``point``, and the result is ``point`` if no step is proven. Each step lies
+    in one piece of the law. There |g̈| ≤ ‖E ẋ‖ + ω² max|s''| by (5), and the step is proven by (2)
+    or (3). No step starts after ``last``, because a step from a joint within rounding of ``limit``
+    would return the rate after the velocity jump there (13).
     """
     cam, lift_off, time, gap, rate = flight.cam, flight.lift_off, point.time, point.gap, point.rate
     initial = contact_component(lift_off, lift_off.start)
@@ -192,10 +203,10 @@ def _step_while_open(flight: FlightOverCam, point: Gap, last: float, limit: floa
 
 
 def positive_duration(value: float, rate: float, curvature: float) -> float:
-    """Return T(value, rate, curvature) in s of inequality (1).
+    """Return the duration (s) for which a function is proven to stay positive.
 
-    A function with this value and rate is positive before T. ``curvature`` is an upper bound of its
-    absolute second derivative.
+    It is T(value, rate, curvature) of inequality (1), with the value and the rate of the function
+    at the start. ``curvature`` is an upper bound of its absolute second derivative.
     """
     if value <= 0.0:
         return 0.0
@@ -208,7 +219,11 @@ def positive_duration(value: float, rate: float, curvature: float) -> float:
 def is_positive_between(
     value: float, rate: float, end_value: float, end_rate: float, width: float, curvature: float
 ) -> bool:
-    """Return True if (2) or (3) proves a function positive over ``width`` s."""
+    """Return True if (2) or (3) proves that a function is positive for ``width`` s.
+
+    Its values and rates are those at the start and at the end. ``curvature`` is an upper bound of
+    its absolute second derivative.
+    """
     if value <= 0.0 or end_value <= 0.0:
         return False
     if min(value, end_value) > curvature * width * width / 8.0:  # (2)
@@ -218,9 +233,9 @@ def is_positive_between(
 
 
 def _search_window(flight: FlightOverCam, point: Gap, limit: float, piece_time: float) -> Gap:
-    """Return the landing in the window after ``point``, or the gap at its end.
+    """Return the landing within the next window, or the gap at the end of the window.
 
-    The window lies in the piece that follows ``piece_time`` (s).
+    The window starts at ``point`` and lies in the piece of the law that follows ``piece_time`` (s).
     """
     cam, time = flight.cam, point.time
     piece, low, high = piece_from(cam, piece_time)
@@ -266,7 +281,7 @@ def _search_window(flight: FlightOverCam, point: Gap, limit: float, piece_time: 
 
 
 def _first_fall(gaps: Vector, point: Gap, duration: float, acceleration_rounding: float) -> float:
-    """Return u ∈ [0, 1] at which the gap falls below its rounding error.
+    """Return the position u ∈ [0, 1] at which the gap falls below its rounding error.
 
     It is negative if the gap does not fall. ``gaps`` are ordinates in m. An exact zero at the start
     is divided out first, and a second zero if the rate is zero too (9).
@@ -281,7 +296,7 @@ def _first_fall(gaps: Vector, point: Gap, duration: float, acceleration_rounding
 
 
 def _divide_by_u(row: Vector) -> Vector:
-    """Return the ordinates bᵢ n/i of a polynomial divided by its zero u (9)."""
+    """Return the ordinates bᵢ n/i of a polynomial that is divided by its zero u (9)."""
     degree = len(row) - 1
     out = np.zeros(degree)
     for i in range(degree):

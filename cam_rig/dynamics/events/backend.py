@@ -1,9 +1,10 @@
-"""Backend of the kernels: plain Python, or the same functions compiled by numba.
+"""Backend of the event searches: plain Python, or compiled by numba.
 
-A process starts with plain Python, because loading compiled code takes as long as a few searches.
-The environment variable ``CAM_RIG_EVENTS`` selects one backend for all calls. Both give the same
-bits. Each kernel is compiled once and stored in a folder of the user's cache. The folder's name
-contains a digest of the sources, because numba itself notices changes of one file only.
+A kernel is a function that either backend can run. A process starts with plain Python, because
+loading compiled code takes as long as a few searches. The environment variable ``CAM_RIG_EVENTS``
+selects one backend for all calls. Both give the same bits. Each kernel is compiled once and stored
+in a folder of the user's cache. The folder's name contains a digest of the sources, because numba
+itself notices changes of one file only.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ _ready: dict[Kernel, Kernel] = {}
 
 
 def dispatch(kernel: Kernel, *arguments: Any) -> Any:
-    """Call a kernel, in plain Python or compiled."""
+    """Call a kernel with the selected backend, and return its result."""
     if select_backend() == COMPILED:
         if kernel not in _ready:
             _ready[kernel] = _load(kernel, arguments)
@@ -65,7 +66,7 @@ def dispatch(kernel: Kernel, *arguments: Any) -> Any:
 
 
 def select_backend() -> str:
-    """Return `PLAIN` or `COMPILED`."""
+    """Return the name of the backend for the next call, `PLAIN` or `COMPILED`."""
     requested = os.environ.get(VARIABLE, "")
     if requested in (PLAIN, COMPILED):
         return requested
@@ -73,12 +74,15 @@ def select_backend() -> str:
 
 
 def expect_many() -> None:
-    """Use compiled code from the next call on, because this process will search often."""
+    """Switch to compiled code from the next call on.
+
+    A process calls this function if it will search often.
+    """
     _plain_time.seconds = max(_plain_time.seconds, LOAD_AFTER_S)
 
 
 def _load(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
-    """Return the compiled kernel, or the plain one if numba does not work.
+    """Return the compiled form of a kernel, or the kernel if numba does not work.
 
     A failure of numba is reported on stderr.
     """
@@ -104,9 +108,9 @@ def _load(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
 
 
 def _compile(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
-    """Load the code of a kernel, or compile and store it.
+    """Return the compiled form of a kernel, from the cache or newly compiled.
 
-    Damaged code is replaced.
+    Newly compiled code is stored in the cache. Damaged code in the cache is replaced.
     """
     numba: Any = import_module("numba")
     name, folder = kernel.__name__, _cache_folder()
@@ -139,7 +143,7 @@ def _print(message: str) -> None:
 
 @cache
 def _cache_folder() -> Path:
-    """Return the folder for the code of these sources."""
+    """Return the folder of the compiled code, named after a digest of the sources."""
     package = Path(vectors.__file__).parents[1]
     paths = [package / f"{name.replace('.', '/')}.py" for name in (*MODULES, *CONSTANTS)]
     digest = hashlib.sha256(b"".join(map(Path.read_bytes, paths))).hexdigest()[:16]
@@ -149,7 +153,7 @@ def _cache_folder() -> Path:
 
 @cache
 def _register() -> None:
-    """Let compiled code call the functions of `MODULES` and `without_refcount`."""
+    """Register the functions of `MODULES` and `without_refcount` for compiled code."""
     cgutils: Any = import_module("numba.core.cgutils")
     extending: Any = import_module("numba.extending")
     types: Any = import_module("numba.core.types")

@@ -72,10 +72,11 @@ class StemVibration(NamedTuple):
 
 
 class StemContactTable(NamedTuple):
-    """Numbers of a `LinearResponse` of (η, η̇) whose output is the contact force.
+    """Coefficients of the two-mass model in contact, for each part of a turn.
 
-    It has n parts per turn. The rows of ``polynomials`` have the length of the longest polynomial.
-    Part i uses ``parts[i]["size"]`` numbers of its rows.
+    They are taken from a `LinearResponse` of (η, η̇) whose output is the contact force. It has n
+    parts per turn. The rows of ``polynomials`` have the length of the longest polynomial. Part i
+    uses ``parts[i]["size"]`` numbers of its rows.
     """
 
     parts: Records  #: records of `CONTACT_PART`, ``(n,)``
@@ -89,7 +90,7 @@ class StemContactTable(NamedTuple):
 
 
 class ContactStretch(NamedTuple):
-    """Contact within one part, from a time in it on."""
+    """Stretch of contact within one part of the turn, from a given time on."""
 
     part: int  #: index of the part
     offset: float  #: time since the start of the part, s
@@ -108,9 +109,10 @@ class ContactLoss(NamedTuple):
 def find_loss_of_contact(
     contact: StemContactTable, speed: float, angle: float, vibration: StemVibration, duration: float
 ) -> ContactLoss:
-    """Find the time after which the contact force is negative.
+    """Find the time after which the contact force of two masses is negative.
 
-    The search starts at cam angle ``angle`` (rad) and covers ``duration`` s at ``speed`` rad/s.
+    The search starts at cam angle ``angle`` (rad) in the state ``vibration`` and covers
+    ``duration`` s at ``speed`` rad/s.
     """
     angle_in_turn = angle - math.floor(angle / TURN) * TURN
     index, turn, time = index_at(contact.parts["start"], angle_in_turn), 0.0, 0.0
@@ -153,10 +155,10 @@ def find_loss_of_contact(
 def find_loss_in_part(
     contact: StemContactTable, displacement: float, velocity: float, limit: float
 ) -> float:
-    """Return the time (s) of the loss of contact in the only part of a table.
+    """Return the time (s) of the loss of contact in a table with a single part.
 
     It is infinite if contact is kept up to ``limit`` (s). The search starts at the start of the
-    part with the given free vibration (η, η̇).
+    part. ``displacement`` (m) and ``velocity`` (m/s) are those of the free vibration there.
     """
     contact = without_refcount(contact)
     stretch = ContactStretch(0, 0.0, StemVibration(displacement, velocity))
@@ -164,7 +166,10 @@ def find_loss_in_part(
 
 
 def forced_vibration(contact: StemContactTable, part: int, offset: float) -> StemVibration:
-    """Return X at a time (s) since the start of a part."""
+    """Return the forced vibration (X, Ẋ) in a part of the turn.
+
+    ``offset`` is the time since the start of the part, s.
+    """
     rows = contact.polynomials[part]
     displacement, velocity = rows[StemContactRow.DISPLACEMENT], rows[StemContactRow.VELOCITY]
     if offset == 0.0:
@@ -176,7 +181,10 @@ def forced_vibration(contact: StemContactTable, part: int, offset: float) -> Ste
 def free_vibration(
     contact: StemContactTable, stretch: ContactStretch, time: float
 ) -> StemVibration:
-    """Return the free vibration e^{At} η at a time (s) after the start of a stretch."""
+    """Return the free vibration at a time (s) after the start of a stretch of contact.
+
+    It is e^{At} times the free vibration at the start.
+    """
     response = compute_impulse_response(contact.damping, contact.stiffness, time)
     diagonal = response.rate + contact.damping * response.value
     displacement, velocity = stretch.free.displacement, stretch.free.velocity
@@ -190,7 +198,10 @@ def free_vibration(
 def vibration_after(
     contact: StemContactTable, stretch: ContactStretch, time: float
 ) -> StemVibration:
-    """Return (η, η̇) at a time (s) after the start of a stretch, in the same part."""
+    """Return the vibration (η, η̇) a time (s) after the start of a contact stretch.
+
+    The time lies in the same part of the turn.
+    """
     x = forced_vibration(contact, stretch.part, stretch.offset + time)
     free = free_vibration(contact, stretch, time)
     return StemVibration(x.displacement + free.displacement, x.velocity + free.velocity)
@@ -199,10 +210,11 @@ def vibration_after(
 def _find_loss_in_stretch(
     contact: StemContactTable, stretch: ContactStretch, limit: float
 ) -> float:
-    """Return the time (s) after which the force is below −ε_F.
+    """Return the time (s) after which the contact force is below −ε_F.
 
-    It is infinite if there is no such time before ``limit`` (s). Steps and windows follow each
-    other without a gap, so that no zero is skipped (theorem A).
+    It is measured from the start of the stretch, and infinite if there is no such time before
+    ``limit`` (s). Steps and windows follow each other without a gap, so that no zero is skipped
+    (theorem A).
     """
     force_rounding = contact.parts[stretch.part]["force_rounding"]
     time = _step_while_pressed(contact, stretch, 0.0, limit)
@@ -220,9 +232,10 @@ def _find_loss_in_stretch(
 def _force_ordinates(
     contact: StemContactTable, stretch: ContactStretch, time: float, duration: float
 ) -> Vector:
-    """Return the Bernstein ordinates (N) of F for ``duration`` s from ``time`` on.
+    """Return the Bernstein ordinates (N) of the contact force F from ``time`` on.
 
-    The free vibration's share is a power series of at most one window (10).
+    They cover ``duration`` s, at most one window. The free vibration's share is a power series
+    (10).
     """
     part, rows = contact.parts[stretch.part], contact.polynomials[stretch.part]
     size, count = part["size"], len(contact.series)
@@ -245,7 +258,7 @@ def _force_ordinates(
 def _step_while_pressed(
     contact: StemContactTable, stretch: ContactStretch, time: float, limit: float
 ) -> float:
-    """Return the time (s) up to which steps from ``time`` on prove F > ε_F.
+    """Return the time (s) up to which steps from ``time`` prove a contact force > ε_F.
 
     Each step is proven by the stored minima of the polynomial (8) or by both of its ends (3).
     """
@@ -282,10 +295,10 @@ def _step_while_pressed(
 
 
 def _pressed_until(part: np.void, offset: float, share: float) -> float:
-    """Return the time (s) within a part up to which contact is proven by (8).
+    """Return the time (s) since the start of a part up to which (8) proves contact.
 
-    No vibration with a share of the force up to ``share`` (N) breaks contact before. The time is
-    infinite if the remainder of the part is proven.
+    No vibration with a share of the force up to ``share`` (N) breaks contact before. The search
+    starts at ``offset`` s. The result is infinite if the remainder of the part is proven.
     """
     cell_duration, minima = part["duration"] / CELLS, part["cell_minima"]
     cell = int(offset / cell_duration)
@@ -295,7 +308,10 @@ def _pressed_until(part: np.void, offset: float, share: float) -> float:
 
 
 def bound_share(contact: StemContactTable, scaled_displacement: float, velocity: float) -> float:
-    """Return the upper bound (N) of |p η + q η̇| from (√κ η, η̇) on, inequality (4)."""
+    """Return the upper bound (N) of the vibration's share |p η + q η̇| of the force.
+
+    It applies from a vibration (√κ η, η̇), in m/s, to all later times by inequality (4).
+    """
     energy = math.sqrt(scaled_displacement * scaled_displacement + velocity * velocity)
     return energy * (
         abs(contact.force_per_displacement) / math.sqrt(contact.stiffness)
@@ -306,7 +322,10 @@ def bound_share(contact: StemContactTable, scaled_displacement: float, velocity:
 def _force_above_rounding(
     contact: StemContactTable, stretch: ContactStretch, time: float, free: StemVibration
 ) -> tuple[float, float]:
-    """Return F − ε_F (N) and Ḟ (N/s) at a time (s) with the free vibration ``free``."""
+    """Return the contact force above its rounding error, F − ε_F (N), and Ḟ (N/s).
+
+    ``time`` (s) is measured from the start of the stretch, and ``free`` is the free vibration then.
+    """
     part, rows = contact.parts[stretch.part], contact.polynomials[stretch.part]
     degree, u = part["size"] - 1, (stretch.offset + time) / part["duration"]
     weighted, weighted_rate = (

@@ -74,7 +74,7 @@ PAIR_START = np.dtype(
 
 
 class ImpulseResponse(NamedTuple):
-    """Response S of ẍ + 2δ ẋ + κ x = 0 to a unit impulse."""
+    """Response S of ẍ + 2δ ẋ + κ x = 0 to a unit impulse, at one time."""
 
     value: float  #: S, s
     rate: float  #: Ṡ, 1
@@ -82,7 +82,7 @@ class ImpulseResponse(NamedTuple):
 
 
 class LiftOffState(NamedTuple):
-    """Start of a flight."""
+    """State of the masses at the start of a flight."""
 
     free: Records  #: one record of `FREE_SYSTEM`
     start: Vector  #: x at the start, ``(n,)``
@@ -91,7 +91,7 @@ class LiftOffState(NamedTuple):
 
 
 class Advance(NamedTuple):
-    """Change of a flight since its start."""
+    """Change of the masses' state since the start of the flight, at one time."""
 
     change: Vector  #: x(t) − x(0), ``(n,)``
     rates: Vector  #: ẋ(t), ``(n,)``
@@ -115,7 +115,10 @@ class ContactMassMotion(NamedTuple):
 
 
 def compute_impulse_response(damping: float, stiffness: float, time: float) -> ImpulseResponse:
-    """Return S, Ṡ and ∫S at a time in s, for 2δ in 1/s and κ in 1/s²."""
+    """Return the impulse response S, Ṡ and ∫S of ẍ + 2δ ẋ + κ x = 0 at a time (s).
+
+    ``damping`` is 2δ in 1/s and ``stiffness`` is κ in 1/s².
+    """
     reach = stiffness * time * time
     if damping * time <= MAX_SERIES_TIME and reach <= MAX_SERIES_TIME * MAX_SERIES_TIME:
         return _expand_impulse_response(damping * time, reach, time)
@@ -130,9 +133,10 @@ def compute_impulse_response(damping: float, stiffness: float, time: float) -> I
 
 
 def _expand_impulse_response(damping: float, stiffness: float, time: float) -> ImpulseResponse:
-    """Return the response by its Taylor series, with the time as the unit of time.
+    """Return the impulse response by its Taylor series, for a short time (s).
 
-    The equation of motion gives the terms.
+    ``damping`` is 2δ t and ``stiffness`` is κ t², because the time is the unit of time. The
+    equation of motion gives the terms.
     """
     term, previous, value, integral = 1.0, 0.0, 0.0, 0.0
     for i in range(2, SERIES_TERMS + 1):
@@ -150,9 +154,9 @@ def _expand_impulse_response(damping: float, stiffness: float, time: float) -> I
 def _overdamped_impulse_response(
     decay: float, root: float, stiffness: float, time: float
 ) -> ImpulseResponse:
-    """Return the response of an overdamped or critical pair.
+    """Return the impulse response of an overdamped or critically damped pair.
 
-    It contains no growing exponential.
+    ``decay`` is δ and ``root`` is √(δ² − κ), in 1/s. The formulas contain no growing exponential.
     """
     fast, difference = decay + root, 2.0 * root
     slow = stiffness / fast
@@ -167,7 +171,10 @@ def _overdamped_impulse_response(
 
 
 def start_free_motion(system: Records, start: Vector) -> LiftOffState:
-    """Return the flight of a record of `FREE_SYSTEM` that starts at a state ``(n,)``."""
+    """Return the start of a flight from a state ``(n,)``.
+
+    ``system`` is one record of `FREE_SYSTEM`.
+    """
     free, size = system[0], len(start)
     load = free["load"]
     rates = multiply(free["matrix"], start)
@@ -188,7 +195,10 @@ def start_free_motion(system: Records, start: Vector) -> LiftOffState:
 
 
 def multiply(matrix: Matrix, column: Vector) -> Vector:
-    """Return a matrix times a column ``(n,)``, where the matrix may be larger."""
+    """Return the product of a matrix and a column ``(n,)``, with the shape ``(n,)``.
+
+    A matrix that is larger than n × n counts with its first n rows and columns.
+    """
     out = np.zeros(len(column))
     for i in range(len(column)):
         out[i] = dot(column, matrix[i])
@@ -196,12 +206,15 @@ def multiply(matrix: Matrix, column: Vector) -> Vector:
 
 
 def contact_component(lift_off: LiftOffState, state: Vector) -> float:
-    """Return the displacement (or velocity) of the contact mass in a state (or rate)."""
+    """Return the component of a state that belongs to the contact mass.
+
+    It is the displacement (m) for a state x, and the velocity (m/s) for its rate ẋ.
+    """
     return dot(state, lift_off.free[0]["contact_row"])
 
 
 def advance(lift_off: LiftOffState, time: float) -> Advance:
-    """Return the change of all states and their rates at a time (s) after the start."""
+    """Return the change and the rates of all states at a time (s) after the lift-off."""
     free, size = lift_off.free[0], len(lift_off.start)
     if not free["has_pairs"]:
         flow, integral = _exponential(free, time, size)
@@ -216,7 +229,7 @@ def advance(lift_off: LiftOffState, time: float) -> Advance:
 
 
 def _advance_pair(lift_off: LiftOffState, i: int, time: float) -> PairAdvance:
-    """Return the change of pair i at a time (s) after the start."""
+    """Return the change of the i-th pair (q, q̇) at a time (s) after the lift-off."""
     free, pair = lift_off.free[0], lift_off.pairs[i]
     stiffness = free["pair_stiffness"][i]
     response = compute_impulse_response(free["pair_damping"][i], stiffness, time)
@@ -230,7 +243,10 @@ def _advance_pair(lift_off: LiftOffState, i: int, time: float) -> PairAdvance:
 
 
 def advance_contact_mass(lift_off: LiftOffState, time: float) -> ContactMassMotion:
-    """Return the motion of the contact mass at a time (s), with the bound (5)."""
+    """Return the motion of the contact mass at a time (s) after the lift-off.
+
+    Inequality (5) gives the bound of the later acceleration.
+    """
     free = lift_off.free[0]
     if not free["has_pairs"]:
         state = advance(lift_off, time)
@@ -253,9 +269,9 @@ def advance_contact_mass(lift_off: LiftOffState, time: float) -> ContactMassMoti
 
 
 def bound_acceleration(lift_off: LiftOffState, rates: Vector) -> float:
-    """Return the upper bound (m/s²) of |acceleration| of the contact mass.
+    """Return the upper bound (m/s²) of the later |acceleration| of the contact mass.
 
-    The bound is ‖E ẋ‖ and applies from the rates ẋ on, inequality (5) of docs/proofs.md.
+    The bound is ‖E ẋ‖ for the rates ẋ at the present time, inequality (5) of docs/proofs.md.
     """
     total, energy = 0.0, lift_off.free[0]["energy"]
     for i in range(len(rates)):
@@ -265,10 +281,10 @@ def bound_acceleration(lift_off: LiftOffState, rates: Vector) -> float:
 
 
 def acceleration_ordinates(lift_off: LiftOffState, rates: Vector, duration: float) -> Vector:
-    """Return Bernstein ordinates (m/s²) of the contact mass's acceleration.
+    """Return the Bernstein ordinates (m/s²) of the contact mass's acceleration.
 
-    They cover ``duration`` s from the rates ẋ on, at most one window. Lemma (10) of
-    docs/proofs.md bounds the truncation error.
+    They cover ``duration`` s, at most one window, from the time at which the rates are ẋ. Lemma
+    (10) of docs/proofs.md bounds the truncation error.
     """
     series, ordinates = lift_off.free[0]["series"], np.zeros(SERIES_SIZE)
     for j in range(SERIES_SIZE):
@@ -278,7 +294,7 @@ def acceleration_ordinates(lift_off: LiftOffState, rates: Vector, duration: floa
 
 
 def compute_flow(free: np.void, time: float) -> Matrix:
-    """Return e^{At}, ``(n, n)``, at a time in s."""
+    """Return the exponential e^{At} of the masses in flight at a time (s), ``(n, n)``."""
     size, inverse = free["size"], free["inverse"]
     if not free["has_pairs"]:
         return _exponential(free, time, size)[0]
@@ -295,9 +311,10 @@ def compute_flow(free: np.void, time: float) -> Matrix:
 
 
 def _exponential(free: np.void, time: float, size: int) -> tuple[Matrix, Matrix]:
-    """Return F = e^{At} and its integral P by scaling and squaring.
+    """Return the exponential F = e^{At} at a time (s), and its integral P.
 
-    Doubling the time takes F to F² and P to P + F P.
+    Both are ``(n, n)``. They are computed by scaling and squaring. Doubling the time takes F to F²
+    and P to P + F P.
     """
     reach, doublings = abs(time) * WINDOW_REACH / free["window"], 0
     while reach > MAX_EXPONENTIAL_REACH:
@@ -319,7 +336,10 @@ def _exponential(free: np.void, time: float, size: int) -> tuple[Matrix, Matrix]
 
 
 def _matrix_product(left: Matrix, right: Matrix, scale: float) -> Matrix:
-    """Return ``scale`` times the product of two square matrices, summed in order."""
+    """Return the product of two square matrices, multiplied by ``scale``.
+
+    The sums have a fixed order, so that both backends give the same bits.
+    """
     size = len(right)
     out = np.zeros((size, size))
     for i in range(size):

@@ -1,4 +1,4 @@
-"""Law and cam in the form that the event search reads."""
+"""Tables of a law and a cam, in the form that the event search uses."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class LawRow(IntEnum):
 
 
 class LawTable(NamedTuple):
-    """Numbers of a `Law` with n pieces of degree p."""
+    """Polynomials of a `Law` with n pieces of degree p, as arrays."""
 
     pieces: Records  #: records of `LAW_PIECE`, ``(n,)``
     polynomials: Matrices  #: rows of `LawRow`, ``(n, 4, p + 1)``
@@ -56,7 +56,7 @@ class LawTable(NamedTuple):
 
 
 class Cam(NamedTuple):
-    """Law on a cam that turns at constant speed."""
+    """Cam with its law that turns at constant speed."""
 
     law: LawTable
     speed: float  #: rad/s
@@ -64,7 +64,7 @@ class Cam(NamedTuple):
 
 
 class CamMotion(NamedTuple):
-    """Motion of the cam surface under the follower."""
+    """Motion of the cam surface under the follower at one time."""
 
     lift: float  #: s, m
     velocity: float  #: ṡ, m/s
@@ -72,7 +72,7 @@ class CamMotion(NamedTuple):
 
 
 def cam_at(cam: Cam, time: float) -> CamMotion:
-    """Return the motion of the cam at a time in s, with right limits at joints."""
+    """Return the motion of the cam surface at a time (s), with right limits at joints."""
     law, speed, angle = cam.law, cam.speed, cam.angle + cam.speed * time
     angle_in_turn = angle - math.floor(angle / TURN) * TURN
     i = index_at(law.pieces["start"], angle_in_turn)
@@ -86,10 +86,10 @@ def cam_at(cam: Cam, time: float) -> CamMotion:
 
 
 def lift_within(cam: Cam, piece: int, time: float) -> tuple[float, float]:
-    """Return s (m) and ṡ (m/s) at a time, evaluated in the given piece.
+    """Return the cam's lift s (m) and velocity ṡ (m/s) at a time (s) in a piece.
 
-    The piece contains the cam angle at that time. At a joint either neighbour is allowed, which
-    selects the left or the right limit.
+    The piece of the law contains the cam angle at that time. At a joint either neighbour is
+    allowed, which selects the left or the right limit.
     """
     law, advance = cam.law, cam.speed * time
     span, rows = law.pieces[piece]["span"], law.polynomials[piece]
@@ -107,7 +107,7 @@ def angle_rounding_time(cam: Cam) -> float:
 
 
 def piece_from(cam: Cam, time: float) -> tuple[int, float, float]:
-    """Return the piece that follows a time (s), and its start and end angle (rad).
+    """Return index, start angle and end angle (rad) of the piece after a time (s).
 
     A piece that ends within the rounding error of the angle counts as finished. A lift-off at a
     joint with a jump of s'' is therefore in the next piece, and not one float before it.
@@ -125,10 +125,11 @@ def piece_from(cam: Cam, time: float) -> tuple[int, float, float]:
 
 
 def gap_rounding(law: LawTable, displacement: float) -> float:
-    """Return the rounding error (m) of a gap that is computed as a difference.
+    """Return the rounding error (m) of a gap between follower and cam.
 
-    It is ε_g in docs/proofs.md. It contains the rounding errors of the follower's displacement, of
-    s and of the cam angle, and the steps of s at the joints of the law.
+    The gap is a difference of displacements, and ``displacement`` (m) is that of the follower. The
+    error is ε_g in docs/proofs.md. It contains the rounding errors of the follower's displacement,
+    of s and of the cam angle, and the steps of s at the joints of the law.
     """
     size = max(abs(displacement), law.max_lift) + TURN * law.max_slope
     return GAP_ROUNDING_ERRORS * EPS * size + law.max_lift_step

@@ -1,4 +1,4 @@
-"""State, record and table of a run: the data of the state machine in `runs`."""
+"""Data of a run's state machine (`runs`): its state, its record and its table."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cam_rig.laws.vectors import Records
 
 
 class RunMode(IntEnum):
-    """Mode of a run."""
+    """Mode of the follower in a run: on the cam or in flight."""
 
     CONTACT = 0
     FLIGHT = 1
@@ -77,14 +77,14 @@ LOSS = np.dtype(
 
 
 class StemStretch(NamedTuple):
-    """Stretch of the stem between contact mass and end mass."""
+    """Stretch of the stem between contact mass and end mass, and its rate."""
 
     length: float  #: w, m
     rate: float  #: ẇ, m/s
 
 
 class Jumps(NamedTuple):
-    """Velocity jumps that belong to an interval."""
+    """Velocity jumps of the law that belong to an interval of the run."""
 
     ahead: Records  #: records of `JUMP` in the order of time, ``(n,)``
     duration: float  #: duration of the interval, s
@@ -94,7 +94,7 @@ class Jumps(NamedTuple):
 
 
 class RunRecord(NamedTuple):
-    """Output of a run."""
+    """Output of a run's event search: phases and events."""
 
     state: Records  #: one record of `RUN_STATE`, updated in place
     phases: Records  #: records of `RUN_STATE`
@@ -103,7 +103,7 @@ class RunRecord(NamedTuple):
 
 
 class CamWeights(NamedTuple):
-    """Weights of the cam's motion in a linear combination."""
+    """Weights of the cam's lift, velocity and acceleration in a linear combination."""
 
     lift: float
     velocity: float
@@ -112,10 +112,10 @@ class CamWeights(NamedTuple):
 
 
 class RunTable(NamedTuple):
-    """Follower on a cam at constant speed: one rigid mass, or two masses with a stem.
+    """Coefficients of a run: a follower on a cam that turns at constant speed.
 
-    The fields from ``contact`` to ``preload_compression`` are used only if ``has_stem`` is True,
-    ``losses`` only if it is False.
+    The follower is one rigid mass, or two masses with a stem. The fields from ``contact`` to
+    ``preload_compression`` are used only if ``has_stem`` is True, ``losses`` only if it is False.
     """
 
     cam: Cam

@@ -77,13 +77,20 @@ def run_events(run: RunTable, record: RunRecord) -> None:
 
 
 def start_flight(state: np.void, gap_known: bool, gap: float, gap_rate: float) -> None:
-    """Set the mode and the gap of a state in flight, whose vector is already set."""
+    """Set a state to flight, with the gap (m) and the gap rate (m/s) at its start.
+
+    The vector of the state is already set. ``gap_known`` is True if the gap is more accurate than a
+    difference of displacements.
+    """
     state["mode"], state["gap_known"] = RunMode.FLIGHT, gap_known
     state["gap"], state["gap_rate"] = gap, gap_rate
 
 
 def _ride_one_mass(run: RunTable, record: RunRecord) -> None:
-    """Run contact of one mass up to its lift-off, the next velocity jump, or the end."""
+    """Advance one mass in contact to its lift-off, a velocity jump, or the end.
+
+    The end is that of the interval. The phase and its event are recorded.
+    """
     state = record.state[0]
     time, limit = state["time"], _next_limit(run.jumps, state)
     lift_off, angle = math.inf, run.cam.angle + run.cam.speed * time
@@ -105,7 +112,10 @@ def _ride_one_mass(run: RunTable, record: RunRecord) -> None:
 
 
 def _ride_two_masses(run: RunTable, record: RunRecord) -> None:
-    """Run contact of two masses up to its loss, the next velocity jump, or the end."""
+    """Advance two masses in contact to their lift-off, a velocity jump, or the end.
+
+    The end is that of the interval. The phase and its event are recorded.
+    """
     state, contact = record.state[0], run.contact
     time, limit = state["time"], _next_limit(run.jumps, state)
     vibration = StemVibration(state["vector"][0], state["vector"][1])
@@ -137,7 +147,10 @@ def _ride_two_masses(run: RunTable, record: RunRecord) -> None:
 
 
 def _fly(run: RunTable, record: RunRecord) -> None:
-    """Run a flight up to its landing, the next velocity jump, or the end."""
+    """Advance a flight to its landing, the next velocity jump, or the interval's end.
+
+    The phase and its event are recorded.
+    """
     state, vector, cam = record.state[0], record.state[0]["vector"], run.cam
     time, limit = state["time"], _next_limit(run.jumps, state)
     start = np.zeros(run.free[0]["size"])
@@ -171,9 +184,9 @@ def _fly(run: RunTable, record: RunRecord) -> None:
 
 
 def _apply_velocity_step(run: RunTable, record: RunRecord, time: float, step: float) -> None:
-    """Apply a step of ṡ (m/s) to a run.
+    """Apply a step of the cam's velocity ṡ (m/s) to the follower at a time (s).
 
-    In contact it is an impact or a lift-off. In flight it changes the gap rate.
+    In contact the step is an impact or causes a lift-off. In flight it changes the gap rate.
     """
     state = record.state[0]
     if abs(step) <= run.min_velocity_step:
@@ -199,9 +212,9 @@ def _lift_off(
     stretch: StemStretch,
     gap_rate: float,
 ) -> None:
-    """Record a lift-off, and start the flight of a follower that moves with ``cam``.
+    """Record a lift-off, and start the flight of a follower that moves with the cam.
 
-    ``gap_rate`` is in m/s.
+    ``cam`` is the motion of the cam at the lift-off, ``gap_rate`` the initial gap rate in m/s.
     """
     _record_event(record, EventCode.LIFT_OFF, time, 0.0, 0.0)
     _launch(run, record.state[0], cam, stretch, 0.0, gap_rate)
@@ -210,8 +223,8 @@ def _lift_off(
 def _land(run: RunTable, record: RunRecord, time: float, stretch: StemStretch, rate: float) -> None:
     """Record a landing, after which the follower rebounds or stays on the cam.
 
-    ``rate`` is the gap rate, at most 0 m/s. ``stretch`` is that of two masses just before the
-    landing.
+    ``rate`` is the gap rate before the landing, at most 0 m/s. ``stretch`` is the stretch of the
+    stem just before the landing, for two masses.
     """
     state, cam, approach, force = record.state[0], cam_at(run.cam, time), -rate, 0.0
     on_cam, vibration = StemStretch(stretch.length, stretch.rate + rate), StemVibration(0.0, 0.0)
@@ -252,7 +265,11 @@ def _launch(
     rebound: float,
     gap_rate: float,
 ) -> None:
-    """Start a flight on the cam, at ``rebound`` m/s relative to ``cam``."""
+    """Start a flight at the cam surface.
+
+    The follower moves at ``rebound`` m/s relative to the velocity in ``cam``. ``gap_rate`` (m/s) is
+    the gap rate after all velocity jumps.
+    """
     vector, velocity = state["vector"], cam.velocity + rebound
     if run.has_stem:
         vector[0], vector[1] = stretch.length, stretch.rate
@@ -264,9 +281,10 @@ def _launch(
 
 
 def compute_stem_stretch(run: RunTable, vibration: StemVibration, cam: CamMotion) -> StemStretch:
-    """Return the stem's stretch with the roller on the cam, without cancellation.
+    """Return the stretch of the stem with the roller on the cam.
 
-    w = η − (1 − α) s − preload / (k₁ + k₂), which is small compared with both displacements.
+    The formula w = η − (1 − α) s − preload / (k₁ + k₂) has no cancellation, although w is small
+    compared with both displacements.
     """
     length = vibration.displacement - run.spring_share * cam.lift - run.preload_compression
     return StemStretch(length, vibration.velocity - run.spring_share * cam.velocity)
@@ -282,7 +300,7 @@ def _next_limit(jumps: Jumps, state: np.void) -> float:
 
 
 def _limit_event_time(run: RunTable, state: np.void, time: float) -> float:
-    """Return the time (s) of an event, limited to `_next_limit`.
+    """Return the time (s) of an event, limited to the end that `_next_limit` returns.
 
     An event within rounding of a velocity jump is moved to the jump.
     """
@@ -313,7 +331,10 @@ def _record_phase(record: RunRecord, end: float) -> None:
 def _record_event(
     record: RunRecord, code: EventCode, time: float, impulse: float, energy_lost: float
 ) -> None:
-    """Record a lift-off or a landing."""
+    """Append a lift-off or a landing to a record.
+
+    ``impulse`` is in N·s and ``energy_lost`` in J. Both are 0 at a lift-off.
+    """
     counts = record.counts[0]
     event = record.events[counts["events"]]
     event["code"], event["time"] = code, time

@@ -1,4 +1,4 @@
-"""Trajectory of a follower in an interval, and the tables of the event search."""
+"""Trajectory of a follower in an interval, and the tables for its event search."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ ROUNDING_ERRORS = 64.0
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """Contact or a flight."""
+    """Phase of a trajectory: contact with the cam, or a flight."""
 
     begin: float  #: start time, s
     end: float  #: s
@@ -68,11 +68,13 @@ class Phase:
 
 
 class EndlessEventsError(DynamicsError):
-    """Error of an endless series of events, which the model cannot resolve."""
+    """Error of a trajectory with too many events per turn for the model to resolve."""
 
 
 class Trajectory:
-    """Trajectory on one law at one speed (rad/s). Times are in s since the start.
+    """Trajectory of a follower on one law at one cam speed (rad/s).
+
+    Times are in s since the start of the interval.
 
     There is no time stepping. Contact ends at a zero of the force, a flight at a zero of the gap,
     and between these the motion is known in closed form. Both also end at a joint with a velocity
@@ -95,7 +97,7 @@ class Trajectory:
 
     @property
     def phases(self) -> list[Phase]:
-        """Phases in the order of time, created at the first access."""
+        """Phases of the trajectory in the order of time, created at the first access."""
         for records in self._recorded:
             starts, ends = records["time"].tolist(), records["phase_end"].tolist()
             for start, end, state in zip(starts, ends, self._states(records), strict=True):
@@ -106,7 +108,10 @@ class Trajectory:
         return self._phases
 
     def _states(self, records: NDArray[np.void]) -> list[FloatArray | Flight]:
-        """Return the vibration or the flight of each record of `RUN_STATE`."""
+        """Return the state of each record of `RUN_STATE`.
+
+        It is the vibration (η, η̇) for contact, and the `Flight` otherwise.
+        """
         names = ("mode", "gap_known", "gap", "gap_rate")
         columns = (records[name].tolist() for name in names)
         states: list[FloatArray | Flight] = []
@@ -120,7 +125,10 @@ class Trajectory:
         return states
 
     def _start_record(self, state: FloatArray | Flight, step: float) -> NDArray[np.void]:
-        """Return the first state of a run as one record, after a step of ṡ in m/s."""
+        """Return the initial state of a run as one record of `RUN_STATE`.
+
+        ``step`` is the step of the cam's velocity ṡ (m/s) before the run.
+        """
         records = np.zeros(1, RUN_STATE)
         record, vector = records[0], records[0]["vector"]
         record["initial_step"] = step
@@ -155,7 +163,10 @@ class Trajectory:
         self.last = self._states(state)[0]
 
     def _table(self, duration: float, **follower: Any) -> RunTable:
-        """Return the table of a run. ``follower`` are the fields that depend on the model."""
+        """Return the table of a run of ``duration`` s.
+
+        ``follower`` contains the fields of `RunTable` that depend on the model.
+        """
         law, speed = self.law, self.speed
         return RunTable(
             cam=Cam(law=law_table(law), speed=speed, angle=self.angle),
@@ -169,10 +180,11 @@ class Trajectory:
     def finish(
         self, block: Block, grid: SampleGrid, before: FollowerState | None, end: FollowerState
     ) -> tuple[FollowerState, Block]:
-        """Return the end of an interval, and its block with flights, impulses and events.
+        """Add flights, impulses and events to the state and the block of an interval.
 
-        ``block`` contains the samples of contact, ``before`` is the state at its start. Events are
-        in rig time.
+        ``block`` contains the samples of contact, ``before`` is the state at the start of the
+        interval, ``end`` the state at its end. Returns the completed state and block. Events are in
+        rig time.
         """
         for phase in self.phases:
             if phase.flight is not None and (within := grid.find_samples(phase.begin, phase.end)):
@@ -198,7 +210,7 @@ def new_record(state: NDArray[np.void], room: int) -> RunRecord:
 
 @lru_cache(maxsize=64)
 def law_table(law: Law) -> LawTable:
-    """Return the table of a law."""
+    """Return the table of a law for the event search."""
     pieces = np.zeros(law.spans.size, LAW_PIECE)
     pieces["start"], pieces["span"] = law.breaks[:-1], law.spans
     pieces["max_curvature"] = law.largest_curvatures
@@ -220,7 +232,7 @@ def law_table(law: Law) -> LawTable:
 
 @lru_cache(maxsize=128)
 def free_table(system: FreeSystem) -> NDArray[np.void]:
-    """Return the table of masses in flight, one record of `FREE_SYSTEM`."""
+    """Return the table of the masses in flight: one record of `FREE_SYSTEM`."""
     table, pairs, n = np.zeros(1, FREE_SYSTEM), system.pairs, system.load.size
     record = table[0]
     record["size"], record["window"], record["has_pairs"] = n, system.window, pairs is not None
@@ -241,9 +253,10 @@ def free_table(system: FreeSystem) -> NDArray[np.void]:
 def contact_table(
     response: LinearResponse, output: Outputs, only: Part | None = None
 ) -> StemContactTable:
-    """Return the table of a response of two states whose output is the contact force.
+    """Return the table with which the loss of contact of two masses is searched for.
 
-    ``only`` restricts it to one part.
+    ``response`` has two states, and ``output`` is the contact force. ``only`` restricts the table
+    to one part of the turn.
     """
     used = response.parts if only is None else (only,)
     sizes = [part.particular.shape[1] for part in used]
@@ -281,7 +294,10 @@ def contact_table(
 
 @lru_cache(maxsize=64)
 def _window(stiffness: float, damping: float, p: float, q: float) -> tuple[FloatArray, float]:
-    """Return the series of p η + q η̇ in a window, and the window's duration (s)."""
+    """Return the window's matrix to the ordinates of p η + q η̇, and its duration.
+
+    The matrix takes (η, η̇) to the ordinates, ``(d + 1, 2)``. The duration of the window is in s.
+    """
     window = REACH / (math.sqrt(stiffness) + damping)
     matrix, row = np.array([[0.0, 1.0], [-stiffness, -damping]]), np.array([p, q])
     return window_series(matrix, row, window), window
@@ -301,9 +317,10 @@ NO_CONTACT = StemContactTable(
 
 
 def jumps_table(law: Law, angle: float, speed: float, duration: float) -> Jumps:
-    """Return the velocity jumps that belong to an interval.
+    """Return the velocity jumps of a law that belong to an interval.
 
-    `cam_rig.dynamics.velocity_jumps` has the rule.
+    The interval starts at the cam angle ``angle`` (rad) and takes ``duration`` s at ``speed``
+    rad/s. `cam_rig.dynamics.velocity_jumps` has the rule.
     """
     jumps = velocity_jumps_ahead(law, angle, speed, duration)
     ahead = np.array([(jump.time, speed * jump.step) for jump in jumps], dtype=JUMP)

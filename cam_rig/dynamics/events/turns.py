@@ -1,4 +1,4 @@
-"""Motion of a follower over turns of a cam, and its derivative by the start.
+"""Motion of a follower over turns of a cam, and its derivative by its start.
 
 A perturbation is a small change of (z, ż) of the contact mass, and for two masses also of (y, ẏ) of
 the end mass. In flight the closed form Φ of free motion carries it. At a landing the saltation
@@ -56,7 +56,7 @@ TURN_RESULT = np.dtype(
 
 
 class Perturbation(NamedTuple):
-    """Directions of perturbations, and work space."""
+    """Directions of perturbations of the follower's state, and work space."""
 
     frame: Matrix  #: directions of largest growth, orthonormal, ``(n − 1, n)``
     step: Matrix  #: derivative over the next step, ``(n, n)``
@@ -66,7 +66,7 @@ class Perturbation(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """Landing that perturbations pass."""
+    """Landing of the follower through which perturbations are carried."""
 
     time: float  #: s
     approach: float  #: speed against the cam, m/s
@@ -76,10 +76,11 @@ class Landing(NamedTuple):
 def run_turns(
     run: RunTable, record: RunRecord, frame: Matrix, turns: Records, max_landings: float
 ) -> int:
-    """Run turns from the state of a record, and return the number of filled turns.
+    """Run the follower over turns of the cam, and return the number completed.
 
-    ``turns`` are records of `TURN_RESULT`. ``frame`` is as in `Perturbation`. The run ends early
-    in a turn with more than ``max_landings`` landings.
+    The run starts in the state of ``record``. The results are written to ``turns``, records of
+    `TURN_RESULT`. ``frame`` is as in `Perturbation`. The run ends early in a turn with more than
+    ``max_landings`` landings.
     """
     run, record = without_refcount(run), without_refcount(record)
     state, size = record.state[0], run.free[0]["size"]
@@ -106,7 +107,10 @@ def run_turns(
 
 
 def _start_turn(turn: np.void, size: int, is_flying: bool) -> None:
-    """Set a result to no landing and the derivative of (z, ż, y, ẏ) by ``state``."""
+    """Initialise the result of a turn: no landings, and the initial derivative.
+
+    The derivative is that of (z, ż, y, ẏ) by the ``state`` at the start of the turn.
+    """
     turn["landings"], turn["max_landing_speed"], turn["min_landing_speed"] = 0, 0.0, math.inf
     turn["contact_time"], turn["is_flying"] = 0.0, False
     state, growth, derivative = turn["state"], turn["growth"], turn["derivative"]
@@ -121,7 +125,10 @@ def _start_turn(turn: np.void, size: int, is_flying: bool) -> None:
 
 
 def _end_turn(run: RunTable, state: np.void, turn: np.void) -> None:
-    """Write the state at the end of a turn, and convert the derivative to it."""
+    """Write the state at the end of a turn to its result.
+
+    The derivative is converted to that of this state.
+    """
     size, end, derivative = run.free[0]["size"], turn["state"], turn["derivative"]
     if state["mode"] == RunMode.FLIGHT:
         end[0], end[1], turn["is_flying"] = state["gap"], state["gap_rate"], True
@@ -134,7 +141,7 @@ def _end_turn(run: RunTable, state: np.void, turn: np.void) -> None:
 
 
 def _stem_of(run: RunTable, state: np.void, time: float) -> StemStretch:
-    """Return the stretch of the stem in a state at a time (s)."""
+    """Return the stretch of the stem of a run's state at a time (s)."""
     vector = state["vector"]
     if state["mode"] == RunMode.FLIGHT:
         return StemStretch(vector[0], vector[1])
@@ -145,7 +152,7 @@ def _stem_of(run: RunTable, state: np.void, time: float) -> StemStretch:
 def _pass_phases(
     run: RunTable, record: RunRecord, perturbation: Perturbation, turn: np.void
 ) -> None:
-    """Carry the perturbations through the phases of a record."""
+    """Carry the perturbations through all phases of a record, and count its landings."""
     count, event_count, passed = record.counts[0]["phases"], record.counts[0]["events"], 0
     # The impact of a velocity jump at the start of the turn precedes its first phase.
     while passed < event_count and record.events[passed]["time"] <= 0.0:
@@ -172,9 +179,10 @@ def _pass_phases(
 
 
 def _count_landing(run: RunTable, event: np.void, turn: np.void) -> tuple[float, float]:
-    """Return the speeds (m/s) before and after a landing, and add it to a result.
+    """Add a landing to a turn's result, and return the speeds before and after it.
 
-    A lift-off is not added, and its speeds are 0.
+    They are in m/s. The speeds are relative to the cam. A lift-off is not added, and its speeds are
+    0.
     """
     if event["code"] == EventCode.LIFT_OFF:
         return 0.0, 0.0
@@ -217,7 +225,7 @@ def _pass_landing(
 ) -> None:
     """Carry the perturbations through a landing by its saltation matrix.
 
-    ``after`` is the state, or the phase, that follows the landing.
+    ``after`` is the state or the phase that follows the landing, a record of `RUN_STATE`.
     """
     step, free, restitution = perturbation.step, run.free[0], landing.restitution
     cam, size, approach = cam_at(run.cam, landing.time), len(step), landing.approach
@@ -245,7 +253,7 @@ def _pass_landing(
 def _pass_contact(run: RunTable, time: float, perturbation: Perturbation, turn: np.void) -> None:
     """Carry the perturbations through ``time`` s of contact.
 
-    Only the end mass is free there.
+    Only the end mass of two masses can move freely there.
     """
     step = perturbation.step
     for i in range(len(step)):
@@ -262,10 +270,11 @@ def _pass_contact(run: RunTable, time: float, perturbation: Perturbation, turn: 
 def _apply_step(
     perturbation: Perturbation, turn: np.void, log_determinant: float, in_contact: bool
 ) -> None:
-    """Multiply the derivative of the turn by the step, and update the frame.
+    """Multiply the derivative of a turn by the step matrix, and update the frame.
 
-    The frame is made orthonormal by the Gram-Schmidt method. Contact has two directions fewer,
-    which start again at the lift-off.
+    ``log_determinant`` is the logarithm of the determinant of the step. The frame is made
+    orthonormal by the Gram-Schmidt method. Contact has two directions fewer, which start again at
+    the lift-off.
     """
     step, product, size = perturbation.step, perturbation.product, len(perturbation.step)
     derivative, growth = turn["derivative"], turn["growth"]
@@ -290,7 +299,10 @@ def _apply_step(
 
 
 def _turn_direction(perturbation: Perturbation, k: int) -> float:
-    """Return the growth of direction k, after making it orthonormal to those before."""
+    """Carry direction k of the frame through the step, and return its growth factor.
+
+    The direction is made orthonormal to those before it.
+    """
     step, product, size = perturbation.step, perturbation.product, len(perturbation.step)
     frame, weights, length = perturbation.frame, perturbation.weights, 0.0
     for i in range(size):

@@ -1,4 +1,4 @@
-"""Jump speed on a rig with two masses or with one rigid mass.
+"""Jump speed of a rig's follower, with two masses or with one rigid mass.
 
 A rig has two masses if its file divides the mass of the follower. One mass does not vibrate. It
 loses contact at the lowest speed Ω with m s'' Ω² + c s' Ω + k s + preload = 0 (eq. 9 of the paper
@@ -54,7 +54,7 @@ def follower_of(rig: RigConfig) -> AnyFollower:
 
 
 def describe_follower(parameters: AnyFollower) -> str:
-    """Return the kind of the follower as text."""
+    """Return the kind of the follower as text: "one rigid mass" or `TWO_MASSES`."""
     return TWO_MASSES if isinstance(parameters, TwoMassParameters) else "one rigid mass"
 
 
@@ -130,8 +130,8 @@ def min_force(
 ) -> FloatArray:
     """Return the least contact force (N) of a run at each speed (rad/s), shape (n,).
 
-    It is zero at the jump speed. The run takes ``duration`` s from rest, or is in steady state for
-    None.
+    It is zero at the jump speed. The run takes ``duration`` s from rest. None means the steady
+    state.
     """
     if isinstance(parameters, TwoMassParameters):
         return force_run(law, parameters, duration).min_outputs(speeds)

@@ -18,16 +18,19 @@ POINTS_PER_PIECE = 2049
 
 
 def rigid_jump_speed(law: Law, follower: FollowerParameters) -> float:
-    """Return the jump speed (rad/s), infinite if contact is kept at every speed."""
+    """Return the jump speed (rad/s) of one rigid mass.
+
+    It is infinite if contact is kept at every speed, and 0 if contact is lost at every speed.
+    """
     return rigid_jump(law, follower)[0]
 
 
 def rigid_jump(law: Law, follower: FollowerParameters) -> tuple[float, float]:
-    """Return the jump speed (rad/s) and the cam angle (rad) of the loss of contact.
+    """Return the jump speed of one rigid mass, and the cam angle of the contact loss.
 
-    They are infinite and NaN if contact is kept at every speed. Without a preload the force is zero
-    in a dwell on the base circle, and contact is kept there. Therefore a force counts as negative
-    only beyond the rounding error of the lift.
+    The speed is in rad/s and the angle in rad. They are infinite and NaN if contact is kept at
+    every speed. Without a preload the force is zero in a dwell on the base circle, and contact is
+    kept there. Therefore a force counts as negative only beyond the rounding error of the lift.
     """
     require_smooth(law, "")
     lift, stiffness = law.motion[0], follower.spring_stiffness

@@ -26,7 +26,7 @@ FORCE_RTOL = 1e-14
 
 
 class RigidMass(NamedTuple):
-    """Follower without a stem."""
+    """Rigid follower without a stem: the coefficients of its contact force."""
 
     mass: float  #: kg
     damping: float  #: N·s/m
@@ -35,14 +35,14 @@ class RigidMass(NamedTuple):
 
 
 class RigidZero(NamedTuple):
-    """Zero of the contact force."""
+    """Lowest speed at which the contact force is zero, and the cam angle of this zero."""
 
     speed: float  #: rad/s, infinite if the force is positive at every speed
     angle: float  #: cam angle, rad, NaN if the force is positive at every speed
 
 
 def find_rigid_zero(law: LawSeries, follower: RigidMass) -> RigidZero:
-    """Find the lowest speed at which the force is zero, and its cam angle.
+    """Find the lowest speed at which the contact force is zero, and its cam angle.
 
     Invariant: at speeds below ``zero`` the force is not negative, up to rounding, in each part that
     is discarded.
@@ -83,7 +83,11 @@ def find_rigid_zero(law: LawSeries, follower: RigidMass) -> RigidZero:
 
 
 def _zero_at(follower: RigidMass, s: float, slope: float, curvature: float) -> float:
-    """Return the least positive zero in Ω (rad/s) at a cam angle, or infinity."""
+    """Return the lowest speed (rad/s) with a contact force of zero at a cam angle.
+
+    The arguments s (m), s' (m/rad) and s'' (m/rad²) are those of the angle. The result is infinite
+    if there is no such speed.
+    """
     a, b, c = _coefficients(follower, s, slope, curvature)
     discriminant = b * b - 4.0 * a * c
     if discriminant < 0.0 or c <= 0.0:
@@ -95,15 +99,16 @@ def _zero_at(follower: RigidMass, s: float, slope: float, curvature: float) -> f
 def _coefficients(
     follower: RigidMass, s: float, slope: float, curvature: float
 ) -> tuple[float, float, float]:
-    """Return the coefficients a, b and c of the force a Ω² + b Ω + c."""
+    """Return the coefficients a, b and c of the contact force a Ω² + b Ω + c (N)."""
     static = follower.stiffness * s + follower.preload
     return follower.mass * curvature, follower.damping * slope, static
 
 
 def _may_pull(follower: RigidMass, part: Matrix, speed: float) -> bool:
-    """Return True if the force in a part may be negative up to a speed (rad/s).
+    """Return True if the contact force in a part may be negative up to a speed.
 
-    It returns False if (37) proves that the force is not negative.
+    The speed is in rad/s. ``part`` contains the ordinates of s, s' and s'', ``(3, p + 1)``. The
+    result is False if (37) proves that the force is not negative.
     """
     for j in range(part.shape[1]):
         a, b, c = _coefficients(follower, part[0][j], part[1][j], part[2][j])

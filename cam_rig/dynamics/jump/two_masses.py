@@ -42,7 +42,7 @@ def require_run(duration: float) -> None:
 
 @dataclass(frozen=True)
 class Jump:
-    """Jump speed and the first loss of contact."""
+    """Jump speed of a follower, and the first loss of contact at this speed."""
 
     speed: float  #: rad/s
     angle: float  #: cam angle of the loss of contact within its turn, rad
@@ -55,7 +55,7 @@ class Jump:
 
 
 class NoJumpSpeedError(DynamicsError):
-    """Error of a follower that loses or keeps contact at every speed.
+    """Error of a follower that loses, or keeps, contact at every speed.
 
     Its attribute ``speed`` is 0 if contact is lost, and infinite if it is kept.
     """
@@ -66,7 +66,7 @@ class NoJumpSpeedError(DynamicsError):
 
 
 def lost_contact_error(law: Law, slowest: float = MIN_RPM) -> NoJumpSpeedError:
-    """Return the error for a follower that loses contact at the slowest speed (rpm)."""
+    """Return the error for a follower that loses contact at the lowest speed (rpm)."""
     return NoJumpSpeedError(
         f"cam {law.name!r}: the follower loses contact at {slowest:g} rpm already; allowed for a "
         "jump speed: a follower with a larger preload",
@@ -84,9 +84,9 @@ def kept_contact_error(law: Law) -> NoJumpSpeedError:
 
 
 def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> ModalRun:
-    """Return the run whose output is the contact force (N) of two masses.
+    """Return the run of two masses whose output is the contact force (N).
 
-    It takes ``duration`` s from rest, or is in steady state for None.
+    It takes ``duration`` s from rest. None means the steady state.
     """
     return ModalRun.of(contact_response(law, parameters, RPM), force_output(parameters), duration)
 
@@ -94,7 +94,7 @@ def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -
 def find_jump_speed(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = MIN_RPM
 ) -> float:
-    """Return the jump speed (rad/s), see `find_two_mass_jump`."""
+    """Return the jump speed (rad/s) of two masses, see `find_two_mass_jump`."""
     return find_two_mass_jump(law, parameters, duration, slowest).speed
 
 
@@ -103,8 +103,8 @@ def find_two_mass_jump(
 ) -> Jump:
     """Return the jump speed of two masses, and the first loss of contact.
 
-    The search starts at ``slowest`` (rpm). The run takes ``duration`` s from rest, or is in steady
-    state for None.
+    The search starts at ``slowest`` (rpm). The run takes ``duration`` s from rest. None means the
+    steady state.
     """
     zero = solve_threshold(law, parameters, duration, slowest)
     angle = zero.first_angle
@@ -116,7 +116,10 @@ def find_two_mass_jump(
 def solve_threshold(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = MIN_RPM
 ) -> Climb:
-    """Return the lowest speed at which the least contact force is zero, and its angle.
+    """Search for the lowest speed at which the least contact force is zero.
+
+    The result contains this speed and the cam angle of the zero. The run takes ``duration`` s from
+    rest. None means the steady state.
 
     Raises
     ------
@@ -147,7 +150,10 @@ def solve_threshold(
 
 
 def _unresolved_error(law: Law, parameters: TwoMassParameters, speed: float) -> DynamicsError:
-    """Return the error for a rounding error that is too large above a speed (rad/s)."""
+    """Return the error for a jump speed that rounding errors hide.
+
+    It lies above ``speed`` (rad/s).
+    """
     ratio = parameters.damping_ratio
     predicate = f"is damped {ratio:.3g} times critical, with" if ratio > 1.0 else "has"
     return DynamicsError(
@@ -160,7 +166,10 @@ def _unresolved_error(law: Law, parameters: TwoMassParameters, speed: float) -> 
 
 
 def _evaluations_error(law: Law, parameters: TwoMassParameters, speed: float) -> DynamicsError:
-    """Return the error for a search with too many evaluations above a speed (rad/s)."""
+    """Return the error for a search that needs too many evaluations.
+
+    They would be needed above ``speed`` (rad/s).
+    """
     ratio, rate = parameters.damping_ratio, math.sqrt(parameters.stiffness / parameters.end_mass)
     predicate, remedy = f"vibrates at {rate / TURN:.3g} Hz", "more damping"
     if ratio > 1.0:

@@ -1,9 +1,9 @@
 """Free motion ẋ = A x + b of masses in flight, in closed form.
 
-A is transformed to pairs of states. Each pair is a mass on a spring and a damper,
-q̈ + 2δ q̇ + κ q = const. Its response is exact for every damping, including critical damping, and
-for every spring, however weak. The motion is computed relative to the start and not to the position
-of equilibrium, because a weak spring puts the equilibrium far away.
+A is transformed to pairs of states. Each pair describes a mass on a spring and a damper, q̈ + 2δ q̇ +
+κ q = const. Its response is exact for every damping, including critical damping, and for every
+spring, however weak. The motion is computed relative to the start and not to the position of
+equilibrium, because a weak spring puts the equilibrium far away.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ from cam_rig.units import FloatArray
 
 @cache
 def linalg() -> Any:
-    """Return `scipy.linalg`, imported at the first call, as many scenes do without."""
+    """Return the module `scipy.linalg`.
+
+    It is imported at the first call, because many scenes do not need it.
+    """
     return importlib.import_module("scipy.linalg")
 
 
@@ -53,7 +56,7 @@ def response(damping: float, stiffness: float, time: FloatArray) -> Response:
 
 
 def _respond_long(damping: float, stiffness: float, time: FloatArray) -> Response:
-    """Return the response by exponentials."""
+    """Return the impulse response by exponentials, for any times (s)."""
     decay = 0.5 * damping
     square = stiffness - decay**2
     if square > 0.0:
@@ -66,7 +69,7 @@ def _respond_long(damping: float, stiffness: float, time: FloatArray) -> Respons
 
 
 def _respond_short(damping: float, stiffness: float, time: FloatArray) -> Response:
-    """Return the response by a Taylor series, for short times.
+    """Return the impulse response by a Taylor series, for short times (s).
 
     Times are up to `MAX_SERIES_REACH` divided by the fastest rate.
     """
@@ -76,7 +79,7 @@ def _respond_short(damping: float, stiffness: float, time: FloatArray) -> Respon
 
 @lru_cache(maxsize=256)
 def _series_terms(damping: float, stiffness: float) -> FloatArray:
-    """Return the coefficients of S, Ṡ and C, ``(SERIES_TERMS + 1, 3)``.
+    """Return the Taylor coefficients of S, Ṡ and C, ``(SERIES_TERMS + 1, 3)``.
 
     They follow from the equation of motion.
     """
@@ -92,9 +95,9 @@ def _series_terms(damping: float, stiffness: float) -> FloatArray:
 
 
 def _overdamped(decay: float, root: float, stiffness: float, time: FloatArray) -> Response:
-    """Return the response at overcritical or critical damping.
+    """Return the impulse response at overcritical or critical damping.
 
-    The formulas contain no growing exponential.
+    ``decay`` is δ and ``root`` is √(δ² − κ), in 1/s. The formulas contain no growing exponential.
     """
     fast = decay + root
     slow = stiffness / fast
@@ -122,9 +125,9 @@ POWERS_TO_ORDINATES = np.array(
 
 
 def window_series(matrix: FloatArray, row: FloatArray, window: float) -> FloatArray:
-    """Return the matrix from x to the ordinates of row · e^{At} x in a window (s).
+    """Return the matrix that takes x to the ordinates of row · e^{At} x in a window.
 
-    Its shape is ``(SERIES_DEGREE + 1, n)``.
+    The window lasts ``window`` s. The shape of the matrix is ``(SERIES_DEGREE + 1, n)``.
     """
     terms = [row]
     for j in range(SERIES_DEGREE):
@@ -144,7 +147,10 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class FreeSystem:
-    """Masses in flight, ẋ = A x + b, with positions and velocities alternating in x."""
+    """Equation of motion ẋ = A x + b of masses in flight.
+
+    Positions and velocities alternate in x.
+    """
 
     matrix: FloatArray  #: A, ``(n, n)``
     load: FloatArray  #: b, ``(n,)``
@@ -159,25 +165,28 @@ class FreeSystem:
 
     @cached_property
     def window(self) -> float:
-        """Duration in which the series of degree `SERIES_DEGREE` is exact to rounding, s."""
+        """Longest window for which the acceleration series is exact to rounding, s.
+
+        The degree of the series is `SERIES_DEGREE`.
+        """
         stiffness = np.abs(self.matrix[1::2, ::2]).sum(axis=1)  # of accelerations by positions
         scale = np.tile([1.0, 1.0 / np.sqrt(stiffness.max())], self.load.size // 2)
         return REACH / float(np.linalg.norm(scale[:, None] * self.matrix / scale, 2))
 
     @cached_property
     def series(self) -> FloatArray:
-        """Matrix from ẋ to the ordinates of the acceleration, ``(SERIES_DEGREE + 1, n)``.
+        """Matrix that takes ẋ to the ordinates of the contact mass's acceleration.
 
-        The ordinates are those of the contact mass in one window.
+        Its shape is ``(SERIES_DEGREE + 1, n)``. The ordinates cover one window.
         """
         return window_series(self.matrix, self.row @ self.matrix, self.window)
 
     def rates(self, start: FloatArray) -> FloatArray:
-        """Return ẋ of a state, ``(n,)``."""
+        """Return the rate ẋ of a state, ``(n,)``."""
         return np.asarray(self.matrix @ start + self.load)
 
     def state_change(self, start: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return x − x₀ and ẋ at times in s after the state x₀ = ``start``.
+        """Return the change x − x₀ and the rate ẋ at times (s) after x₀ = ``start``.
 
         The shape of each is ``(n, len(times))``.
         """
@@ -201,7 +210,10 @@ class FreeSystem:
     def _change_by_exponential(
         self, start: FloatArray, times: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return x − x₀ and ẋ by the exponential of the matrix augmented by ẋ₀."""
+        """Return x − x₀ and ẋ, each ``(n, len(times))``, by a matrix exponential.
+
+        The matrix is A, augmented by the column ẋ₀.
+        """
         n, rates = start.size, self.rates(start)
         matrix = np.zeros((n + 1, n + 1))
         matrix[:n, :n], matrix[:n, n] = self.matrix, rates
@@ -211,7 +223,7 @@ class FreeSystem:
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Flight of masses from a state on.
+    """Flight of the follower's masses from a given state on.
 
     The gap and its rate are stored if they are more accurate than the difference of two
     displacements. At a lift-off, for example, the gap is exactly 0.
@@ -224,7 +236,7 @@ class Flight:
 
     @property
     def gap_state(self) -> tuple[float, ...]:
-        """Gap (m) and its rate (m/s) at t = 0, or an empty tuple if they are not known."""
+        """Gap to the cam (m) and its rate (m/s) at t = 0, or an empty tuple if unknown."""
         return () if self.gap is None or self.gap_rate is None else (self.gap, self.gap_rate)
 
     def motion(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

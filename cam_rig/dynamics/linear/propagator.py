@@ -37,7 +37,8 @@ MAX_STIFFNESS_RATIO = 0.3
 def derivative_matrix(degree: int) -> FloatArray:
     """Return the derivative matrix of a Bernstein basis, ``(p + 1, p + 1)``.
 
-    It takes ordinates to those of d/du, written with the same degree p.
+    It takes the ordinates of a polynomial in u to those of its derivative by u, written with the
+    same degree p.
     """
     return np.asarray(bernstein.elevate(bernstein.derivative(np.eye(degree + 1)), degree))
 
@@ -61,7 +62,7 @@ def exponentials(matrix: FloatArray, times: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ForcingPiece:
-    """Response on one piece of the forcing, in one or more parts of equal duration h."""
+    """Response on one piece of the forcing, divided into parts of equal duration h."""
 
     matrix: FloatArray  #: A in 1/s, ``(n, n)``
     particular: FloatArray  #: Bernstein ordinates of X on each part, ``(parts, n, p + 1)``
@@ -75,7 +76,7 @@ class ForcingPiece:
 
     @property
     def flow(self) -> FloatArray:
-        """Exponential e^{AT} over the whole piece, ``(n, n)``."""
+        """Exponential e^{AT} over the whole piece, ``(n, n)``, for its duration T."""
         return np.asarray(np.linalg.matrix_power(self.part_flow, self.particular.shape[0]))
 
     def end(self, start: FloatArray) -> FloatArray:
@@ -83,7 +84,10 @@ class ForcingPiece:
         return self._part_starts(start)[-1]
 
     def at(self, start: FloatArray, times: FloatArray) -> FloatArray:
-        """Return the states at times (s) since the start, ``(n, len(times))``."""
+        """Return the states at times (s) since the piece's start, ``(n, len(times))``.
+
+        ``start`` is the state at the start, ``(n,)``.
+        """
         starts = self._part_starts(start)
         states = np.empty((start.size, times.size))
         index = np.minimum((times / self.part).astype(int), self.particular.shape[0] - 1)
@@ -96,7 +100,7 @@ class ForcingPiece:
         return states
 
     def _part_starts(self, start: FloatArray) -> list[FloatArray]:
-        """Return the states at the start of each part and at the end of the piece."""
+        """Return the states at the start of each part, and last at the end of the piece."""
         states = [start]
         for ordinates in self.particular:
             free = self.part_flow @ (states[-1] - ordinates[:, 0])
@@ -105,7 +109,7 @@ class ForcingPiece:
 
 
 def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> ForcingPiece:
-    """Return the response on one piece of the forcing.
+    """Return the response of ẋ = A x + f on one piece of the forcing.
 
     Parameters
     ----------
@@ -122,7 +126,7 @@ def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> ForcingPi
 def pieces(
     matrix: FloatArray, forcing: FloatArray, durations: FloatArray
 ) -> tuple[ForcingPiece, ...]:
-    """Return the responses on m pieces of the forcing, as `piece` does for one.
+    """Return the responses on m pieces of the forcing, each as `piece` computes it.
 
     ``forcing`` are the ordinates of f, ``(n, p + 1, m)``, and ``durations`` are in s, ``(m,)``.
     Pieces that need the same number of parts and terms are solved together.
@@ -189,9 +193,9 @@ def _solve(
 def _modes(
     matrix: FloatArray, duration: float, bound: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the slow block, the fast block and V with A V = V diag(slow, fast).
+    """Return the slow block, the fast block, and V with A V = V diag(slow, fast).
 
-    Slow modes have |λ|T < ``bound``, with the duration T in s.
+    Slow modes have |λ|T < ``bound``, with the ``duration`` T in s.
     """
     overdamped = _overdamped_modes(matrix)
     if overdamped is not None:
@@ -212,7 +216,7 @@ def _modes(
 
 
 def _overdamped_modes(matrix: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Return rates (slow, fast) and shapes of an overdamped mass.
+    """Return the rates (slow, fast) and mode shapes of an overdamped mass.
 
     The two rates are very different. The slow rate is the stiffness divided by the fast rate. The
     Schur form would give it with the rounding of the fast rate, which may be 1e7 times as large.
@@ -229,9 +233,9 @@ def _overdamped_modes(matrix: FloatArray) -> tuple[FloatArray, FloatArray] | Non
 
 
 def _picard_terms(reach: float) -> int:
-    """Return the number of integrals after the first that are above rounding.
+    """Return the number of integrals in Picard's series after the first.
 
-    ``reach`` is |A|T.
+    Further integrals are below rounding. ``reach`` is |A|T.
     """
     size, order = reach, 2
     while size > 1e-17:
@@ -243,9 +247,10 @@ def _picard_terms(reach: float) -> int:
 def _picard(
     matrix: FloatArray, forcing: FloatArray, durations: FloatArray, terms: int
 ) -> FloatArray:
-    """Return Picard's series ∫f + A∫∫f + A²∫∫∫f + …, ``(q + 1, m, k)``.
+    """Return the ordinates of Picard's series ∫f + A∫∫f + A²∫∫∫f + ….
 
-    ``forcing`` are the ordinates of f, ``(p + 1, m, k)``.
+    Their shape is ``(q + 1, m, k)``. ``forcing`` are the ordinates of f, ``(p + 1, m, k)``, for m
+    pieces and k states. ``durations`` are in s.
     """
     lengths = durations[:, None]
     integrals = [lengths * bernstein.antiderivative(forcing)]
@@ -261,7 +266,7 @@ def _picard(
 
 
 def periodic_state(pieces: list[ForcingPiece]) -> FloatArray:
-    """Return the state x₀ that returns after all pieces, ``(n,)``.
+    """Return the periodic state x₀, which returns after all pieces, ``(n,)``.
 
     It is the solution of the linear system (I − Φ) x₀ = r.
     """

@@ -51,7 +51,7 @@ class TurnMap:
     offset: FloatArray  #: r, ``(n,)``
 
     def after(self, state: FloatArray, turns: int) -> FloatArray:
-        """Return the state after whole turns, ``(n,)``.
+        """Return the state after ``turns`` whole turns, ``(n,)``.
 
         The number of matrix products is the number of bits of ``turns``.
         """
@@ -63,7 +63,10 @@ class TurnMap:
         return state
 
     def fixed_point(self) -> FloatArray | None:
-        """Return the state that returns after one turn, ``(n,)``, or None at resonance."""
+        """Return the periodic state, which returns after one turn, ``(n,)``.
+
+        Returns None at resonance.
+        """
         matrix = np.eye(self.offset.size) - self.flow
         if np.abs(np.linalg.eigvals(matrix)).min() < MIN_EIGENVALUE:
             return None
@@ -72,7 +75,7 @@ class TurnMap:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Part of the turn with one polynomial X, in which x(t) = X + e^{At} z."""
+    """Part of the turn in which the state is x(t) = X + e^{At} z with a polynomial X."""
 
     number: int  #: index of the part in the turn
     low: float  #: cam angle at the start, rad
@@ -85,7 +88,7 @@ class Part:
     state_jump: FloatArray | None = None  #: jump of the state at the start, ``(n,)``
 
     def forced(self, time: FloatArray) -> FloatArray:
-        """Return X at times in s since the start of the part, ``(n, len(time))``."""
+        """Return X at times (s) since the start of the part, ``(n, len(time))``."""
         return bernstein.evaluate(self.particular.T, time / self.length).T
 
 
@@ -118,7 +121,7 @@ class LinearResponse:
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        """Parts of one turn, in the order of the angle."""
+        """Parts of one turn of the cam, in the order of the angle."""
         weights = self.drive * self.speed ** np.arange(3)
         forcing = np.tensordot(weights, self.law.motion, axes=1) + self.constant[:, None, None]
         steps = self.law.velocity_jumps if self.jumps_act else {}
@@ -184,10 +187,11 @@ class LinearResponse:
     def passes(
         self, start: FloatArray, angle: float, times: FloatArray
     ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-        """Return free vibrations and parts at ascending times (s) since the cam angle.
+        """Return free vibrations and parts of the turn at m ascending times (s).
 
-        The results are the states less X, ``(n, m)``, the times since the start of the part (s),
-        ``(m,)``, and the indices of the parts, ``(m,)``.
+        Times are measured from the state ``start`` at the cam angle ``angle`` (rad). The results
+        are the states less X, ``(n, m)``, the times since the start of the part (s), ``(m,)``, and
+        the indices of the parts, ``(m,)``.
         """
         times = check_times(times)
         last = float(times[-1]) if times.size else 0.0
@@ -203,9 +207,9 @@ class LinearResponse:
         return free_motion(self.matrix, free, since), local, part_of
 
     def end(self, start: FloatArray, angle: float, duration: float) -> FloatArray:
-        """Return the state after ``duration`` s, ``(n,)``.
+        """Return the state after ``duration`` s from a state at a cam angle, ``(n,)``.
 
-        The computing time does not increase with the number of turns.
+        The angle is in rad. The computing time does not increase with the number of turns.
         """
         start, angle, remainder = self.last_turn(start, angle, duration)
         return self.states(start, angle, np.array([remainder]))[:, 0]
@@ -213,9 +217,9 @@ class LinearResponse:
     def last_turn(
         self, start: FloatArray, angle: float, duration: float
     ) -> tuple[FloatArray, float, float]:
-        """Return state and angle (rad) after all turns but one, and the remaining time.
+        """Skip all whole turns but the last, and return state, angle and remaining time.
 
-        The remaining time is the part of ``duration`` after these turns, s.
+        The angle is in rad. The remaining time is the part of ``duration`` after these turns, s.
         """
         require_angle(angle)
         require_number("duration", duration, "≥ 0")
@@ -232,12 +236,12 @@ class LinearResponse:
 
     @cached_property
     def turn(self) -> TurnMap:
-        """Map of the state by one turn from θ = 0."""
+        """Map of the state at θ = 0 to the state after one turn."""
         return self._maps[-1]
 
     @cached_property
     def _maps(self) -> list[TurnMap]:
-        """Maps of the state at θ = 0 to the start of each part and to the end."""
+        """Maps of the state at θ = 0 to the start of each part, and to the turn's end."""
         flow, offset = np.eye(self.constant.size), np.zeros(self.constant.size)
         maps = []
         for part in self.parts:
@@ -304,7 +308,10 @@ class Outputs:
 def compute_end(
     model: LinearResponse, start: FloatArray, angle: float, duration: float, outputs: Outputs
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the state ``(n,)`` and the outputs ``(k,)`` after ``duration`` s."""
+    """Return the state ``(n,)`` and the outputs ``(k,)`` at the end of a run.
+
+    The run starts in the state ``start`` at the cam angle ``angle`` (rad) and takes ``duration`` s.
+    """
     start, angle, remainder = model.last_turn(start, angle, duration)
     require_angle(angle + model.speed * remainder, "angle at the end")
     *_, run = model.walk(start, angle, np.nextafter(remainder, np.inf))
@@ -391,7 +398,7 @@ def _fill_in_chunks(
     outputs: Outputs,
     out: FloatArray,
 ) -> None:
-    """Write the samples of all passages through a part with equal chunks."""
+    """Write the samples of all passages through a part to ``out``, in equal chunks."""
     chunk = passages[0].samples.chunk
     series = _part_series(model, part, outputs, step, chunk)
     over = _chunk_matrix(model, outputs, series.powers.shape[0], step, chunk)
@@ -415,9 +422,10 @@ def _fill_in_chunks(
 
 @lru_cache(maxsize=64)
 def polynomial_parts(model: LinearResponse, outputs: Outputs) -> tuple[FloatArray, ...]:
-    """Return the ordinates of the outputs' polynomials, ``(k, p + 1)`` per part.
+    """Return the ordinates of the outputs' polynomials for each part of the turn.
 
-    Parts at the same position in their pieces of the law are computed together.
+    Each array has the shape ``(k, p + 1)``. Parts at the same position in their pieces of the law
+    are computed together.
     """
     weights = outputs.law * model.speed ** np.arange(3)
     motion = np.tensordot(weights, model.law.motion, axes=1)
@@ -453,9 +461,10 @@ def _part_series(
 def _chunk_matrix(
     model: LinearResponse, outputs: Outputs, powers: int, step: float, chunk: int
 ) -> FloatArray:
-    """Return the powers of the abscissa and the outputs of e^{At} over a chunk.
+    """Return the matrix from series and free vibration to the samples of a chunk.
 
-    The shape is ``(k, powers + n, chunk)``.
+    Its first rows are the powers of the abscissa, the others the outputs of e^{At}. The shape is
+    ``(k, powers + n, chunk)``.
     """
     flows = exponentials(model.matrix, step * np.arange(chunk, dtype=np.float64))
     of_state = np.einsum("kn,cnj->kjc", outputs.state, flows)

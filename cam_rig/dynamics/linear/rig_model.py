@@ -1,4 +1,4 @@
-"""Linear model of a rig in contact, for scipy.signal and python-control.
+"""Linear model of a rig in contact, as for scipy.signal and python-control.
 
 The model is ẋ = A x + B u, y = C x + D u, with the matrices that the follower models use. Inputs
 are the law and its derivatives, u = (s, ṡ, s̈), so that no output is improper. Outputs are
@@ -44,9 +44,10 @@ MAX_FREQUENCY = 1e100
 
 @check_arguments
 def state_space(rig: RigConfig, model: str | None = None) -> StateSpace:
-    """Return the matrices A, B, C, D of the model of a rig in contact.
+    """Return the matrices A, B, C, D of the linear model of a rig in contact.
 
-    See `RigConfig.state_space`.
+    ``model`` is the name of the follower model (None: the most detailed model that the rig allows).
+    `RigConfig.state_space` documents the result.
     """
     system, drive, outputs = _matrices(rig, model)
     if not system.size:
@@ -61,9 +62,10 @@ def state_space(rig: RigConfig, model: str | None = None) -> StateSpace:
 def frequency_response(
     rig: RigConfig, w: float | FloatArray, model: str | None = None
 ) -> ComplexArray:
-    """Return the outputs per lift at frequencies (rad/s), ``(4, *w.shape)``.
+    """Return the complex outputs per lift at frequencies ``w`` (rad/s).
 
-    See `RigConfig.frequency_response`.
+    Their shape is ``(4, *w.shape)``. ``model`` is the name of the follower model (None: the most
+    detailed model that the rig allows). `RigConfig.frequency_response` documents the result.
     """
     frequencies = np.asarray(w, dtype=np.float64)
     if not (np.abs(frequencies) <= MAX_FREQUENCY).all():

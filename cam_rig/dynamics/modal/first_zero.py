@@ -72,7 +72,7 @@ MAX_REFINEMENTS = 200
 
 
 class ClimbStatus(IntEnum):
-    """Result of a climb."""
+    """Result of a climb, the search that increases the speed step by step."""
 
     FOUND = 0  #: the least output is zero at ``speed``
     NEGATIVE = 1  #: the least output is not positive at the first speed
@@ -82,7 +82,7 @@ class ClimbStatus(IntEnum):
 
 
 class StepKind(IntEnum):
-    """Bounds that are planned to prove a step."""
+    """Kind of bounds with which a step of the speed is to be proven."""
 
     HARMONICS = 0  #: bounds of `harmonic_error`
     GROUPS = 1  #: bounds of `group_error`
@@ -90,7 +90,7 @@ class StepKind(IntEnum):
 
 
 class Climb(NamedTuple):
-    """State or result of a climb."""
+    """State or result of a climb, the search that increases the speed step by step."""
 
     status: int  #: `ClimbStatus`
     low: float  #: speed (rad/s) up to which the output is proven positive
@@ -103,7 +103,7 @@ class Climb(NamedTuple):
 
 
 class Zero(NamedTuple):
-    """Zero of the least output."""
+    """Speed and angle at which the least output is zero."""
 
     speed: float  #: rad/s
     angle: float  #: rad from the start of the run
@@ -128,7 +128,7 @@ class Step(NamedTuple):
 def climb(
     law: LawSeries, mode: Oscillator, low: float, step: float, last: float, max_evaluations: float
 ) -> Climb:
-    """Increase the speed until the least output is zero.
+    """Increase the speed step by step until the least output of the run is zero.
 
     The speed starts at ``low`` and ends at ``last`` (rad/s). ``step`` is the first step as a
     fraction of the speed. Invariant: the output is positive from the first ``low`` up to ``low``
@@ -210,9 +210,10 @@ def _plan_step(
 
 
 def _prove_by_harmonics(error: ChordError, start: float, end: float) -> tuple[bool, float]:
-    """Return True if a step is proven, and the factor of the next step.
+    """Check by bounds of the harmonics if a step is proven, and plan the next step.
 
-    ``start`` and ``end`` are lower bounds of the output at the ends of the step.
+    ``start`` and ``end`` are lower bounds of the output at the ends of the step. Returns True if
+    the step is proven, and the factor of the width of the next step.
     """
     start_root, end_root = math.sqrt(max(0.0, start)), math.sqrt(max(0.0, end))
     root_sum, parabola = start_root + end_root, 4.0 * max(error.parabola, MIN_DIVISOR)
@@ -231,7 +232,7 @@ def _prove_by_harmonics(error: ChordError, start: float, end: float) -> tuple[bo
 
 
 def _find_floors(run: ModeOnLaw, motion: OscillatorMotion, floors: Vector) -> MinOutput:
-    """Find the least output of the run.
+    """Find the least output of the run, and the least output of each group of pieces.
 
     Lower bounds of the output in each group are written to ``floors``.
     """
@@ -243,10 +244,10 @@ def _find_floors(run: ModeOnLaw, motion: OscillatorMotion, floors: Vector) -> Mi
 def _find_margins(
     run: ModeOnLaw, motion: OscillatorMotion, high: float, floors: Vector, out: Vector
 ) -> int:
-    """Write lower bounds of each group to ``out``, and return the evaluations.
+    """Write a lower bound of the output in each group to ``out``.
 
-    They are ``floors`` extended to the angle at which the run at the speed ``high`` ends. That
-    angle is larger than at the speed of ``motion``.
+    The bounds are ``floors`` extended to the angle at which the run at the speed ``high`` ends.
+    That angle is larger than at the speed of ``motion``. Returns the number of evaluations.
     """
     out[:] = floors
     end, next_end = motion.speed * run.mode.duration, high * run.mode.duration
@@ -281,10 +282,11 @@ def _prove_by_groups(
     next_forced: Vector,
     width: float,
 ) -> bool:
-    """Return True if each group stays positive in a step, or becomes negative once.
+    """Return True if each group's output stays positive, or becomes negative once.
 
-    ``start`` and ``end`` are lower bounds of the output of each group at the ends of the step,
-    ``forced`` and ``next_forced`` those of its polynomial part.
+    The step of the speed is ``width`` (rad/s). ``start`` and ``end`` are lower bounds of the output
+    of each group at the ends of the step, ``forced`` and ``next_forced`` those of its polynomial
+    part. ``width`` is in rad/s.
     """
     eighth = 0.125 * width * width
     for i in range(len(start)):
@@ -301,7 +303,7 @@ def _prove_by_groups(
 
 
 def _find_zero(run: ModeOnLaw, bracket: Bracket) -> Zero:
-    """Find the zero of the least output in a bracket.
+    """Find the speed in a bracket at which the least output is zero, and its angle.
 
     Each refinement considers only the outputs near one angle. If the output is then still negative
     at another angle, the search continues there.
@@ -359,7 +361,10 @@ def _find_first_turn(run: ModeOnLaw, speed: float, zero: Zero) -> float:
 
 
 def _find_minimum(run: ModeOnLaw, speed: float, within: SearchRange) -> MinOutput:
-    """Find the least output at a speed in a range, at most up to the end of the run."""
+    """Find the least output at a speed (rad/s) within a range of angles.
+
+    The range is cut at the end of the run.
+    """
     motion = motion_at(run, speed)
     end = min(within.end, end_angle(motion, run.mode.duration))
     unused = np.zeros(len(run.law.first_pieces) - 1)
@@ -368,6 +373,6 @@ def _find_minimum(run: ModeOnLaw, speed: float, within: SearchRange) -> MinOutpu
 
 
 def min_output_at(law: LawSeries, mode: Oscillator, speed: float) -> float:
-    """Return the least output of the run at a speed (rad/s), to rounding."""
+    """Return the least output of the run at a cam speed (rad/s), exact to rounding."""
     run = mode_on_law(without_refcount(law), mode)
     return _find_minimum(run, speed, SearchRange(0.0, math.inf, 0.0)).value

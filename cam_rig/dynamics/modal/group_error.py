@@ -71,9 +71,9 @@ class SpeedStep(NamedTuple):
 def bound_groups(
     run: ModeOnLaw, norm: VibrationNorm, low: float, high: float, out: Records
 ) -> None:
-    """Write the bounds of all groups between two speeds (rad/s) to ``out``.
+    """Write the chord error bounds of all groups between two speeds to ``out``.
 
-    ``out`` are records of `GROUP_ERROR`, one per group.
+    The speeds are in rad/s. ``out`` are records of `GROUP_ERROR`, one per group of pieces.
     """
     law, mode, series = run
     count, step = len(law.first_pieces) - 1, SpeedStep(low, high, mode.duration)
@@ -97,14 +97,17 @@ def bound_groups(
 
 
 def _span(law: LawSeries, group: int) -> float:
-    """Return the cam angle (rad) that a group covers."""
+    """Return the cam angle (rad) that a group of adjacent pieces covers."""
     first, end = law.first_pieces[group], law.first_pieces[group + 1]
     span: float = law.breaks[end] - law.breaks[first]
     return span
 
 
 def _excitation_weights(norm: VibrationNorm, series: Series, speed: float) -> Matrix:
-    """Return the factors of |jump of s⁽ᵏ⁾| in N, N' and N'' (23), ``(3, p + 2)``."""
+    """Return the factors of |jump of s⁽ᵏ⁾| in the excitation N, N' and N'' (23).
+
+    Their shape is ``(3, p + 2)``. ``speed`` is in rad/s.
+    """
     factor, power, count = norm.rho + norm.delta, 1.0, len(series.eta)
     out = np.zeros((3, count + 1))
     for k in range(count + 1):
@@ -128,7 +131,7 @@ def _curvature_weights(series: Series, speed: float) -> Vector:
 
 
 def _excite(jumps: Matrix, weights: Matrix) -> Matrix:
-    """Return N, N' and N'' of the jumps of each group (23), ``(3, g)``.
+    """Return the excitation N, N' and N'' by the jumps of each group (23), ``(3, g)``.
 
     ``jumps`` are ``(p + 2, g)`` and ``weights`` those of `_excitation_weights`.
     """
@@ -148,7 +151,7 @@ def _add_vibrations(
     from_rest: Excitation,
     out: Records,
 ) -> None:
-    """Add the bounds of the vibrations to ``out``.
+    """Add the bounds of the vibrations' chord errors to ``out``.
 
     Vibrations are excited at the starts of groups (``at_start``), inside groups (``inside``), and
     by the start of the run from rest. Those inside a group count as excited at its start, with the
@@ -186,7 +189,7 @@ def _column(rows: Matrix, group: int) -> Excitation:
 
 
 def _add(sums: FadingSums, added: Excitation, age: float) -> FadingSums:
-    """Return the sums with an excitation of the given age (s) added."""
+    """Return the sums over all excitations with a further one of an age (s) added."""
     return FadingSums(
         n=sums.n + added.n,
         n_t=sums.n_t + added.n * age,
@@ -198,7 +201,10 @@ def _add(sums: FadingSums, added: Excitation, age: float) -> FadingSums:
 
 
 def _fade(sums: FadingSums, remainder: float, time: float) -> FadingSums:
-    """Return the sums a time (s) later, faded to the fraction ``remainder``."""
+    """Return the sums over all excitations a time (s) later.
+
+    The vibrations have faded to the fraction ``remainder`` then.
+    """
     return FadingSums(
         n=remainder * sums.n,
         n_t=remainder * (sums.n_t + time * sums.n),
@@ -210,7 +216,10 @@ def _fade(sums: FadingSums, remainder: float, time: float) -> FadingSums:
 
 
 def _repeat_turn(sums: FadingSums, norm: VibrationNorm, step: SpeedStep) -> FadingSums:
-    """Return the sums over all previous turns from those of one turn (25)."""
+    """Return the sums over the excitations of all previous turns (25).
+
+    ``sums`` are those of a single turn.
+    """
     period, turns = TURN / step.low, step.high * step.duration / TURN
     remainder = math.exp(-norm.decay * TURN / step.high)
     endless = 1.0 / max(-math.expm1(-norm.decay * TURN / step.high), MIN_DIVISOR)
@@ -229,9 +238,9 @@ def _repeat_turn(sums: FadingSums, norm: VibrationNorm, step: SpeedStep) -> Fadi
 
 
 def _bound_curvature(sums: FadingSums, norm: VibrationNorm, time: float, low: float) -> float:
-    """Return the upper bound of the norm of d²/dΩ² of the vibrations (24).
+    """Return the upper bound of the norm of d²/dΩ² of all vibrations (24).
 
-    They are up to ``time`` s older than in ``sums``.
+    The vibrations are up to ``time`` s older than in ``sums``. ``low`` is the lower speed, rad/s.
     """
     rate, n_t = norm.sigma / low, sums.n_t + time * sums.n
     n_tt = sums.n_tt + time * (2.0 * sums.n_t + time * sums.n)

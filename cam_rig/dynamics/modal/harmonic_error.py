@@ -41,12 +41,15 @@ class ChordError(NamedTuple):
 
 
 def can_use_harmonics(mode: Oscillator, norm: VibrationNorm) -> bool:
-    """Return True if the mode is underdamped and its vibration fades within the run."""
+    """Return True if the bounds by harmonics apply to a mode.
+
+    The mode must be underdamped, and its vibration must fade within the run.
+    """
     return mode.stiffness > 2.0 * norm.delta * norm.delta and norm.delta * mode.duration > 1.0
 
 
 def bound_steady(run: ModeOnLaw, motion: OscillatorMotion, high: float) -> ChordError:
-    """Return the chord error of q between two speeds (29), (31).
+    """Return the chord error of the steady amplitude q between two speeds (29), (31).
 
     ``motion`` is that at the lower speed, ``high`` is the higher speed in rad/s. For a run from
     rest `bound_output` adds the term (32).
@@ -69,7 +72,7 @@ def bound_output(
     steady_start: StemVibration,
     high: float,
 ) -> ChordError:
-    """Return the chord error of the output, given that of q.
+    """Return the chord error of the output from that of the amplitude q.
 
     ``motion`` is that at the lower speed. ``steady_start`` is (η, η̇) of the steady motion at the
     start of a turn at the speed ``high`` (rad/s).
@@ -106,10 +109,11 @@ def bound_output(
 def _bound_harmonics(
     law: LawSeries, norm: VibrationNorm, low: float, high: float, from_rest: bool
 ) -> ChordError:
-    """Return the chord error of q for û(λ₁) = 1.
+    """Return the chord error of the amplitude q for û(λ₁) = 1.
 
-    The near harmonics are bounded singly or in blocks, and the far harmonics together. From rest
-    each harmonic has the factor (31), except in ``curvature``.
+    ``low`` and ``high`` are the speeds, rad/s. The near harmonics are bounded singly or in blocks,
+    and the far harmonics together. From rest each harmonic has the factor (31), except in
+    ``curvature``.
     """
     rho, delta_squared, width = norm.rho, norm.delta * norm.delta, high - low
     max_error, parabola, curvature = 0.0, 0.0, 0.0
@@ -142,7 +146,7 @@ def _bound_blocks(
     factor: float,
     error: ChordError,
 ) -> ChordError:
-    """Return the error with the blocks of harmonics and the far harmonics added (30)."""
+    """Return a chord error with blocks of harmonics and the far harmonics added (30)."""
     rho, delta, quarter = norm.rho, norm.delta, 0.25 * (high - low) * (high - low)
     max_error, parabola, curvature = error.max_error, error.parabola, error.curvature
     k = len(law.harmonics) + 1.0
@@ -165,7 +169,7 @@ def _bound_blocks(
 
 
 def _add_far(error: ChordError, far: float, factor: float) -> ChordError:
-    """Return the error with the bound ``far`` of the far harmonics added."""
+    """Return a chord error with the bound ``far`` of the far harmonics added."""
     return ChordError(
         max_error=error.max_error + factor * far,
         parabola=error.parabola + factor * far,

@@ -1,4 +1,7 @@
-"""Derivatives and harmonics of a law, for the search for the first zero."""
+"""Derivatives and harmonics of a law, for the search for the first zero.
+
+The zero is that of the least output of a run.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ SAMPLE_EPS = 2.0**-50
 
 @lru_cache(maxsize=64)
 def law_series(law: Law) -> LawSeries:
-    """Return the tables of a law."""
+    """Return the derivatives and harmonics of a law as arrays."""
     degree = max(law.degree, 1)  # so that s'' has a row for a cam of dwells only, of degree 0
     derivative, ordinates = law.ordinates, np.empty((degree + 1, degree + 2, law.spans.size))
     for order in range(degree + 2):
@@ -74,7 +77,7 @@ def law_series(law: Law) -> LawSeries:
 
 
 def _cut_long_pieces(law: Law, ordinates: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the ordinates, jumps and breaks after the long pieces are cut.
+    """Cut the long pieces of a law, and return the ordinates, jumps and breaks.
 
     Their shapes are ``(p + 1, p + 2, m)``, ``(p + 2, m)`` and ``(m + 1,)`` for m pieces.
     """
@@ -93,7 +96,7 @@ def _cut_long_pieces(law: Law, ordinates: FloatArray) -> tuple[FloatArray, Float
 
 @lru_cache(maxsize=64)
 def _inverse_powers(degree: int, count: int) -> FloatArray:
-    """Return 1/kʳ⁺¹ for 1 ≤ r ≤ degree, ``(degree, m)``.
+    """Return 1/kʳ⁺¹ for 1 ≤ r ≤ ``degree`` and m harmonics k, ``(degree, m)``.
 
     The m harmonics are k = 1 … count, then N − k for N = 2 count samples, then the starts of the
     blocks.
@@ -107,10 +110,10 @@ def _inverse_powers(degree: int, count: int) -> FloatArray:
 def _bound_harmonics(
     law: Law, jumps: FloatArray, variations: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the last three fields of `LawSeries` by (28).
+    """Return ``harmonics``, ``tails`` and ``block_maxima`` of `LawSeries` by (28).
 
-    ``jumps`` are Σ|jump| of s⁽ᵏ⁾ per turn, and ``variations`` are upper bounds of ∫|s⁽ᵏ⁾| dθ,
-    ``(p + 2,)`` each.
+    ``jumps`` are Σ|jump| of s⁽ᵏ⁾ per turn, and ``variations`` are upper bounds of ∫|s⁽ᵏ⁾| dθ, ``(p
+    + 2,)`` each.
     """
     count = HARMONICS[law.spans.size > MANY_PIECES]
     degree = len(jumps) - 2

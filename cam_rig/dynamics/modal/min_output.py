@@ -55,7 +55,7 @@ PART = np.dtype(
 
 
 class MinOutput(NamedTuple):
-    """Least output in a range of a run."""
+    """Least output in a range of the run, and the angle at which it occurs."""
 
     value: float  #: in the unit of the output
     angle: float  #: angle from the start of the run, rad
@@ -63,7 +63,7 @@ class MinOutput(NamedTuple):
 
 
 class SearchRange(NamedTuple):
-    """Range of a run in which the least output is searched for, and the tolerance."""
+    """Range of the run in which the least output is searched for, and the tolerance."""
 
     start: float  #: angle from the start of the run, rad
     end: float  #: angle from the start of the run, rad
@@ -79,8 +79,9 @@ def find_min_output(
 ) -> MinOutput:
     """Find the least output in a range of the run.
 
-    ``floors`` ``(g,)`` are lowered to lower bounds of the output in each group, in all turns.
-    Invariant: no output in the pieces that are done is below ``result`` by more than the tolerance.
+    ``floors`` ``(g,)`` are lowered to lower bounds of the output in each group of pieces, in all
+    turns. Invariant: no output in the pieces that are done is below ``result`` by more than the
+    tolerance.
     """
     parts, starts = np.zeros(MAX_PARTS, PART), motion.piece_starts
     turn = int(search.start // TURN)
@@ -115,12 +116,15 @@ def find_min_output(
 
 
 def _threshold(value: float, atol: float, rtol: float) -> float:
-    """Return the lower bound from which a piece or a part is skipped."""
+    """Return the lower bound from which a piece or a part is skipped in the search.
+
+    ``value`` is the least output so far. ``atol`` and ``rtol`` are the tolerances.
+    """
     return value if value == math.inf else value - max(atol, rtol * abs(value))
 
 
 def _turn_difference(motion: OscillatorMotion, first: int, end: int) -> float:
-    """Return the upper bound of the difference of outputs between turns (21).
+    """Return the upper bound of the difference of the output between turns (21).
 
     It is R max N of the differences between the start of each turn from ``first`` on and the start
     of the last turn, ``end`` − 1. Joints excite the same vibration in each turn. Only the vibration
@@ -157,9 +161,10 @@ def _search_turns(
     parts: Records,
     result: MinOutput,
 ) -> MinOutput:
-    """Return the result, or a lower output of a piece in some turns.
+    """Search one piece of the law in some turns for a lower output than ``result``.
 
-    The turns are those from ``first_turn`` up to, but not including, ``end_turn``.
+    Returns the lower output, or ``result`` if there is none. The turns are those from
+    ``first_turn`` up to, but not including, ``end_turn``.
     """
     span = law.breaks[piece + 1] - law.breaks[piece]
     for turn in range(first_turn, end_turn):
@@ -188,10 +193,11 @@ def _search_turns(
 def _bound_by_chord(
     law: LawSeries, mode: Oscillator, motion: OscillatorMotion, piece: int, free: StemVibration
 ) -> float:
-    """Return the lower bound (20) of the output in a piece.
+    """Return the lower bound (20) of the output in a piece of the law.
 
-    ``free`` is the free vibration at its start. The bound is one of the sum P + V, because P and V
-    are large and cancel in a piece that is much shorter than the period of the mode.
+    ``free`` is the free vibration at the start of the piece. The output is the sum P + V of the
+    polynomial part and the vibration. They are bounded together, because both are large and cancel
+    in a piece that is much shorter than the period of the mode.
     """
     forced, maxima = motion.forced, law.piece_maxima[piece]
     speed, square, rate = motion.speed, motion.speed * motion.speed, math.sqrt(mode.stiffness)
@@ -216,7 +222,10 @@ def _bound_by_chord(
 
 
 def _max_curvature(ordinates: Vector, span: float) -> float:
-    """Return the upper bound of |P''| (per rad²) in a piece by second differences (6)."""
+    """Return the upper bound of |P''| (per rad²) in a piece by second differences (6).
+
+    ``ordinates`` are those of P, and ``span`` is the cam angle of the piece, rad.
+    """
     count, max_difference = len(ordinates), 0.0
     for j in range(2, count):
         second = ordinates[j] - 2.0 * ordinates[j - 1] + ordinates[j - 2]
@@ -227,9 +236,9 @@ def _max_curvature(ordinates: Vector, span: float) -> float:
 def _bound_vibration(
     mode: Oscillator, norm: VibrationNorm, free: StemVibration
 ) -> tuple[float, float]:
-    """Return the upper bounds R N of |V| and R N₂ of |V̈| (per s²) of (22).
+    """Return the upper bounds R N of |V| and R N₂ of |V̈| (per s²) by (22).
 
-    They are valid from the free vibration ``free`` on.
+    V is the vibration in the output. The bounds are valid from the free vibration ``free`` on.
     """
     acceleration = -mode.stiffness * free.displacement - mode.damping * free.velocity
     jerk = -mode.stiffness * free.velocity - mode.damping * acceleration
@@ -248,10 +257,11 @@ def _search_parts(
     parts: Records,
     result: MinOutput,
 ) -> MinOutput:
-    """Return the result, or a lower output in the first of ``parts``.
+    """Search the first of ``parts`` for a lower output than ``result``.
 
-    ``angle`` is the start of the piece, in rad from the start of the run. Invariant: each output
-    below the threshold is in a part that waits.
+    Returns the lower output, or ``result`` if there is none. ``angle`` is the start of the piece,
+    in rad from the start of the run. Invariant: each output below the threshold is in a part that
+    waits.
     """
     ordinates, norm = motion.forced[:, piece].copy(), motion.norm
     count, span = len(ordinates), law.breaks[piece + 1] - law.breaks[piece]

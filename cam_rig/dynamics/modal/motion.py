@@ -94,14 +94,14 @@ class Oscillator(NamedTuple):
 
 
 class Series(NamedTuple):
-    """Taylor coefficients, ``(p + 1,)`` each (15)."""
+    """Taylor coefficients of the transfer functions, ``(p + 1,)`` each (15)."""
 
     eta: Vector  #: hₖ of η
     output: Vector  #: gₖ of the output
 
 
 class ModeOnLaw(NamedTuple):
-    """Mode that is excited by a law."""
+    """Vibration mode that is excited by a law."""
 
     law: LawSeries
     mode: Oscillator
@@ -109,7 +109,7 @@ class ModeOnLaw(NamedTuple):
 
 
 class Flow(NamedTuple):
-    """Matrix e^{At} of (η, η̇)."""
+    """Matrix e^{At} that takes the vibration (η, η̇) to the vibration a time t later."""
 
     eta_eta: float  #: from η at the start to η at the end
     eta_rate: float  #: from η̇ to η, s
@@ -131,7 +131,7 @@ class VibrationNorm(NamedTuple):
 
 
 class OscillatorMotion(NamedTuple):
-    """Motion of a mode at one speed."""
+    """Motion of a vibration mode on a law at one cam speed."""
 
     speed: float  #: Ω, rad/s
     norm: VibrationNorm
@@ -148,7 +148,7 @@ class OscillatorMotion(NamedTuple):
 
 
 def norm_of(mode: Oscillator) -> VibrationNorm:
-    """Return the norm of (16).
+    """Return the norm (16) of the free vibration of a mode.
 
     Its decay λ is the slower of the two rates of the mode. It is smaller near critical damping.
     """
@@ -188,9 +188,9 @@ def _spectral_norm(a: float, b: float, c: float, d: float) -> float:
 
 
 def mode_on_law(law: LawSeries, mode: Oscillator) -> ModeOnLaw:
-    """Return the mode on a law, with p + 1 Taylor coefficients (15).
+    """Return a mode on a law, with the p + 1 Taylor coefficients of (15).
 
-    Long division of the transfer function gives them.
+    Long division of the transfer function gives the coefficients.
     """
     count = len(law.jumps) - 1
     eta, output = np.zeros(count), np.zeros(count)
@@ -225,7 +225,10 @@ def is_resolved(run: ModeOnLaw, speed: float) -> bool:
 
 
 def count_terms(law: LawSeries, series: Series, speed: float) -> int:
-    """Return the number of terms of the series before two that are rounding."""
+    """Return the number of significant terms of the series at a cam speed (rad/s).
+
+    The terms end before two successive terms that are rounding.
+    """
     power, max_term, was_small = 1.0, 0.0, False
     for k in range(len(series.output)):
         size = abs(series.output[k]) * power * law.max_derivatives[k]
@@ -239,7 +242,10 @@ def count_terms(law: LawSeries, series: Series, speed: float) -> int:
 
 
 def forced_vibration(law: LawSeries, eta_terms: Vector, speed: float, piece: int) -> StemVibration:
-    """Return (η, η̇) of the polynomial X at the start of a piece (15)."""
+    """Return the forced vibration (η, η̇) at the start of a piece (15).
+
+    It is the polynomial X of the terms ``eta_terms``. ``speed`` is in rad/s.
+    """
     displacement, velocity = 0.0, 0.0
     for k in range(len(eta_terms)):
         displacement += eta_terms[k] * law.derivatives[0][k][piece]
@@ -248,7 +254,7 @@ def forced_vibration(law: LawSeries, eta_terms: Vector, speed: float, piece: int
 
 
 def add_weighted(out: Vector, weights: Vector, rows: Matrix, first: int) -> None:
-    """Add Σ weights[k] rows[first + k] to ``out``.
+    """Add the weighted sum Σ weights[k] rows[first + k] to ``out``.
 
     Two rows at a time halve the number of accesses to ``out``. Compiled code uses SIMD.
     """
@@ -263,7 +269,10 @@ def add_weighted(out: Vector, weights: Vector, rows: Matrix, first: int) -> None
 
 
 def scale_terms(terms: Vector, count: int, speed: float) -> Vector:
-    """Return the first ``count`` terms of a series, term k times Ωᵏ."""
+    """Return the first ``count`` terms of a series, with term k multiplied by Ωᵏ.
+
+    ``speed`` is Ω, rad/s.
+    """
     out, power = np.zeros(count), 1.0
     for k in range(count):
         out[k] = terms[k] * power
@@ -272,7 +281,7 @@ def scale_terms(terms: Vector, count: int, speed: float) -> Vector:
 
 
 def flow_over(mode: Oscillator, time: float) -> Flow:
-    """Return e^{At} over a time (s)."""
+    """Return the matrix e^{At} of a mode's free vibration over a time (s)."""
     response = compute_impulse_response(mode.damping, mode.stiffness, time)
     return Flow(
         eta_eta=response.rate + mode.damping * response.value,
@@ -294,7 +303,7 @@ def read_flow(record: np.void) -> Flow:
 
 
 def apply_flow(flow: Flow, free: StemVibration) -> StemVibration:
-    """Return the free vibration at the end of a flow."""
+    """Return the free vibration after a flow, from that before it."""
     return StemVibration(
         flow.eta_eta * free.displacement + flow.eta_rate * free.velocity,
         flow.rate_eta * free.displacement + flow.rate_rate * free.velocity,
@@ -302,7 +311,7 @@ def apply_flow(flow: Flow, free: StemVibration) -> StemVibration:
 
 
 def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
-    """Return the motion of the mode at a speed (rad/s)."""
+    """Return the motion of the mode at a cam speed (rad/s)."""
     law, mode, series = run
     count, norm = len(law.span_index), norm_of(mode)
     terms = count_terms(law, series, speed)
@@ -356,7 +365,7 @@ def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
 def _pass_turn(
     law: LawSeries, span_flows: Records, jumps: Matrix, piece_starts: Records
 ) -> tuple[Flow, StemVibration]:
-    """Write ``piece_starts``, and return the flow and the excited vibration of a turn.
+    """Write ``piece_starts``, and return a turn's flow and the vibration it excites.
 
     ``jumps`` are those of X and Ẋ, ``(2, n)``. The jump at angle 0 counts at the end of the turn.
     """
@@ -381,7 +390,7 @@ def _pass_turn(
 def _forced_ordinates(
     law: LawSeries, weights: Vector, constant: float, minima: Vector, maxima: Vector
 ) -> Matrix:
-    """Return the ordinates of P, ``(p + 1, n)``.
+    """Return the ordinates of the output's polynomial part P, ``(p + 1, n)``.
 
     The least ordinate of each piece is written to ``minima``, the largest absolute one to
     ``maxima``, ``(n,)`` each.
@@ -402,7 +411,10 @@ def _forced_ordinates(
 
 
 def _steady_vibration(flow: Flow, excited: StemVibration) -> StemVibration:
-    """Return the free vibration that a turn reproduces, infinite if not unique."""
+    """Return the free vibration that repeats after a turn, infinite if not unique.
+
+    ``flow`` is that of the turn, and ``excited`` the vibration that the turn excites.
+    """
     a, d = 1.0 - flow.eta_eta, 1.0 - flow.rate_rate
     determinant = a * d - flow.eta_rate * flow.rate_eta
     if determinant == 0.0:
@@ -421,9 +433,10 @@ def _turn_starts(
     excited: StemVibration,
     steady: StemVibration,
 ) -> Records:
-    """Return the free vibration at the start of each turn, records of `TURN_START`.
+    """Return the free vibration at the start of each turn, as records of `TURN_START`.
 
-    ``forced`` is (X, Ẋ) at the start of the run.
+    ``forced`` is (X, Ẋ) at the start of the run. ``flow`` and ``excited`` are those of a turn, and
+    ``steady`` is the vibration in steady state.
     """
     if math.isinf(mode.duration):
         starts = np.zeros(1, TURN_START)

@@ -1,4 +1,4 @@
-"""Run of one mode on a law at any speed: its least output and the first zero."""
+"""Run of a mode on a law at any cam speed: its least output and first zero."""
 
 from __future__ import annotations
 
@@ -38,7 +38,10 @@ EVALUATIONS_PER_CALL = 5e5
 
 @dataclass(frozen=True)
 class ModalRun:
-    """Mode on a law, in a run from rest or in steady state."""
+    """Vibration mode on a law, in a run from rest or in steady state.
+
+    Its output is a weighted sum of the vibration and the motion of the cam, see `Oscillator`.
+    """
 
     law: Law
     mode: Oscillator
@@ -47,7 +50,7 @@ class ModalRun:
     def of(
         cls, response: LinearResponse, outputs: Outputs, duration: float | None, row: int = 0
     ) -> ModalRun:
-        """Return the run of one output of a model.
+        """Return the run of one output of a linear model.
 
         Parameters
         ----------
@@ -72,11 +75,14 @@ class ModalRun:
         return cls(response.law, mode)
 
     def min_outputs(self, speeds: FloatArray) -> FloatArray:
-        """Return the least output at each speed (rad/s), shape (m,), to rounding."""
+        """Return the least output of the run at each cam speed, shape (m,).
+
+        ``speeds`` (m,) is in rad/s. The result is exact to rounding.
+        """
         return np.array([self.min_output(speed) for speed in speeds.tolist()])
 
     def min_output(self, speed: float) -> float:
-        """Return the least output at one speed (rad/s), to rounding."""
+        """Return the least output of the run at a cam speed (rad/s), exact to rounding."""
         return float(dispatch(min_output_at, law_series(self.law), self.mode, float(speed)))
 
     def is_resolved(self, speed: float) -> bool:
@@ -104,10 +110,10 @@ class ModalRun:
         return np.array(apply_flow(flow, free_at(motion, piece, 0)))
 
     def climb(self, low: float, last: float, max_evaluations: float) -> Climb:
-        """Find the first zero of the least output between two speeds (rad/s).
+        """Find the lowest speed (rad/s) at which the least output of the run is zero.
 
-        `first_zero.climb` describes the result. Its status is PAUSED if ``max_evaluations`` are
-        not sufficient.
+        The search covers the speeds from ``low`` to ``last``. `first_zero.climb` describes the
+        result. Its status is PAUSED if ``max_evaluations`` are not sufficient.
         """
         step, evaluations, law = 1.0, 0.0, law_series(self.law)
         while evaluations < max_evaluations:

@@ -29,7 +29,7 @@ BATCH = 2048
 
 @dataclass(frozen=True, eq=False)
 class CollocationTable:
-    """Chebyshev-Lobatto nodes on [0, 1] and matrices for the values at the nodes."""
+    """Chebyshev-Lobatto nodes on [0, 1], and matrices that act on values at the nodes."""
 
     nodes: FloatArray  #: nodes from 0 to 1, ``(N + 1,)``
     #: Matrices from values at the nodes to Chebyshev coefficients of the r-fold integral from 0,
@@ -41,7 +41,7 @@ class CollocationTable:
 
 @lru_cache(maxsize=32)
 def collocation_table(degree: int) -> CollocationTable:
-    """Return the nodes and matrices of degree N."""
+    """Return the N + 1 nodes and the matrices for polynomials of degree N."""
     k = np.arange(degree + 1)
     angles = np.pi * (degree - k) / degree
     weights = np.ones(degree + 1)
@@ -79,12 +79,15 @@ def _integral(size: int) -> FloatArray:
 
 
 def basis_at(size: int, u: float) -> FloatArray:
-    """Return the values T_k(2u − 1) at one u in [0, 1], ``(size,)``."""
+    """Return the Chebyshev polynomials T_k(2u − 1) at one u in [0, 1], ``(size,)``."""
     return np.asarray(np.cos(np.arange(size) * np.arccos(min(1.0, max(-1.0, 2.0 * u - 1.0)))))
 
 
 def basis(size: int, u: FloatArray) -> FloatArray:
-    """Return the values T_k(2u − 1) by the three-term recurrence, ``(size, len(u))``."""
+    """Return the Chebyshev polynomials T_k(2u − 1), ``(size, len(u))``.
+
+    They are computed by the three-term recurrence.
+    """
     values = np.empty((size, u.size))
     values[0] = 1.0
     np.subtract(2.0 * u, 1.0, out=values[1])
@@ -106,14 +109,17 @@ class ChebyshevPath:
     series: list[FloatArray]  #: W arrays of coefficients, ``(rows, size)``
 
     def window(self, times: FloatArray) -> FloatArray:
-        """Return the window of each time, at a border the later one."""
+        """Return the index of the window that contains each time (s), ``(len(times),)``.
+
+        A time at a border belongs to the later window.
+        """
         inner = np.searchsorted(self.edges[1:-1], times, side="right")
         return np.asarray(inner, dtype=np.intp)
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Return the values at times in any order, ``(rows, len(times))``.
+        """Return the values of all functions at times (s) in any order.
 
-        All times must be inside the windows.
+        The shape is ``(rows, len(times))``. All times must be inside the windows.
         """
         out = np.empty((self.series[0].shape[0], times.size))
         if np.any(times[1:] < times[:-1]):
@@ -125,7 +131,7 @@ class ChebyshevPath:
         return out
 
     def _fill(self, times: FloatArray, out: FloatArray) -> None:
-        """Write the values at ascending times to ``out``."""
+        """Write the values of all functions at ascending times (s) to ``out``."""
         window = self.window(times)
         u = (times - self.edges[window]) / self.spans[window]
         low, high = int(window[0]), int(window[-1])
@@ -152,7 +158,7 @@ RAMP_SERIES = np.array([[3.0, 4.0, 1.0], [8.0, 8.0, 0.0], [16.0, 0.0, 0.0]]) / 1
 
 @dataclass(frozen=True, eq=False)
 class TwistPiece:
-    """One piece of a law in the form that a window needs."""
+    """Piece of a law in the form that a collocation window uses."""
 
     #: Bernstein ordinates of s and its first three derivatives, times the binomial coefficients,
     #: ``(4, p + 1)``
@@ -161,11 +167,14 @@ class TwistPiece:
 
     @cached_property
     def is_flat(self) -> bool:
-        """True if the follower is at rest in the piece, so that the shaft vibrates freely."""
+        """True if the lift is constant in the piece, so that the shaft vibrates freely."""
         return not self.weights[1:].any()
 
     def at(self, angle: FloatArray) -> FloatArray:
-        """Return s, s', s'' and s''' at angles (rad) since the start, ``(4, len(angle))``."""
+        """Return s, s', s'' and s''' at angles (rad) since the start of the piece.
+
+        The shape is ``(4, len(angle))``.
+        """
         powers = np.empty((2, self.weights.shape[1], angle.size))
         powers[:, 0] = 1.0
         powers[0, 1:] = angle / self.span
@@ -175,7 +184,9 @@ class TwistPiece:
 
 
 class CollocationWindow:
-    """Solution of eq. 10 on one piece of the law, continued beyond its ends.
+    """Window of time in which eq. 10 is solved on one piece of the law.
+
+    The solution extends beyond the ends of the piece, with the same polynomial of the law.
 
     Parameters
     ----------
@@ -223,7 +234,7 @@ class CollocationWindow:
     def _free_vibration(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return ψ, ψ̇ and ψ̈ of the free vibration at the nodes, ``(N + 1,)`` each.
 
-        With z = ψ + (constant flywheel acceleration)/k it is z̈ = −k z − c ż.
+        ψ is the twist, rad. With z = ψ + (constant flywheel acceleration)/k it is z̈ = −k z − c ż.
         """
         p, start = self.parameters, self.start
         k, c = p.mobility * p.shaft_stiffness, p.mobility * p.shaft_damping
@@ -239,7 +250,10 @@ class CollocationWindow:
         return wave.real - static, (root * wave).real, (root**2 * wave).real
 
     def _set(self, unknown: FloatArray) -> None:
-        """Set the unknown, ψ̈ less that of the free vibration, and the motion."""
+        """Set the unknown of the window, and compute the motion from it.
+
+        The unknown is ψ̈ less that of the free vibration, at the nodes, ``(N + 1,)``.
+        """
         self.unknown, self.twist_acceleration = unknown, self.free_acceleration + unknown
         self.twist = self.free + self.second @ unknown
         self.twist_rate = self.free_rate + self.first @ unknown
@@ -278,7 +292,10 @@ class CollocationWindow:
         return False
 
     def _scale(self) -> float:
-        """Return the magnitude of ψ̈ (rad/s²) plus that of the torque of the shaft."""
+        """Return the scale (rad/s²) to which residuals are compared.
+
+        It is the magnitude of ψ̈ plus that of the acceleration by the torque of the shaft.
+        """
         p = self.parameters
         torque = p.shaft_stiffness * largest(self.twist)
         if p.shaft_damping:
@@ -288,9 +305,9 @@ class CollocationWindow:
     def _residual(
         self, *, with_slopes: bool
     ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray] | None]:
-        """Return the left side of eq. 10 (N·m), and its slopes by θ̈_c, θ̇_c and θ_c.
+        """Return the left side of eq. 10 (N·m) at the nodes, and its slopes.
 
-        The slopes are None without ``with_slopes``.
+        The slopes are those by θ̈_c, θ̇_c and θ_c. They are None if ``with_slopes`` is False.
         """
         p, f = self.parameters, self.parameters.follower
         s, s1, s2, s3 = self.piece.at(self.angle)
@@ -314,7 +331,7 @@ class CollocationWindow:
     def _matrix(
         self, inertia: FloatArray, damping: FloatArray, stiffness: FloatArray
     ) -> FloatArray:
-        """Return the slope of the residual by ψ̈ at the nodes, ``(N + 1, N + 1)``.
+        """Return the slope matrix of the residual by ψ̈ at the nodes, ``(N + 1, N + 1)``.
 
         The arguments are the slopes of the residual by θ̈_c, θ̇_c and θ_c.
         """
@@ -331,9 +348,10 @@ class CollocationWindow:
         return np.asarray(matrix + p.shaft_damping * self.first + p.shaft_stiffness * self.second)
 
     def tail(self) -> tuple[float, float]:
-        """Return the largest coefficients of θ̈_c, from 0.4 N on and of the last three.
+        """Return two measures of the last Chebyshev coefficients of θ̈_c.
 
-        They are relative to ``scale``. Small coefficients show that the window is resolved.
+        They are relative to ``scale``. They are the largest coefficient from 0.4 N on, and the
+        largest of the last three. Small coefficients show that the window is resolved.
         """
         size = self.twist_acceleration.size
         coefficients = self.table.series[0, :size] @ (

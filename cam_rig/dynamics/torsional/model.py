@@ -1,4 +1,4 @@
-"""Torsional model (eq. 10 of the paper): parameters, state, and blocks."""
+"""Torsional model (eq. 10 of the paper): parameters, state, and blocks of samples."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ INERTIA_STATE_SIZE = 4
 
 
 def from_rig(rig: RigConfig) -> TorsionalParameters:
-    """Return the parameters of a rig.
+    """Return the parameters of the shaft and the follower of a rig.
 
     Without ``flywheel_inertia`` in the rig file the flywheel has constant speed.
 
@@ -169,8 +169,8 @@ def advance(
     """Return the state at the end of an interval, and its block of samples.
 
     The angle, speed and acceleration of the interval are those of the flywheel. If ``state`` is
-    None, the shaft starts without twist. ``inner`` of a state is the twist and its rate. A ramp
-    needs no substitute law, because the law is evaluated at the twisted angle.
+    None, the shaft starts without twist. ``inner`` of a state is the twist (rad) and its rate
+    (rad/s). A ramp needs no substitute law, because the law is evaluated at the twisted angle.
 
     A flywheel with an inertia has the mean speed of the interval, and a motor with the mean torque
     of the load drives it, see `start_state`. ``inner`` then also contains the lead and its rate.
@@ -203,8 +203,8 @@ def start_state(
     """Return parameters with the motor torque, and the state at an interval's start.
 
     A flywheel with an inertia starts each speed in its steady state, because a constant torque
-    would need minutes to reach it. On a ramp the drive sets the motion of the flywheel, as in
-    eq. 10.
+    would need minutes to reach it. On a ramp the drive sets the motion of the flywheel, as in eq.
+    10.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def start_state(
 
 
 def inner_state(motion: TorsionalMotion) -> tuple[float, ...]:
-    """Return the inner state at the end of a motion.
+    """Return the state of the shaft at the end of a motion, as `FollowerState.inner`.
 
     It is the twist (rad) and its rate (rad/s). A flywheel with an inertia adds its lead (rad) and
     the rate of the lead (rad/s).
@@ -250,7 +250,10 @@ def inner_state(motion: TorsionalMotion) -> tuple[float, ...]:
 
 
 def follower_rows(motion: TorsionalMotion, times: FloatArray) -> FloatArray:
-    """Return lift, velocity, acceleration and force at times in s, ``(4, m)``."""
+    """Return the follower's motion and contact force at times (s), ``(4, m)``.
+
+    The rows are lift, velocity, acceleration and force. The units are m, m/s, m/s² and N.
+    """
     _, _, angle, speed, acceleration = motion.at(times)
     s = motion.law.motion_at(angle)
     follower = s[2] * speed**2 + s[1] * acceleration

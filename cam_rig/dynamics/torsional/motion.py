@@ -37,7 +37,7 @@ from cam_rig.units import TURN, FloatArray, to_rpm
 
 @dataclass(frozen=True, eq=False)
 class TorsionalMotion:
-    """Solution over the times from ``start_time`` to ``stop_time``."""
+    """Solution of eq. 10 for the times from ``start_time`` to ``stop_time``."""
 
     law: Law
     parameters: TorsionalParameters
@@ -49,7 +49,7 @@ class TorsionalMotion:
 
     @property
     def stop_time(self) -> float:
-        """Time of the end, s."""
+        """End of the solution, s."""
         return self.start_time + float(self.path.edges[-1])
 
     def at(self, times: FloatArray) -> FloatArray:
@@ -60,7 +60,7 @@ class TorsionalMotion:
         return self.path.at(self._since(times))[:5]
 
     def lead(self, times: FloatArray) -> FloatArray:
-        """Return the lead of the flywheel on uniform rotation and its rate, ``(2, m)``.
+        """Return the lead of the flywheel on uniform rotation, and its rate, ``(2, m)``.
 
         The units are rad and rad/s. Both are 0 for a flywheel at constant speed.
         """
@@ -70,7 +70,7 @@ class TorsionalMotion:
         return self.path.at(since)[5:]
 
     def _since(self, times: FloatArray) -> FloatArray:
-        """Return times (s) since the start.
+        """Convert times (s) to times since the start of the solution (s).
 
         Raises
         ------
@@ -88,13 +88,16 @@ class TorsionalMotion:
         return since
 
     def shaft_torque(self, times: FloatArray) -> FloatArray:
-        """Return the torque of the shaft on the flywheel, k_s ψ + c_s ψ̇ in N·m, ``(m,)``."""
+        """Return the torque of the shaft on the flywheel at times (s), N·m, ``(m,)``.
+
+        It is k_s ψ + c_s ψ̇.
+        """
         twist, twist_rate = self.at(times)[:2]
         p = self.parameters
         return np.asarray(p.shaft_stiffness * twist + p.shaft_damping * twist_rate)
 
     def contact_force(self, times: FloatArray) -> FloatArray:
-        """Return the contact force m s̈ + c ṡ + k s + preload in N, ``(m,)``."""
+        """Return the contact force m s̈ + c ṡ + k s + preload at times (s), N, ``(m,)``."""
         since = self._since(times)
         _, _, angle, speed, acceleration = self.path.at(since)[:5]
         window = self.path.window(since)
@@ -120,7 +123,7 @@ def solve(
     duration: float,
     ramp: float = 0.0,
 ) -> TorsionalMotion:
-    """Solve eq. 10 from a state.
+    """Solve eq. 10 for the torsional vibration, from a given state.
 
     Parameters
     ----------
@@ -185,11 +188,12 @@ MIN_SLOPE_NORM = 1e-8
 def steady_state(
     law: Law, parameters: TorsionalParameters, speed: float
 ) -> tuple[TorsionalParameters, TorsionalState]:
-    """Return parameters and the state at flywheel angle 0 that returns after a turn.
+    """Return the periodic state of the shaft at flywheel angle 0, and its parameters.
 
-    A constant motor torque, the mean of the load, drives a flywheel with an inertia. The returned
-    parameters contain this torque. The state has no lead on uniform rotation, because any state of
-    the steady turn may be its first one.
+    The state repeats after one turn. A constant motor torque, the mean of the load, drives a
+    flywheel with an inertia. The returned parameters, the first result, contain this torque. The
+    state has no lead on uniform rotation, because any state of the steady turn may be its first
+    one.
 
     Parameters
     ----------
@@ -240,7 +244,10 @@ def steady_state(
 
 
 def steady_motion(law: Law, parameters: TorsionalParameters, speed: float) -> TorsionalMotion:
-    """Return a steady turn at a mean speed (rad/s) from flywheel angle 0 on."""
+    """Return the motion over one steady turn at a mean speed (rad/s).
+
+    The turn starts at flywheel angle 0.
+    """
     driven, start = steady_state(law, parameters, speed)
     return solve(law, driven, start, 0.0, TURN / speed)
 
@@ -248,10 +255,10 @@ def steady_motion(law: Law, parameters: TorsionalParameters, speed: float) -> To
 def _fixed_point(
     change_of: Callable[[FloatArray], FloatArray], size: int, peak: Callable[[], float]
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Solve change_of(x) = 0 by Broyden's method.
+    """Solve change_of(x) = 0 for a vector x by Broyden's method.
 
-    Returns x, the remaining change there, and the smallest norm of the slope. ``peak`` returns the
-    peak twist so far.
+    Returns x, ``(size,)``, the remaining change there, and the smallest norm of the slope. ``peak``
+    returns the peak twist so far.
     """
     x = np.zeros(size)
     change = change_of(x)

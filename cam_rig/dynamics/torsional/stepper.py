@@ -52,7 +52,7 @@ CROSSING_RTOL = 1e-10
 
 @lru_cache(maxsize=64)
 def pieces_of(law: Law) -> tuple[TwistPiece, ...]:
-    """Return the pieces of a law in the form that a window needs."""
+    """Return the pieces of a law in the form that a collocation window uses."""
     require_smooth(law)
     stack = np.stack([law.derivative_ordinates(order).T for order in range(4)], axis=1)
     stack *= bernstein.binomials(law.degree)
@@ -63,7 +63,7 @@ def pieces_of(law: Law) -> tuple[TwistPiece, ...]:
 
 @dataclass
 class Control:
-    """Settings that have resolved the windows of a piece."""
+    """Settings with which the last window on a piece of the law was resolved."""
 
     max_length: float  #: longest window, s
     extra_degrees: int = 0  #: steps in `DEGREES` above the degree for the phase
@@ -71,7 +71,7 @@ class Control:
 
 @dataclass(frozen=True, eq=False)
 class SolvedWindow:
-    """Solved part of a run on one piece of the law."""
+    """Solved window of a run, on one piece of the law."""
 
     start: float  #: s
     end: float  #: s
@@ -98,7 +98,7 @@ class TwistSolver:
     def run(
         self, state: TorsionalState, duration: float
     ) -> tuple[TorsionalState, list[SolvedWindow]]:
-        """Return the state after ``duration`` s, and the windows of the run.
+        """Return the state after ``duration`` s, and the solved windows of the run.
 
         Raises
         ------
@@ -130,13 +130,19 @@ class TwistSolver:
         return self._shift_angle(state, self._low(index)), windows
 
     def _index(self, angle: float) -> int:
-        """Return the index of the piece at an unwrapped angle (rad), over all turns."""
+        """Return the index of the law's piece at an unwrapped angle (rad).
+
+        The pieces are counted over all turns.
+        """
         turn = math.floor(angle / TURN)
         piece = int(np.searchsorted(self.law.breaks[1:-1], angle - turn * TURN, side="right"))
         return turn * len(self.pieces) + piece
 
     def _low(self, index: int) -> float:
-        """Return the unwrapped cam angle (rad) at the start of a piece."""
+        """Return the unwrapped cam angle (rad) at the start of a piece of the law.
+
+        ``index`` counts the pieces over all turns.
+        """
         turn, piece = divmod(index, len(self.pieces))
         return turn * TURN + float(self.law.breaks[piece])
 
@@ -146,7 +152,11 @@ class TwistSolver:
         return replace(state, flywheel_angle=state.flywheel_angle + shift)
 
     def _window(self, state: TorsionalState, piece: int, remaining: float) -> CollocationWindow:
-        """Return the longest window from a state that is solved and resolved."""
+        """Solve and return the longest resolved window from a state.
+
+        ``piece`` is the index of the law's piece, and ``remaining`` the time to the end of the run,
+        s.
+        """
         if max(abs(state.twist), abs(state.twist_rate)) < MIN_VIBRATION:
             state = replace(state, twist=0.0, twist_rate=0.0)
         control, length = self._controls[piece], 0.0
@@ -181,9 +191,9 @@ class TwistSolver:
         )
 
     def _length(self, state: TorsionalState, piece: int, remaining: float) -> float:
-        """Return the duration (s) of the next of several equal windows.
+        """Return the duration (s) of the next window, one of several equal windows.
 
-        Together they extend a little beyond the next joint, as the flywheel turns.
+        Together the windows extend a little beyond the next joint, as the flywheel turns.
         """
         span, speed = self.pieces[piece].span, state.flywheel_speed + state.lead_rate
         margin = min(2.0 * self.peak + 0.002 * span, 0.1 * span)
@@ -200,7 +210,10 @@ class TwistSolver:
     def _state(
         self, series: FloatArray, start: TorsionalState, time: float, length: float
     ) -> TorsionalState:
-        """Return the state at a time (s) since the start of a window of ``length`` s."""
+        """Return the state of the shaft at a time (s) since the start of a window.
+
+        The window lasts ``length`` s and starts in the state ``start``.
+        """
         rows = (series @ basis_at(series.shape[1], time / length)).tolist()
         speed_gain = self.ramp * time
         angle = start.flywheel_angle + (start.flywheel_speed + 0.5 * speed_gain) * time
@@ -209,7 +222,7 @@ class TwistSolver:
         return TorsionalState(rows[0], rows[1], angle, speed, lead, lead_rate)
 
     def _stall_error(self, index: int, time: float, windows: int) -> DynamicsError:
-        """Return the error for a run that stops at a joint."""
+        """Return the error for a run that does not advance beyond a joint."""
         reason = "the cam does not move there"
         if windows >= MAX_WINDOWS:
             reason = "solve a shorter duration, and continue from its end"
@@ -220,7 +233,7 @@ class TwistSolver:
 
 
 def find_exit(window: CollocationWindow, series: FloatArray) -> tuple[float, int]:
-    """Find the time (s) at which the cam leaves its piece, and the direction.
+    """Return the time (s) at which the cam leaves the piece, and the direction.
 
     The direction is 1 for forwards, −1 for backwards, and 0 if the cam does not leave the piece.
     The nodes are dense enough to detect every exit of a cam that turns in one direction. For a cam
@@ -243,9 +256,10 @@ def find_exit(window: CollocationWindow, series: FloatArray) -> tuple[float, int
 def _crossing(
     window: CollocationWindow, series: FloatArray, joint: float, low: float, high: float
 ) -> float:
-    """Return u at which θ_c is at the joint.
+    """Return the relative time u in a window at which the cam angle is at a joint.
 
-    Newton's method is used, and bisection if a step leaves the bracket.
+    ``low`` and ``high`` are the limits of u. Newton's method is used, and bisection if a step
+    leaves these limits.
     """
     sign = 1.0 if joint > 0.0 else -1.0
     u = 0.5 * (low + high)

@@ -1,4 +1,4 @@
-"""Basins of attraction at one speed: the motion in which each start ends."""
+"""Basins of attraction at one speed: the motion in which each initial state ends."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ PORTRAIT_TURNS = 8
 
 @dataclass(frozen=True, eq=False)
 class EndMotion(TurnMotion):
-    """Motion in which some starts end."""
+    """Final motion of the follower, in which some initial states end."""
 
     landings_per_turn: float
     max_landing_speed: float  #: m/s, fastest landing of the last turns
@@ -66,7 +66,9 @@ class EndMotion(TurnMotion):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Basins(Result):
-    """Starts at cam angle 0 over gap and rate, and the motion in which each ends.
+    """Initial states at cam angle 0, and the motion in which each of them ends.
+
+    An initial state is a gap and its rate.
 
     Attributes
     ----------
@@ -122,7 +124,10 @@ class Basins(Result):
         ]
 
     def portrait(self, motion: EndMotion) -> tuple[FloatArray, FloatArray]:
-        """Return gap (m) and its rate (m/s), each ``(n,)``, through the turns of a motion."""
+        """Return a motion's phase portrait: gap (m) and its rate (m/s), ``(n,)`` each.
+
+        The samples cover the turns of the motion.
+        """
         turn_map = StroboscopicMap(self.law, self.parameters, self.rpm * RPM)
         state = turn_map.follower(motion.states[-1].tolist())
         stop = round(len(motion.states) * turn_map.duration * NS)
@@ -136,7 +141,10 @@ class Basins(Result):
 def _ends(
     law: Law, parameters: FollowerParameters, speed: float, starts: Sequence[tuple[float, float]]
 ) -> list[EndMotion]:
-    """Return the motion in which each gap (m) and rate (m/s) ends, at a speed (rad/s)."""
+    """Return the final motion for each initial state at a speed (rad/s).
+
+    ``starts`` are pairs of gap (m) and its rate (m/s).
+    """
     turn_map, ends = StroboscopicMap(law, parameters, speed), []
     for start in starts:
         run = turn_map.run(TRANSIENT_TURNS + CLASSIFIED_TURNS, start)
@@ -163,7 +171,7 @@ def basins(
     executor: Executor | None = None,
     progress: Progress = NULL_PROGRESS,
 ) -> Basins:
-    """Find the motion in which each start ends at one speed, with one rigid mass.
+    """Find the final motion for each initial state of one rigid mass at one speed.
 
     Parameters
     ----------
@@ -230,7 +238,7 @@ def basins(
 
 
 def _axes(turn_map: StroboscopicMap, grid: int) -> tuple[FloatArray, FloatArray]:
-    """Return gaps (m) and rates (m/s) of the starts.
+    """Return gaps (m) and gap rates (m/s) of the initial states, ``(grid,)`` each.
 
     Both ranges are multiples of the range of the motion that starts on the cam.
     """
@@ -243,6 +251,6 @@ def _axes(turn_map: StroboscopicMap, grid: int) -> tuple[FloatArray, FloatArray]
 
 
 def _letters(index: int) -> str:
-    """Return the name of an index: A to Z, then AA, AB and so on."""
+    """Return the name of the motion with an index: A to Z, then AA, AB and so on."""
     head, last = divmod(index, 26)
     return (_letters(head - 1) if head else "") + chr(ord("A") + last)

@@ -82,7 +82,7 @@ DESCRIPTIONS = {
 
 @dataclass(frozen=True, eq=False)
 class PeriodicMotion:
-    """Periodic motion of the follower at one operating point."""
+    """Motion of the follower with a period of whole turns, at an operating point."""
 
     point: OperatingPoint
     states: FloatArray  #: at the end of each turn, as in `TurnsRun.states`
@@ -93,17 +93,17 @@ class PeriodicMotion:
 
     @property
     def period(self) -> int:
-        """Period in turns."""
+        """Period of the motion in turns."""
         return len(self.states)
 
     @property
     def state(self) -> State:
-        """State at which a period starts and ends."""
+        """State at the start and the end of a period, as in `TurnsRun.states`."""
         return tuple(self.states[-1].tolist())
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        """Multipliers, ``(n,)``: factors of a small change over a period."""
+        """Multipliers, ``(n,)``: growth factors of small changes of the state per period."""
         return np.linalg.eigvals(self.derivative).astype(np.complex128)
 
     @property
@@ -113,17 +113,17 @@ class PeriodicMotion:
 
     @property
     def stable(self) -> bool:
-        """True if small changes decay."""
+        """True if small changes of the state decay."""
         return abs(self.leading) < 1.0
 
     @property
     def flip(self) -> float:
-        """Test function of a period doubling: zero if a multiplier is −1."""
+        """Test function of a period doubling, which is zero if a multiplier is −1."""
         return float(np.linalg.det(np.eye(len(self.derivative)) + self.derivative))
 
     @property
     def fold(self) -> float:
-        """Test function of a fold: zero if a multiplier is +1."""
+        """Test function of a fold, which is zero if a multiplier is +1."""
         return float(np.linalg.det(np.eye(len(self.derivative)) - self.derivative))
 
     @property
@@ -138,7 +138,7 @@ class PeriodicMotion:
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """Point at which a periodic motion changes its kind."""
+    """Operating point at which a periodic motion changes its kind."""
 
     kind: str
     point: OperatingPoint
@@ -146,14 +146,14 @@ class Bifurcation:
     landings: int  #: in the period, before the bifurcation
 
     def same_as(self, other: Bifurcation, sweep: Sweep) -> bool:
-        """Return True if both are the same bifurcation, found twice."""
+        """Return True if both are the same bifurcation, found on two ways."""
         value, other_value = sweep.value(self.point), sweep.value(other.point)
         same_kind = self.kind == other.kind and self.period == other.period
         return same_kind and abs(value - other_value) < BIFURCATION_RTOL * sweep.size(value)
 
 
 class MotionNotFoundError(DynamicsError):
-    """The Newton iteration does not converge to a periodic motion."""
+    """Error of a Newton iteration that does not converge to a periodic motion."""
 
 
 #: Function that returns the motion at a length along a branch, and its scaled state and value.
@@ -170,7 +170,9 @@ class Family:
     _scale: FloatArray = field(init=False)  #: of the state and of the swept value
 
     def at(self, value: float, state: State) -> PeriodicMotion:
-        """Return the motion at a value (SI) near a state, by Newton's iteration.
+        """Return the periodic motion at a swept value (SI) near a state.
+
+        It is found by Newton's iteration.
 
         Raises
         ------
@@ -185,10 +187,11 @@ class Family:
     def follow(
         self, start: PeriodicMotion, low: float, high: float, up: bool
     ) -> tuple[list[PeriodicMotion], list[Bifurcation]]:
-        """Follow a branch from a motion to its end, or to ``low`` or ``high`` (SI).
+        """Follow a branch of periodic motions from a motion to its end.
 
-        ``up`` selects the direction of the first step. The result is the motions in order along the
-        branch, ``start`` first, and the bifurcations.
+        The search stops at ``low`` or ``high`` (SI). ``up`` selects the direction of the first
+        step. The result is the motions in order along the branch, ``start`` first, and the
+        bifurcations.
         """
         value = self.sweep.value(start.point)
         self._scale = self._scale_of(value, start.state)
@@ -224,15 +227,15 @@ class Family:
         return motions, bifurcations
 
     def _scale_of(self, value: float, state: State) -> FloatArray:
-        """Return the scale of the state and of the swept value, ``(n + 1,)``."""
+        """Return the scales of the state and of the swept value, ``(n + 1,)``."""
         point = self.sweep.at(value)
         usual = StroboscopicMap(self.law, point.parameters, point.speed).scale
         return np.append(np.maximum(usual, np.abs(state)), self.sweep.size(value))
 
     def _run(self, vector: FloatArray) -> tuple[FloatArray, PeriodicMotion]:
-        """Run one period from a scaled (state, value).
+        """Run one period from a scaled vector of state and swept value, ``(n + 1,)``.
 
-        Returns the scaled state at its end, and the motion.
+        Returns the scaled state at the end of the period, ``(n,)``, and the motion.
         """
         gap, *others, value = (vector * self._scale).tolist()
         point = self.sweep.at(value)
@@ -249,9 +252,10 @@ class Family:
         return run.states[-1] / self._scale[:-1], motion
 
     def _by_value(self, vector: FloatArray) -> FloatArray:
-        """Return the derivative of `_run` by the scaled value, ``(n,)``.
+        """Return the derivative of the state after a period by the swept value, ``(n,)``.
 
-        A difference does not extend beyond a graze, where the number of landings changes.
+        Both are scaled. A difference does not extend beyond a graze, where the number of landings
+        changes.
         """
         step = np.eye(vector.size)[-1] * VALUE_STEP
         vectors = [vector - step if vector[-1] > VALUE_STEP else vector, vector, vector + step]
@@ -261,7 +265,11 @@ class Family:
         return np.asarray((reached[last] - reached[first]) / distance)
 
     def _matrix(self, motion: PeriodicMotion, by_value: FloatArray) -> FloatArray:
-        """Return the scaled derivative of Pⁿ(x) − x by state and value, ``(n, n + 1)``."""
+        """Return the scaled derivative of Pⁿ(x) − x, ``(n, n + 1)``.
+
+        It is by the state and the swept value. P is the map of one turn. ``by_value`` is the last
+        column.
+        """
         scale = self._scale[:-1]
         block = motion.derivative * scale / scale[:, None] - np.eye(scale.size)
         return np.column_stack([block, by_value])
@@ -269,16 +277,19 @@ class Family:
     def _tangent(
         self, motion: PeriodicMotion, by_value: FloatArray, along: FloatArray
     ) -> FloatArray:
-        """Return the unit vector along the branch, ``(n + 1,)``, on the side of ``along``."""
+        """Return the unit vector along the branch, ``(n + 1,)``, on the side of ``along``.
+
+        ``by_value`` is the derivative of the state after a period by the swept value.
+        """
         vector = np.linalg.svd(self._matrix(motion, by_value))[2][-1]
         return np.asarray(vector if vector @ along >= 0.0 else -vector)
 
     def _corrected(
         self, start: FloatArray, along: FloatArray, by_value: FloatArray
     ) -> tuple[PeriodicMotion, FloatArray]:
-        """Return the motion, and its vector, on the plane through a start.
+        """Return the periodic motion in a plane of state and swept value, and its vector.
 
-        The plane is normal to ``along``.
+        The plane contains the vector ``start`` and is normal to ``along``.
         """
         vector, last = start, math.inf
         for _ in range(MAX_ITERATIONS):
@@ -304,7 +315,11 @@ class Family:
     def _ahead(
         self, point: FloatArray, along: FloatArray, by_value: FloatArray, length: float
     ) -> tuple[PeriodicMotion, FloatArray]:
-        """Return the motion at a length along the branch, and its vector."""
+        """Return the periodic motion at a distance along the branch, and its vector.
+
+        ``point`` and ``along`` are the vector at which the distance starts, and the direction
+        there.
+        """
         return self._corrected(point + length * along, along, by_value)
 
     def _between(
@@ -328,8 +343,9 @@ class Family:
     ) -> Iterator[Bifurcation]:
         """Yield the bifurcation at which a branch ends.
 
-        The halves of the period have become equal, or a landing appears or disappears beyond. The
-        result is empty if the swept quantity has reached its limit, such as a restitution of 0.
+        There the two halves of the period have become equal, or a landing appears or disappears.
+        There is no bifurcation if the swept quantity has reached its limit, such as a restitution
+        of 0.
         """
         kind, (half_period, remainder) = LOST, divmod(self.period, 2)
         if (
@@ -356,7 +372,7 @@ class Family:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """Periodic motions that form one curve over the swept quantity, in order along it."""
+    """Branch: periodic motions that form one curve over the swept quantity, in order."""
 
     motions: tuple[PeriodicMotion, ...]
     bifurcations: tuple[Bifurcation, ...]
@@ -384,7 +400,7 @@ class Branch:
 def branch_through(
     law: Law, sweep: Sweep, start: PeriodicMotion, low: float, high: float
 ) -> Branch:
-    """Return the branch of a motion, followed both ways between two values (SI)."""
+    """Return the branch of a motion, followed both ways between two swept values (SI)."""
     family = Family(law, sweep, start.period)
     down, bifurcations_below = family.follow(start, low, high, up=False)
     up, bifurcations_above = family.follow(start, low, high, up=True)
@@ -398,7 +414,7 @@ def branches(
     low: float,
     high: float,
 ) -> tuple[Branch, ...]:
-    """Return all branches between two values (SI) that contain given motions.
+    """Return all branches of periodic motions between two swept values (SI).
 
     ``starts`` lists the value (SI), a state and the period of each motion. A motion starts no
     branch if the iteration does not find it, or if it is already on a branch.

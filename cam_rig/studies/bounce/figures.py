@@ -25,10 +25,10 @@ MAX_MOTIONS = 6
 
 @styled
 def figure(result: BounceMap) -> Figure:
-    """Draw the fastest landing of each turn, the exponent and the level.
+    """Draw fastest landing of each turn, Lyapunov exponent and sound level.
 
-    Followed branches are lines, dotted if the motion is unstable. A dotted vertical line marks the
-    first lift-off if it is within the swept range.
+    The horizontal axis is the swept quantity. Followed branches are lines, dotted if the motion is
+    unstable. A dotted vertical line marks the first lift-off if it is within the swept range.
     """
     has_level = result.rows[0].level_db is not None
     out = empty(5.6 if has_level else 4.2)
@@ -101,7 +101,7 @@ def _levels(axes: Axes, result: BounceMap) -> None:
 
 @styled
 def basin_figure(result: Basins) -> Figure:
-    """Draw the starts by their final motion, and the phase portraits of the motions."""
+    """Draw the initial states by final motion, and the motions' phase portraits."""
     out = empty(3.9)
     left, right = out.subplots(1, 2)
     looks = [series_marker(i) for i in range(min(MAX_MOTIONS, len(result.motions)))]

@@ -1,4 +1,4 @@
-"""Motion and Lyapunov exponents of a run of many turns.
+"""Kind and Lyapunov exponents of a motion, from a run of many turns.
 
 A motion is in contact, periodic, irregular or undetermined.
 """
@@ -138,7 +138,8 @@ def _largest_exponent(derivatives: FloatArray) -> float:
 def _all_exponents(largest: float, growth: FloatArray) -> tuple[float, ...]:
     """Return all exponents, 1/turn, from the largest and the growth of each direction.
 
-    Two directions together grow as areas do. The same applies to a pair of multipliers. The small
+    ``largest`` is the largest exponent, ``growth`` the mean growth of each direction. Two
+    directions together grow as areas do. The same applies to a pair of multipliers. The small
     multipliers of a long product are below its rounding error, so they are not used.
     """
     if largest == -math.inf:
@@ -148,9 +149,10 @@ def _all_exponents(largest: float, growth: FloatArray) -> tuple[float, ...]:
 
 
 def _without_period(growth: FloatArray) -> TurnMotion:
-    """Return an irregular motion if the mean of the largest growth exceeds its error.
+    """Return an irregular motion if the largest exponent exceeds its error.
 
-    Otherwise the motion is undetermined.
+    Otherwise the motion is undetermined. ``growth`` is the growth of each direction per turn,
+    ``(turns, n)``.
     """
     largest = growth[:, 0]
     if not np.isfinite(largest).all():  # a turn started on the cam, or some turns rest there

@@ -1,4 +1,7 @@
-"""Result of a bounce map: one row per swept value, and the column definitions."""
+"""Result of a bounce map: one row per swept value, and the column definitions.
+
+The rows describe the motion of the follower.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ START_ABOVE = "above"
 
 @dataclass(frozen=True, eq=False)
 class BounceRow(TurnMotion):
-    """Motion of the follower at one operating point."""
+    """Motion of the follower at one swept value, with landings and sound level."""
 
     point: OperatingPoint
     landings_per_turn: float
@@ -56,7 +59,7 @@ class BounceRow(TurnMotion):
 
     @property
     def end(self) -> State:
-        """Last state of the run."""
+        """State at the end of the last turn, as in `TurnsRun.states`."""
         return tuple(self.states[-1].tolist())
 
 
@@ -98,7 +101,10 @@ UNDETERMINED_NOTE = Footnote(
 
 @dataclass(frozen=True, repr=False)
 class BounceMap(Result):
-    """Motion of a follower per turn, over speed, restitution, preload or mass."""
+    """Bounce map: motion of a follower per turn over one swept quantity.
+
+    The quantity is speed, restitution, preload or mass.
+    """
 
     schema = "cam_rig.bounce.1"
     plot_function = "cam_rig.studies.bounce.figures:figure"
@@ -174,19 +180,22 @@ class BounceMap(Result):
         return self.lift_off / RPM if self.sweep.parameter == SPEED else math.nan
 
     def swept(self, points: Iterable[Any]) -> FloatArray:
-        """Return the swept quantity of several points in its displayed unit.
+        """Return the swept quantity of several points in its displayed unit, ``(n,)``.
 
         ``points`` are rows, motions or bifurcations.
         """
         return np.array([getattr(item.point, self.sweep.parameter) for item in points], dtype=float)
 
     def stem(self, number: int) -> FloatArray:
-        """Return a component of the stem's state at each turn's end, NaN for one mass."""
+        """Return a component of the state at the end of each turn, NaN if there is none.
+
+        The components of the stem exist for two masses only.
+        """
         states = np.concatenate([row.states for row in self.rows])
         return states[:, number] if number < states.shape[1] else np.full(len(states), math.nan)
 
     def per_turn(self, numbers: Iterable[float]) -> FloatArray:
-        """Return one number per turn from one number per row."""
+        """Repeat one number per row to one number per turn."""
         return np.repeat(list(numbers), [row.max_landing_speed.size for row in self.rows])
 
     def tables(self) -> list[Records]:

@@ -40,7 +40,7 @@ LEVEL_TURNS = 16
 
 @dataclass(frozen=True)
 class BounceRuns:
-    """Law, swept values, numbers of turns and sound radiation of the runs."""
+    """Runs of a bounce map: law, swept values, numbers of turns and sound radiation."""
 
     law: Law
     sweep: Sweep
@@ -59,9 +59,10 @@ class BounceRuns:
         transient_turns: int,
         turns: int,
     ) -> BounceRuns:
-        """Create the runs on a rig.
+        """Create the runs of a bounce map on a rig.
 
-        A level is computed if the rig has radiation data and a contact stiffness.
+        A sound level is computed if the rig has radiation data and a contact stiffness. ``values``
+        are swept values, SI.
         """
         has_sound = rig.radiation is not None and rig.follower.stem_stiffness is not None
         sound = RadiationParameters.from_rig(rig) if has_sound else None
@@ -69,12 +70,12 @@ class BounceRuns:
 
     @property
     def total(self) -> int:
-        """Number of rows."""
+        """Number of rows of the bounce map."""
         return len(self.values)
 
     @property
     def text(self) -> str:
-        """Numbers on which rows depend, as JSON, with a digest of the law."""
+        """All numbers on which the rows depend, as JSON, with a digest of the law."""
         digest = hashlib.sha256()
         for part in (self.law.breaks, self.law.ordinates):
             digest.update(np.ascontiguousarray(part).tobytes())
@@ -89,7 +90,10 @@ class BounceRuns:
         return json.dumps(numbers, sort_keys=True)
 
     def row(self, value: float, start: State = ON_THE_CAM) -> BounceRow:
-        """Return the row of a value (SI), started from a state as in `TurnsRun.states`."""
+        """Compute the row of a swept value (SI).
+
+        The run starts in the state ``start``, as in `TurnsRun.states`.
+        """
         point = self.sweep.at(value)
         turn_map = StroboscopicMap(self.law, point.parameters, point.speed)
         run = turn_map.run(self.transient_turns + self.turns, start)
@@ -108,13 +112,16 @@ class BounceRuns:
         )
 
     def rows(self, values: Sequence[float]) -> list[BounceRow]:
-        """Return the rows of several values (SI), each started on the cam."""
+        """Compute the rows of several swept values (SI), each with a start on the cam."""
         return [self.row(value) for value in values]
 
     def _level(
         self, point: OperatingPoint, turn_map: StroboscopicMap, run: TurnsRun, turns: int
     ) -> tuple[float | None, float | None]:
-        """Return the level (dB) of the last turns and its range, None without sound."""
+        """Return the sound level (dB) of the last ``turns`` turns, and its range (dB).
+
+        Both are None without radiation data.
+        """
         if self.radiation is None:
             return None, None
         state = turn_map.follower(run.states[-turns - 2].tolist())
@@ -158,13 +165,16 @@ LIST_UNITS = {"max_landing_speed": "m/s", "states": "SI"}
 
 @dataclass(frozen=True)
 class BounceBatch(Batch):
-    """Rows of consecutive values."""
+    """Computed rows of consecutive swept values."""
 
     rows: list[BounceRow]
 
 
 def compute_batch(runs: BounceRuns, first: int, last: int) -> BounceBatch:
-    """Compute the rows of the values ``first`` to ``last`` (exclusive) from the cam."""
+    """Compute the rows of the values ``first`` to ``last`` (exclusive).
+
+    Each run starts on the cam.
+    """
     start = time.process_time()
     rows = runs.rows(runs.values[first:last])
     return BounceBatch(first, last, time.process_time() - start, rows)
@@ -195,7 +205,7 @@ class BounceFiles(PointFiles):
         return pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata=self.origin))
 
     def rows(self) -> Iterator[BounceRow]:
-        """Yield all rows, in order."""
+        """Yield all stored rows of the bounce map, in order."""
         runs = self.campaign
         for table in self.tables():
             for row in table.to_pylist():
@@ -214,7 +224,10 @@ class BounceFiles(PointFiles):
 def stored_rows(
     files: BounceFiles, resume: bool, executor: Executor | None, workers: int, progress: Progress
 ) -> list[BounceRow]:
-    """Return the rows of all values, computing and storing those that are missing."""
+    """Return the rows of all values, and compute and store the missing rows.
+
+    ``resume`` is True to keep the rows that are already stored.
+    """
     require("pyarrow")
     with files.open(resume) as damaged:
         if damaged:

@@ -155,7 +155,10 @@ def bounce_map(
 def _compute_rows(
     runs: BounceRuns, start: str, executor: Executor | None, progress: Progress
 ) -> list[BounceRow]:
-    """Return one row per value, each from the cam or from the row before it."""
+    """Compute one row per value, each from the cam or from the row before it.
+
+    ``start`` selects the initial state, see `bounce_map`.
+    """
     progress.start(runs.total, runs.law.name)
     rows = list[BounceRow]()
     if start == START_ON_CAM:

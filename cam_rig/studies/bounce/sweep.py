@@ -42,7 +42,7 @@ SWEPT = {
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Follower and cam speed (rad/s)."""
+    """Operating point: a follower and a cam speed (rad/s)."""
 
     parameters: Bouncing
     speed: float
@@ -73,7 +73,10 @@ class OperatingPoint:
 
 
 def point_columns(digits: str = ".6g") -> tuple[Column, ...]:
-    """Return a column for each sweepable quantity, all but the speed hidden."""
+    """Return the table columns of an operating point, one per quantity.
+
+    All except the speed are hidden.
+    """
     return tuple(
         Column(key, unit, digits, heading, of=f"point.{key}", hidden=key != SPEED)
         for key, (heading, unit, _) in SWEPT.items()
@@ -114,7 +117,7 @@ class Sweep:
         return float(getattr(point, self.parameter)) if self.parameter != SPEED else point.speed
 
     def words(self, value: float) -> str:
-        """Return a value as text, such as ``418.803 rpm`` or ``preload 12.75 N``."""
+        """Return a value of the swept quantity as text, such as ``preload 12.75 N``."""
         heading, unit, factor = SWEPT[self.parameter]
         name = "" if self.parameter == SPEED else f"{heading} "
         return f"{name}{value / factor:.6g} {unit}".strip()
@@ -124,7 +127,7 @@ class Sweep:
         return 1.0 if self.parameter == RESTITUTION else value or 1.0
 
     def lift_off(self, law: Law, values: Sequence[float]) -> float:
-        """Return the value (SI) at which steady contact is first lost.
+        """Return the swept value (SI) at which steady contact is first lost.
 
         ``values`` (SI, rising) are searched unless the speed is swept. The result is 0 if a
         velocity jump of the cam throws the follower at any speed. It is NaN if contact is lost, or

@@ -78,11 +78,14 @@ class Alignment:
     errors: tuple[float, ...] = (0.0,) * len(NAMES)
 
     def on_cam_clock(self, time: FloatArray) -> FloatArray:
-        """Return the times (s) of the cam angle's clock at a sensor's times (s)."""
+        """Convert a sensor's times (s) to times (s) of the cam angle's clock."""
         return time + self.delay + self.drift * time
 
     def is_significant(self, name: str) -> bool:
-        """Return True if a number exceeds its standard error significantly."""
+        """Return True if a number of the alignment exceeds its standard error clearly.
+
+        ``name`` is in `NAMES`.
+        """
         error = self.errors[NAMES.index(name)]
         return error > 0.0 and abs(float(getattr(self, name))) > MIN_SIGNIFICANCE * error
 
@@ -98,7 +101,7 @@ def find_alignment(
     offset: float | None,
     count: float,
 ) -> Alignment:
-    """Identify the offset of the angle, the zero of the gauge, and clock errors.
+    """Identify the offset of the cam angle, the gauge's zero, and clock errors.
 
     Delay and drift of the clock are identified only if they are significant. Speeds at which the
     model never leaves the cam are used if there are any, because a flight contains the errors of
@@ -144,9 +147,10 @@ def _fit(
     is_fixed: bool,
     min_shift: float,
 ) -> Alignment:
-    """Fit all numbers, then fit again without an insignificant delay or drift.
+    """Fit all numbers of the alignment, then again without insignificant numbers.
 
-    `min_shift` (rad) is the smallest shift of the cam angle by which a delay or drift is kept.
+    These are a delay or a drift. `min_shift` (rad) is the smallest shift of the cam angle by which
+    a delay or drift is kept. `is_fixed` is True if the offset is given.
     """
     fastest, several = _max_speed(stretches)
     names = {"zero", "lag", "drift"} | (set() if is_fixed else {"offset"})
@@ -166,7 +170,7 @@ def _fit(
 
 
 def _estimate(runs: Sequence[ModelRun], offset_guess: float, lift: Signal) -> Alignment | None:
-    """Estimate offset, delay and drift from the shift of each turn.
+    """Estimate offset, delay and drift of the alignment from the shift of each turn.
 
     Returns None if there are too few readings.
     """
@@ -217,7 +221,10 @@ def _iterate(
     drive: Drive,
     names: set[str],
 ) -> Alignment:
-    """Repeat Gauss-Newton steps until the cam angle changes no more."""
+    """Repeat Gauss-Newton steps on the alignment until the cam angle changes no more.
+
+    `names` are the numbers that are fitted.
+    """
     for _ in range(MAX_STEPS):
         before = alignment
         runs = [drive(stretch, alignment.offset) for stretch in stretches]
@@ -246,9 +253,10 @@ def _sample_model(
 def _gauss_newton_step(
     alignment: Alignment, runs: Sequence[ModelRun], lift: Signal, names: set[str]
 ) -> Alignment:
-    """Perform one Gauss-Newton step on the lift residual.
+    """Improve an alignment by one Gauss-Newton step on the lift residual.
 
-    Readings beyond `CLIP_SIGMAS` standard deviations, such as landings, are left out.
+    `names` are the numbers that are fitted. Readings beyond `CLIP_SIGMAS` standard deviations, such
+    as landings, are left out.
     """
     modelled, velocity, speed = _sample_model(alignment.on_cam_clock(lift.time), runs)
     has_model = np.isfinite(modelled)

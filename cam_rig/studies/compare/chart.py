@@ -34,7 +34,10 @@ BOTTOM_MARGIN = 0.16
 
 
 def save_real_run(comparison: RunComparison, path: Path) -> None:
-    """Write the last turn of each speed as a ``.rrd`` file over the cam's speed."""
+    """Write the last turn of each speed as a Rerun recording (``.rrd``).
+
+    Its time line is the cam speed.
+    """
     tabs = real_run_tabs(comparison)
     title = f"Measured and model: {', '.join(str(tab.name) for tab in tabs)}"
     with chart_stream(path, title, tabs, SPEED) as stream:
@@ -44,7 +47,10 @@ def save_real_run(comparison: RunComparison, path: Path) -> None:
 
 
 def real_run_tabs(comparison: RunComparison) -> list[rrb.Vertical]:
-    """Return a tab per cam with a row per measured quantity."""
+    """Return the tabs of a Rerun recording, one per cam.
+
+    A tab has one row of charts per measured quantity.
+    """
     tabs = []
     for rows in group_by_cam(comparison.speeds):
         charts = [
@@ -79,7 +85,7 @@ def _view(
 
 
 def _axes(rows: Sequence[SpeedDeparture], quantity: str) -> dict[str, Axes]:
-    """Return the axes by chart, equal for measurement and model.
+    """Return the axes of a quantity by chart, equal for measurement and model.
 
     The result is empty if the quantity was not measured.
     """
@@ -98,7 +104,7 @@ def _axes(rows: Sequence[SpeedDeparture], quantity: str) -> dict[str, Axes]:
 
 
 def _largest(rows: Sequence[SpeedDeparture], quantity: str) -> float:
-    """Return the largest difference in the display unit of differences."""
+    """Return the largest difference of a quantity, in the display unit of differences."""
     turns = [row.drawn[quantity] for row in rows if quantity in row.drawn]
     differences = [float(np.abs(turn.difference).max()) for turn in turns]
     return QUANTITIES[quantity].difference_factor * max(differences, default=0.0)

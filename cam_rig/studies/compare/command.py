@@ -1,4 +1,4 @@
-"""The command cam-rig compare."""
+"""Command ``cam-rig compare``: a recorded run next to its model."""
 
 from __future__ import annotations
 

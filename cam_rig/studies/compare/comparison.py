@@ -1,4 +1,4 @@
-"""Deviation of a run from its model, per speed and over all speeds."""
+"""Deviation of a run from its model, for each speed and over all speeds."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ MIN_RESONANCE_ORDER = 8.0
 
 
 def peak_frequency(pair: PairedSignal) -> float | None:
-    """Return the frequency (Hz) at which a difference has most power.
+    """Return the frequency (Hz) at which a difference signal has most power.
 
     Returns None if no frequency has more than `MIN_PEAK_RATIO` times the median power.
     """
@@ -60,7 +60,7 @@ def peak_frequency(pair: PairedSignal) -> float | None:
 
 
 def common_frequency(speeds: Sequence[float], peaks: Sequence[float | None]) -> float | None:
-    """Return the frequency (Hz) of the peaks that is equal at several speeds.
+    """Return the peak frequency (Hz) that is equal at several speeds.
 
     `speeds` are in rpm, and `peaks` in Hz or None. Returns None if the frequency changes with the
     speed, because a natural frequency of a sensor does not.
@@ -82,7 +82,7 @@ def common_frequency(speeds: Sequence[float], peaks: Sequence[float | None]) -> 
 
 
 class DrawnQuantity(NamedTuple):
-    """Title, display units with their factors from SI, and colour of a quantity in figures."""
+    """Title, units, factors from SI, and colour of a quantity in figures."""
 
     title: str
     unit: str
@@ -108,7 +108,7 @@ MAX_DRAWN_READINGS = 1500
 
 @dataclass(frozen=True, eq=False)
 class SpeedDeparture:
-    """Deviation of one cam at one speed.
+    """Deviation of the run from the model, for one cam at one speed.
 
     A value is None if the quantity was not measured. `turns` is the number of settled turns.
     `contact` contains the number of lift-offs per turn, and their times. `measured_db` and
@@ -130,7 +130,7 @@ class SpeedDeparture:
 
     @property
     def level_difference(self) -> float | None:
-        """Measured minus modelled level, dB."""
+        """Measured minus modelled sound level, dB, or None if one of them is missing."""
         if self.measured_db is None or self.model_db is None:
             return None
         return self.measured_db - self.model_db
@@ -142,7 +142,7 @@ class SpeedDeparture:
 
     @property
     def agrees(self) -> bool:
-        """True if lift and force agree within their noise.
+        """True if measured and modelled lift and force agree within their noise.
 
         Without noise they must agree within rounding.
         """
@@ -156,9 +156,9 @@ class SpeedDeparture:
 
 
 def compare_steps(steps: Iterable[PairedStep], laws: dict[str, Law]) -> list[SpeedDeparture]:
-    """Return a row for each step.
+    """Compare each step of a run with the model, and return one row per step.
 
-    Only one step is in memory at a time.
+    A step is one cam at one speed. Only one step is in memory at a time.
     """
     return [_speed_departure(step, laws[step.cam]) for step in steps]
 
@@ -185,7 +185,7 @@ def _speed_departure(step: PairedStep, law: Law) -> SpeedDeparture:
 
 
 def group_by_cam(rows: Iterable[SpeedDeparture]) -> list[list[SpeedDeparture]]:
-    """Return the rows of each cam."""
+    """Group rows by cam, in the order of their first appearance."""
     rows_by_cam = dict[str, list[SpeedDeparture]]()
     for row in rows:
         rows_by_cam.setdefault(row.cam, []).append(row)
@@ -193,7 +193,7 @@ def group_by_cam(rows: Iterable[SpeedDeparture]) -> list[list[SpeedDeparture]]:
 
 
 def _last_turn(pair: PairedSignal) -> PairedSignal:
-    """Return the last turn in the order of the angle.
+    """Return the readings of the last turn in the order of the angle.
 
     If it has fewer than `MIN_DRAWN_READINGS` readings, earlier readings are added.
     """
@@ -258,7 +258,7 @@ def largest_deviations(rows: Sequence[SpeedDeparture]) -> list[LargestDeviation]
 
 
 class Origin(Enum):
-    """Origin of a number that aligns the readings with the cam."""
+    """Origin of a number that aligns the sensors' readings with the cam."""
 
     GIVEN = "given"
     FROM_LIFT = "from the lift"
@@ -268,7 +268,7 @@ class Origin(Enum):
 
 @dataclass(frozen=True)
 class AlignmentNumber:
-    """Number by which the readings were aligned with the cam, SI.
+    """Number by which the sensors' readings were aligned with the cam, SI.
 
     `value` is None if the number was not determined.
     """
@@ -280,7 +280,7 @@ class AlignmentNumber:
 
 
 def alignment_numbers(pairs: MeasuredPairs) -> list[AlignmentNumber]:
-    """Return the numbers by which the readings of a bench were aligned with the cam."""
+    """Return the numbers by which a bench's readings were aligned with the cam."""
     fit, from_lift = pairs.alignment, Origin.FROM_LIFT
     is_identified = fit.is_significant("offset") or fit.errors[0] > 0.0
     origin = (
@@ -336,7 +336,7 @@ MAX_RANGE_RATIO = 2.0
 
 
 def warnings_of(pairs: MeasuredPairs) -> Iterator[str]:
-    """Yield a warning for each sign of a wrong mapping, sign, unit or cam."""
+    """Yield a warning for each sign of a wrong topic mapping, sign, unit or cam."""
     origin = alignment_numbers(pairs)[0].origin
     if origin is Origin.ASSUMED:
         reason = "was not measured" if pairs.run.lift is None else "has too few readings"

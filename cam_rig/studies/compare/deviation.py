@@ -32,16 +32,16 @@ class PairedSignal:
 
     @property
     def away_from_jumps(self) -> NDArray[np.bool_]:
-        """Mask of the readings that are not near a jump."""
+        """Mask of the readings that are not near a jump of the model, ``(n,)``."""
         return np.ones(self.time.size, dtype=bool) if self.near_jump is None else ~self.near_jump
 
     @property
     def degrees(self) -> FloatArray:
-        """Cam angle in its turn, °."""
+        """Cam angle of the readings within the turn, °."""
         return np.degrees(np.remainder(self.angle, TURN))
 
     def select(self, which: slice | NDArray[np.bool_ | np.intp]) -> PairedSignal:
-        """Return the selected readings."""
+        """Return the readings that a slice, a mask or indices select."""
         time, angle, measured, model = (
             array[which] for array in (self.time, self.angle, self.measured, self.model)
         )
@@ -49,13 +49,13 @@ class PairedSignal:
 
     @property
     def difference(self) -> FloatArray:
-        """Measured minus modelled values."""
+        """Measured minus modelled values, SI."""
         return self.measured - self.model
 
 
 @dataclass(frozen=True, eq=False)
 class PairedStep:
-    """Settled turns of one cam at one speed.
+    """Settled turns of one cam at one speed, as pairs of measured and modelled values.
 
     `levels` are the measured and the modelled sound level (dB). `exact` is True if the model was
     driven sample by sample.
@@ -86,7 +86,7 @@ ROUNDING_RTOL = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Departure:
-    """Deviation (measured minus model) over the settled turns of one speed, SI.
+    """Deviation of one quantity (measured minus model) over the turns of a speed.
 
     `rms` is the r.m.s. deviation. `noise` is the r.m.s. scatter from turn to turn, or 0 if the
     model was driven exactly. `largest` is the largest deviation with its sign. If there is noise it
@@ -116,7 +116,7 @@ class Departure:
 
     @property
     def systematic(self) -> float:
-        """R.m.s. deviation without the noise."""
+        """R.m.s. deviation after the noise is subtracted."""
         return math.sqrt(max(self.rms**2 - self.noise**2, 0.0))
 
     @property
@@ -169,9 +169,10 @@ def departure(pair: PairedSignal, exact: bool, max_noise: float = math.inf) -> D
 
 
 def mean_over_turns(angle: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return cam angles in the turn (°) and the mean of a value near them.
+    """Return the mean of a value over all turns, at equally spaced cam angles.
 
-    Parts of the turn without a reading are left out.
+    The first result are the cam angles in the turn (°), the second the means. Parts of the turn
+    without a reading are left out.
     """
     bin_index = np.floor(np.remainder(angle, TURN) * (BINS / TURN)).astype(np.intp) % BINS
     count = np.bincount(bin_index, minlength=BINS)
@@ -200,9 +201,9 @@ MAX_EVENT_SHIFT = TURN / 12.0
 class LostContact:
     """Lift-offs per turn at one speed, and the delay of the measured events.
 
-    `shift` is the median delay in s over the events that run and model have in common, or None
-    without such events. `degrees` is the same as cam angle in °. `rule` is the rule for lost
-    contact as text.
+    `measured` and `model` are the numbers of lift-offs per turn. `shift` is the median delay in s
+    over the events that run and model have in common, or None without such events. `degrees` is the
+    same as cam angle in °. `rule` is the rule for lost contact as text.
     """
 
     measured: float
@@ -213,9 +214,9 @@ class LostContact:
 
 
 def lost_contact(step: PairedStep, law: Law) -> LostContact | None:
-    """Return the events of a step, or None if neither force nor lift was measured.
+    """Return the lift-offs of a step in the run and the model.
 
-    The same rule is used for run and model.
+    Returns None if neither force nor lift was measured. The same rule is used for run and model.
     """
     clear = 0.0
     if step.force is not None and step.lift is not None and step.exact:
@@ -246,7 +247,7 @@ def lost_contact(step: PairedStep, law: Law) -> LostContact | None:
 
 
 def _exact_force(force: FloatArray, lift: FloatArray, angle: FloatArray, law: Law) -> FloatArray:
-    """Return the force, with 1 N in place of 0 while the follower is on the cam.
+    """Return the contact force, with 1 N for 0 while the follower is on the cam.
 
     A force of 0 on a dwell is not a lost contact. The follower has left the cam if it is off the
     cam by more than `MIN_GAP_RATIO` of the lift.
@@ -256,7 +257,7 @@ def _exact_force(force: FloatArray, lift: FloatArray, angle: FloatArray, law: La
 
 
 def _force_limits(pair: PairedSignal) -> tuple[float, float]:
-    """Return the limits (N) of a lost contact.
+    """Return the two limits (N) of the force below which contact is lost.
 
     The first is that of a single reading, and the second that of the mean of adjacent readings.
     """
@@ -272,7 +273,7 @@ def _force_limits(pair: PairedSignal) -> tuple[float, float]:
 def _contact_events(
     time: FloatArray, margin: FloatArray, exact: bool, clear: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the times of lift-offs and of landings.
+    """Return the times (s) of lift-offs and of landings in a run.
 
     Contact is lost while `margin` is not positive. If the readings have noise, the mean of adjacent
     readings must also be `-clear` or less, because a small force on a dwell may fall below the

@@ -23,7 +23,10 @@ NEAR_JUMP_LABEL = "near a jump of the force: not counted"
 
 
 def _choose_speeds(rows: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
-    """Return three rows of a cam: lowest speed, first with lift-offs, highest speed."""
+    """Choose up to three rows of a cam for a figure.
+
+    They are the lowest speed, the first speed with lift-offs, and the highest speed.
+    """
     rows = sorted(rows, key=lambda row: row.rpm)
     with_lift_offs = [row for row in rows if row.contact and row.contact.measured >= 0.5]
     chosen = {id(row): row for row in (*rows[:1], *with_lift_offs[:1], *rows[-1:])}
@@ -32,7 +35,10 @@ def _choose_speeds(rows: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
 
 @styled
 def figure(comparison: RunComparison) -> Figure:
-    """Draw a column per chosen speed of each cam: the curves above their difference."""
+    """Draw measured and modelled curves above their difference.
+
+    The figure has one column per chosen speed of each cam.
+    """
     rows, titles = comparison.speeds, comparison.loaded.titles
     cams = [_choose_speeds(cam_rows) for cam_rows in group_by_cam(row for row in rows if row.drawn)]
     quantities = [name for name in QUANTITIES if any(name in row.drawn for row in rows)]

@@ -36,7 +36,7 @@ MAX_CURVE_SCATTER = 0.9
 
 @dataclass(frozen=True, eq=False)
 class SteadyStretch:
-    """Turns at one speed, as a quadratic spline of the cam angle θ.
+    """Turns of the cam at one speed, as a quadratic spline of the cam angle θ.
 
     Attributes
     ----------
@@ -63,28 +63,28 @@ class SteadyStretch:
 
     @property
     def mean_speed(self) -> float:
-        """Mean speed, rad/s."""
+        """Mean cam speed, rad/s."""
         return float((self.angle[-1] - self.angle[0]) / (self.knots[-1] - self.knots[0]))
 
     @property
     def rpm(self) -> float:
-        """Mean speed in rpm."""
+        """Mean cam speed in rpm."""
         return to_rpm(self.mean_speed)
 
     @property
     def turns(self) -> float:
-        """Number of turns."""
+        """Number of turns of the stretch."""
         return float((self.angle[-1] - self.angle[0]) / TURN)
 
     def angle_at(self, time: FloatArray) -> FloatArray:
-        """Return θ (rad, with all turns) at times in s, shape (n,)."""
+        """Return the cam angle θ (rad, with all turns) at times in s, shape (n,)."""
         i = np.clip(np.searchsorted(self.knots, time, side="right") - 1, 0, self.knots.size - 2)
         since, length = time - self.knots[i], self.knots[i + 1] - self.knots[i]
         acceleration = (self.speed[i + 1] - self.speed[i]) / length
         return np.asarray(self.angle[i] + since * (self.speed[i] + 0.5 * acceleration * since))
 
     def states(self, cam: str, offset: float) -> Iterator[CamState]:
-        """Yield the states of a cam that is `offset` (rad) ahead of θ."""
+        """Yield the cam states at the knots, for a cam that is `offset` (rad) ahead of θ."""
         for time, angle, speed in zip(self.knots, self.angle, self.speed, strict=True):
             ns = round(float(time) * NS)
             cam_angle = float(angle + offset + speed * (ns / NS - time))
@@ -133,7 +133,7 @@ def standstills(angle: Signal) -> FloatArray:
 def _uniform_parts(
     time: FloatArray, angle: FloatArray, count: float
 ) -> Iterator[tuple[float, float]]:
-    """Yield start and end times of successive turns at one speed."""
+    """Yield start and end times (s) of successive turns at one speed."""
     rising = np.maximum.accumulate(angle)
     marks = np.arange(rising[0] + 0.5 * count, rising[-1], TURN)
     if marks.size < 2:
@@ -153,7 +153,7 @@ def _uniform_parts(
 
 
 def _fit_motion(time: FloatArray, angle: FloatArray, count: float) -> SteadyStretch | None:
-    """Return a line through the readings, or a curve if the line is too inaccurate.
+    """Fit the motion of the cam to angle readings by a line, or by a curve if needed.
 
     The curve is used if the line is off by more than a count and the curve reduces the scatter to
     less than `MAX_CURVE_SCATTER`. A difference of counts would be a speed that jumps by whole
@@ -179,9 +179,9 @@ def _fit_motion(time: FloatArray, angle: FloatArray, count: float) -> SteadyStre
 
 
 def _fit_curve(time: FloatArray, angle: FloatArray, turns: int) -> SteadyStretch | None:
-    """Return a quadratic spline by least squares, or None for too few readings.
+    """Fit a quadratic spline to angle readings by least squares.
 
-    The acceleration is constant from knot to knot.
+    Returns None for too few readings. The acceleration is constant from knot to knot.
     """
     from scipy.interpolate import make_lsq_spline
 
@@ -226,16 +226,16 @@ class ModelRun:
 
     @property
     def settled(self) -> FloatArray:
-        """Settled samples."""
+        """Samples of the settled turns, with rows as in `COLUMNS`."""
         return self.rows[:, self.rows[0] >= self.start]
 
     @property
     def loses_contact(self) -> bool:
-        """True if contact is lost in the settled turns."""
+        """True if the model loses contact in the settled turns."""
         return bool((self.settled[4] <= 0.0).any())
 
     def level(self) -> float | None:
-        """Return the level of the settled turns in dB re 20 µPa, or None without sound."""
+        """Return the sound level of the settled turns, dB re 20 µPa, None without sound."""
         if not self.sound.size:
             return None
         settled = self.sound[:, self.sound[0] > self.start + 1.0 / NS]
@@ -244,7 +244,10 @@ class ModelRun:
 
 
 def drive(loaded: LoadedScene, cam: str, stretch: SteadyStretch, offset: float) -> ModelRun:
-    """Drive a cam of a scene along a stretch, `offset` (rad) ahead of its angle."""
+    """Drive the scene's model with the motion of a measured stretch, on one cam.
+
+    The cam is `offset` (rad) ahead of the angle of the stretch.
+    """
     follower, blocks, sound = FollowerSimulator.of(loaded), [], []
     microphone = None if loaded.missing_for_sound else MicrophoneSimulator.of(loaded)
     for state in stretch.states(cam, offset):

@@ -1,4 +1,4 @@
-"""Pairs of recorded and modelled signals of the rig and of test benches."""
+"""Pairs of measured and modelled signals, for bags of the rig and of test benches."""
 
 from __future__ import annotations
 
@@ -71,9 +71,10 @@ class _StepParts:
 
 @dataclass
 class RecordedPairs:
-    """Pairs of a recording of the rig, for all cams or only for `cam`.
+    """Pairs of recorded and modelled values, from a recording of the rig.
 
-    `lost` is the number of ticks without samples. It is valid after all steps were read.
+    The pairs are of all cams, or only of `cam`. `lost` is the number of ticks without samples. It
+    is valid after all steps were read.
     """
 
     loaded: LoadedScene
@@ -155,9 +156,12 @@ class RecordedPairs:
                 follower.continue_from()
 
     def _is_compared(self, cam: str) -> bool:
-        """Return True if a cam is compared.
+        """Return True if a cam is selected for the comparison.
 
-        Raises ConfigError if the scene does not have that cam.
+        Raises
+        ------
+        ConfigError
+            If the scene does not have that cam.
         """
         if self.cam is not None and cam != self.cam:
             return False
@@ -171,7 +175,7 @@ class RecordedPairs:
 
 
 def _is_continuous(start: CamState, end: CamState) -> bool:
-    """Return True if a constant speed or one ramp leads from state to state.
+    """Return True if a constant speed or one ramp leads from one state to another.
 
     Otherwise states between them are missing.
     """
@@ -183,9 +187,10 @@ def _is_continuous(start: CamState, end: CamState) -> bool:
 def _add_tick(
     parts: _StepParts, tick: TickSamples, model: ModelTick, pressures: dict[int, float]
 ) -> None:
-    """Add the samples that recording and model have in common.
+    """Add the samples of a tick that recording and model have in common.
 
-    If the end of a tick is lost, the bag has several ticks for one tick of the model.
+    `pressures` are the recorded r.m.s. pressures (Pa) by stamp (ns). If the end of a tick is lost,
+    the bag has several ticks for one tick of the model.
     """
     samples, pressure, _ = model
     step = 1.0 if tick.time.size < 2 else float(np.diff(tick.time).mean())
@@ -217,7 +222,7 @@ MIN_ROUNDING_COUNTS = 0.1
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPairs:
-    """Pairs of a measured run and the model of a scene.
+    """Pairs of measured and modelled values, from a run on a test bench.
 
     `is_offset_given` is True if the encoder's zero was given.
     """
@@ -253,7 +258,7 @@ class MeasuredPairs:
         return max(0.0, 1.0 - compared / duration)
 
     def steps(self) -> Iterator[PairedStep]:
-        """Yield the settled turns of each stretch as pairs, the slowest first."""
+        """Yield the settled turns of each steady stretch as pairs, the slowest first."""
         settle = self.loaded.scene.schedule.transient_turns.si
         for stretch in sorted(self.stretches, key=lambda stretch: stretch.mean_speed):
             model = drive(self.loaded, self.cam, stretch, self.alignment.offset)
@@ -295,7 +300,7 @@ class MeasuredPairs:
 
 
 def _mark_jumps(pair: PairedSignal, model: ModelRun) -> PairedSignal:
-    """Return the force with a mark on readings near a jump of the model's force.
+    """Return a force signal with a mark on readings near a jump of the model's force.
 
     There the force depends on the times of the events.
     """

@@ -30,7 +30,7 @@ from cam_rig.studies.compare.pairs import RecordedPairs, pair_measured
 
 
 def _departure_columns(name: str, unit: str) -> tuple[Column, ...]:
-    """Return the columns of one quantity.
+    """Return the table columns of one quantity, lift or force.
 
     They are the r.m.s. difference, the noise if there is any, the largest difference with its
     angle, and a mark if run and model agree.

@@ -1,3 +1,3 @@
-"""Optimal laws of a class from convex programs, with proved bounds."""
+"""Optimal laws of a class from convex programs, with proved bounds of the goal."""
 
 from __future__ import annotations

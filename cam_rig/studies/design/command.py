@@ -98,9 +98,9 @@ def design(
 
 
 def _config(start: str, goals: dict[str, Any], **others: Any) -> DesignConfig:
-    """Return the design of the command line, or of a design file.
+    """Return the design request of the command line, or of a design file.
 
-    The files that a design file names are next to it, or shipped.
+    The cam and rig files that a design file names are next to it, or shipped.
     """
     from cam_rig.schema.load import cam_path, load
     from cam_rig.simulation.inputs import default_rig
@@ -147,7 +147,7 @@ def _run_design(
 def _best(
     cam: CamConfig, rig: RigConfig, request: DesignRequest, name: str | None, progress: Progress
 ) -> LawDesign:
-    """Search for the best law and report progress.
+    """Search for the best law of a design, and report progress.
 
     Ctrl-C returns the best law so far.
     """

@@ -1,4 +1,4 @@
-"""Convex program in the unknowns of a design and a level t, and its bound.
+"""Convex program in the unknowns of a design and a level t, with a proved bound.
 
 The bound comes from the multipliers and does not rely on the solver. Any multipliers of the right
 signs give a bound (weak duality). The multipliers are corrected and the bound is computed here, in
@@ -44,7 +44,7 @@ ACTIVE_TOLERANCE = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Affine:
-    """Values c + A x, ``(n,)``, of unknowns x ``(m,)``.
+    """Affine function c + A x, ``(n,)``, of the unknowns x ``(m,)`` of a program.
 
     A is sparse or dense. Both may be complex.
     """
@@ -53,7 +53,7 @@ class Affine:
     matrix: Any
 
     def __call__(self, unknowns: FloatArray) -> NDArray[Any]:
-        """Return the values at unknowns ``(m,)``."""
+        """Return the values ``(n,)`` of the function at unknowns ``(m,)``."""
         return np.asarray(self.constant + self.matrix @ unknowns)
 
     def __add__(self, other: Affine) -> Affine:
@@ -63,29 +63,29 @@ class Affine:
         return Affine(self.constant * factor, self.matrix * factor)
 
     def plus(self, number: float | FloatArray) -> Affine:
-        """Return the values plus a number."""
+        """Return the function with a number added to its values."""
         return Affine(self.constant + number, self.matrix)
 
     def mapped(self, matrix: Any) -> Affine:
-        """Return ``matrix`` times the values."""
+        """Return the function whose values are ``matrix`` times the values."""
         return Affine(np.asarray(matrix @ self.constant), matrix @ self.matrix)
 
     def rows(self, chosen: Any) -> Affine:
-        """Return some of the values, by indices, a mask or a slice."""
+        """Return the function of some of the values, by indices, a mask or a slice."""
         return Affine(self.constant[chosen], self.matrix[chosen])
 
     def dense(self) -> Affine:
-        """Return the same values with a dense matrix."""
+        """Return the same function with a dense matrix."""
         return Affine(self.constant, self.matrix.toarray())
 
     @staticmethod
     def number(value: float, unknowns: int) -> Affine:
-        """Return one value that does not depend on the unknowns."""
+        """Return a function with one value, which does not depend on the unknowns."""
         return Affine(np.full(1, value), sparse.csr_array((1, unknowns)))
 
     @staticmethod
     def stacked(parts: list[Affine]) -> Affine:
-        """Return the values of all parts, in order."""
+        """Return the function whose values are those of all parts, in order."""
         matrices = [part.matrix for part in parts]
         is_sparse = sparse.issparse(matrices[0])
         matrix = sparse.vstack(matrices, "csr") if is_sparse else np.vstack(matrices)
@@ -94,7 +94,7 @@ class Affine:
 
 @dataclass(frozen=True)
 class RowBlock:
-    """Rows c + A x + w t that are ≥ 0, = 0, or in cones.
+    """Rows c + A x + w t of a program, of one kind: ≥ 0, = 0, or in cones.
 
     A cone has ``cone`` rows, the first of which is the radius. Rows are ``necessary`` if every law
     that satisfies the limits satisfies them. Other rows are only sufficient.
@@ -110,7 +110,7 @@ class RowBlock:
 
 @dataclass(frozen=True)
 class ProgramSolution:
-    """Unknowns ``(m,)``, level t, its bound, and the active limits.
+    """Solution of a program: unknowns ``(m,)``, level t, its bound, and active limits.
 
     No law of the class exceeds the bound. It is proved by ``blocks`` and ``multipliers``, one per
     row, scaled to Σ w y = −1.
@@ -125,7 +125,7 @@ class ProgramSolution:
 
 
 class InfeasibleError(DesignError):
-    """No law of the class satisfies the limits.
+    """Error of a design whose class has no law that satisfies the limits.
 
     ``conflicting`` names the limits that contradict each other. ``proved`` is True if the
     contradiction is proved for the class.
@@ -141,7 +141,7 @@ class InfeasibleError(DesignError):
 
 @dataclass
 class ConvexProgram:
-    """Limits on the unknowns ``(unknowns,)`` and on t, which is maximised."""
+    """Convex program: limits on unknowns ``(unknowns,)`` and a level t to maximise."""
 
     unknowns: int
     link: Affine
@@ -150,23 +150,23 @@ class ConvexProgram:
     def at_least(
         self, name: str, rows: Affine, weight: float = 0.0, necessary: bool = True
     ) -> None:
-        """Add the limit rows + weight · t ≥ 0."""
+        """Add the limit rows + weight · t ≥ 0 to the program."""
         weights = np.full(rows.constant.size, weight)
         self.blocks.append(RowBlock(name, rows, weights, "nonneg", necessary=necessary))
 
     def equal(self, name: str, rows: Affine) -> None:
-        """Add the limit rows = 0."""
+        """Add the limit rows = 0 to the program."""
         self.blocks.append(RowBlock(name, rows, np.zeros(rows.constant.size), "zero"))
 
     def within(self, name: str, parts: Affine, radius: float = 0.0, weight: float = 0.0) -> None:
-        """Add the limit √(sum of the squared parts) ≤ radius + weight · t."""
+        """Add the limit √(sum of the squared parts) ≤ radius + weight · t to the program."""
         cone = Affine.stacked([Affine.number(radius, self.unknowns), parts])
         weights = np.zeros(cone.constant.size)
         weights[0] = weight
         self.blocks.append(RowBlock(name, cone, weights, "cone", weights.size))
 
     def solve(self) -> ProgramSolution:
-        """Return the solution with the largest t.
+        """Solve the program for the largest level t.
 
         Raises
         ------
@@ -211,7 +211,7 @@ class ConvexProgram:
         return best
 
     def all_blocks(self) -> list[RowBlock]:
-        """Return all blocks: the link, equations, limits, and the limits of the ordinates."""
+        """Return all rows of the program: link, equations, limits, ordinate limits."""
         linked = self.link.constant.size
         link = RowBlock("", self.link, np.zeros(linked), "zero")
         ranked = sorted(self.blocks, key=lambda block: block.kind != "zero")
@@ -238,7 +238,7 @@ def _infeasible(blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
 
 
 def _join_rows(blocks: list[RowBlock]) -> tuple[Affine, FloatArray]:
-    """Return all rows in order, and their weights of t."""
+    """Return the rows of all blocks in order, and their weights of the level t."""
     rows = Affine.stacked([block.rows for block in blocks])
     return rows, np.concatenate([block.weight for block in blocks])
 
@@ -249,12 +249,18 @@ def _append_column(matrix: Any, weights: FloatArray) -> Any:
 
 
 def _split_by_block(blocks: list[RowBlock], of_rows: FloatArray) -> list[FloatArray]:
-    """Return the values of each block as views of the values of all rows."""
+    """Split the values of all rows by block.
+
+    The results are views of ``of_rows``, one per block.
+    """
     return np.split(of_rows, np.cumsum([block.weight.size for block in blocks])[:-1])
 
 
 def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> ProgramSolution:
-    """Return the solution of unknowns with t last, and of unscaled multipliers."""
+    """Return the solution for a solver's result.
+
+    ``x`` are the unknowns with t last, ``dual`` the unscaled multipliers.
+    """
     y, weight = _in_cones(blocks, dual)
     multipliers = y / -weight if weight < 0.0 else np.full(y.size, np.nan)
     met = (b.name for b in blocks if b.kind != "zero" and _slack(b, x).min() < ACTIVE_TOLERANCE)
@@ -263,9 +269,9 @@ def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> Prog
 
 
 def _slack(block: RowBlock, x: FloatArray) -> FloatArray:
-    """Return the distance of each row or cone from violation, negative if violated.
+    """Return the slack of each row or cone, negative if the row is violated.
 
-    The distance of an equation is minus its absolute residual.
+    ``x`` are the unknowns with t last. The slack of an equation is minus its absolute residual.
     """
     values = np.asarray(block.rows(x[:-1]) + block.weight * x[-1])
     if block.kind == "cone":
@@ -294,9 +300,10 @@ def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, flo
 
 
 def upper_bound(blocks: list[RowBlock], multipliers: FloatArray) -> float:
-    """Return yᵀc + β Σ|(Aᵀy)ⱼ|, an upper bound of t if yᵀw = −1 (39).
+    """Return the upper bound of the level t that multipliers prove (39).
 
-    β is `MAX_ORDINATE`. The bound is infinite if a multiplier is NaN.
+    It is yᵀc + β Σ|(Aᵀy)ⱼ| for multipliers y with yᵀw = −1. β is `MAX_ORDINATE`. The bound is
+    infinite if a multiplier is NaN.
     """
     if np.isnan(multipliers).any():
         return np.inf
@@ -325,7 +332,10 @@ Bounds = tuple[float, float]
 
 
 class GrowingProgram:
-    """Sequence of linear programs with the same unknowns, solved incrementally."""
+    """Solver of a sequence of linear programs with the same unknowns.
+
+    Each program is solved from the solution of the one before.
+    """
 
     def __init__(self) -> None:
         self._solver: Any = None
@@ -334,7 +344,7 @@ class GrowingProgram:
         self._bounds: dict[int, Bounds] = {}
 
     def solve(self, program: ConvexProgram) -> ProgramSolution:
-        """Return the solution with the largest t, as `ConvexProgram.solve` does.
+        """Solve a program for the largest level t, as `ConvexProgram.solve` does.
 
         Programs with cones, and infeasible programs, are passed to `ConvexProgram.solve`.
         """
@@ -357,7 +367,7 @@ class GrowingProgram:
         return solution_of(blocks, np.array(result.col_value), dual)
 
     def _start(self, program: ConvexProgram, highspy: Any) -> None:
-        """Create the solver with the columns of a program and no rows."""
+        """Create the solver with the columns of a program, without rows."""
         solver = self._solver = highspy.Highs()
         self._index, self._bounds = {}, {}
         for name, value in SIMPLEX_OPTIONS.items():
@@ -369,7 +379,7 @@ class GrowingProgram:
         solver.changeColCost(size - 1, -1.0)
 
     def _drop(self, basic: Any) -> None:
-        """Delete the free rows that the basis does not need."""
+        """Delete the rows without limits that the basis does not need."""
         status = self._solver.getBasis().row_status
         dropped = {row for row, s in enumerate(status) if s == basic and row not in self._bounds}
         if dropped:
@@ -380,7 +390,10 @@ class GrowingProgram:
             self._bounds = {new_row[row]: bounds for row, bounds in self._bounds.items()}
 
     def _use_rows(self, blocks: list[RowBlock]) -> dict[int, int]:
-        """Put these rows in use, and return the index among them by the solver's row."""
+        """Set the limits of the rows of these blocks, and add new rows to the solver.
+
+        Other rows become free. Returns the index among these rows by the solver's row.
+        """
         in_use: dict[int, Bounds] = {}
         indices: dict[int, int] = {}
         first = 0
@@ -405,7 +418,7 @@ class GrowingProgram:
         return indices
 
     def _add(self, block: RowBlock, new_rows: list[int]) -> None:
-        """Add some rows of a block to the solver, still free."""
+        """Add some rows of a block to the solver, without limits."""
         matrix = _append_column(block.rows.matrix[new_rows], block.weight[new_rows])
         free = np.full(len(new_rows), np.inf)
         row_starts, columns = (
@@ -417,7 +430,10 @@ class GrowingProgram:
 
 
 def _keys(block: RowBlock) -> Iterator[tuple[bytes, Bounds]]:
-    """Yield a key of each row, independent of its constant, and its bounds."""
+    """Yield for each row a key and its bounds.
+
+    The key identifies the row and does not depend on its constant.
+    """
     matrix, kind = block.rows.matrix, block.kind.encode()
     columns, values, size = matrix.indices.tobytes(), matrix.data.tobytes(), matrix.indices.itemsize
     ends = pairwise(matrix.indptr.tolist())

@@ -1,4 +1,4 @@
-"""Best law of a class by a convex goal under convex limits."""
+"""Search for the best law of a class by a convex goal under convex limits."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def best_convex(
 
 
 def _best(solver: Solver) -> BestLaw:
-    """Return the best law by the search that the goal needs."""
+    """Return the best law by the kind of search that the goal needs."""
     run, rig = rows_of(solver.goal.term).run, solver.problem.rig
     try:
         if run is None:

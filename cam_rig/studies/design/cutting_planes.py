@@ -42,9 +42,10 @@ SPEED_RTOL = 2e-5
 
 @dataclass(eq=False)
 class WorkingRows:
-    """Rows of a program, of which only the violated and nearly violated rows are used.
+    """Rows of a program that are added when a solution violates them.
 
-    At the start every ``stride``-th inequality and all other rows are used.
+    Only the violated and nearly violated rows are used. At the start every ``stride``-th inequality
+    and all other rows are used.
     """
 
     all_rows: list[RowBlock]
@@ -59,14 +60,14 @@ class WorkingRows:
 
     @property
     def blocks(self) -> list[RowBlock]:
-        """Blocks with the rows in use."""
+        """Blocks of the program with only the rows in use."""
         return [
             replace(block, rows=block.rows.rows(in_use), weight=block.weight[in_use])
             for block, in_use in zip(self.all_rows, self.in_use, strict=True)
         ]
 
     def add_violated(self, solution: ProgramSolution) -> bool:
-        """Use the rows that a solution violates or nearly violates.
+        """Add the rows that a solution violates or nearly violates.
 
         Returns True if it violates any row that was not in use.
         """
@@ -86,7 +87,7 @@ RowSource = WorkingRows | ContactRows | ResidualRows
 
 @dataclass(frozen=True)
 class BestLaw:
-    """Best law of a class by a goal: unknowns, value and bound (SI).
+    """Best law of a class by a goal: its unknowns, value and bound (SI).
 
     ``active`` names the active limits. ``rounds`` is the number of solved programs, 0 for an
     intermediate law of an interrupted search. The best of several descents has ``multistart`` and
@@ -103,9 +104,9 @@ class BestLaw:
 
 @dataclass(eq=False)
 class Solver:
-    """Solver of one goal over one class, under limits.
+    """Solver for one goal over one class of laws, under limits.
 
-    ``on_best`` is called with better laws and their values (SI).
+    ``on_best`` is called with the unknowns and the value (SI) of each better law.
     """
 
     problem: DesignProblem
@@ -116,9 +117,9 @@ class Solver:
     _static: dict[bool, ConvexProgram] = field(default_factory=dict)
 
     def static_program(self, sufficient: bool) -> ConvexProgram:
-        """Return the program of lift and limits that needs no rounds.
+        """Return the program of the lift and of the limits whose rows are all known.
 
-        Its rows are sufficient or necessary.
+        Its rows are sufficient, or else necessary, for a law to satisfy the limits.
         """
         if sufficient not in self._static:
             program = ConvexProgram(self.problem.space.unknowns, self.problem.space.link)
@@ -135,7 +136,10 @@ class Solver:
         return replace(self._static[sufficient], blocks=list(self._static[sufficient].blocks))
 
     def row_sources(self, sufficient: bool) -> list[RowSource]:
-        """Return the limits that need rounds, with a margin if they must be satisfied."""
+        """Return the sources of the limits whose rows are added in rounds.
+
+        If the rows must be ``sufficient``, the limits have a margin.
+        """
         sources: list[RowSource] = []
         for limit in self.limits:
             rows = rows_of(limit.term)
@@ -157,7 +161,10 @@ class Solver:
     def solve_rows(
         self, sources: list[RowSource], growing: GrowingProgram | None = None
     ) -> ProgramSolution:
-        """Solve one program with the present rows."""
+        """Solve one program with the present rows of the sources.
+
+        ``growing`` is a solver to continue from, or None.
+        """
         self.rounds += 1
         blocks = [block for source in sources for block in source.blocks]
         space = self.problem.space
@@ -165,7 +172,10 @@ class Solver:
         return program.solve() if growing is None else growing.solve(program)
 
     def solve_in_rounds(self, program: ConvexProgram, sources: list[RowSource]) -> ProgramSolution:
-        """Solve and add rows until no row is added, the program's rows included."""
+        """Solve a program repeatedly, and add violated rows until no row is added.
+
+        The rows of the program itself are added in rounds too. Returns the last solution.
+        """
         rounds = [WorkingRows(program.blocks), *sources]
         for _ in range(MAX_ROUNDS):
             solution = self.solve_rows(rounds)
@@ -178,7 +188,10 @@ class Solver:
         )
 
     def _confirm(self, sources: list[RowSource], solution: ProgramSolution) -> bool:
-        """Return True if the exact search confirms the jump speeds, else refine a source."""
+        """Return True if the exact search confirms the jump speeds of a law.
+
+        Otherwise the rows of a source are refined.
+        """
         law = self.problem.space.law(solution.unknowns, "design")
         for source in sources:
             if isinstance(source, ContactRows) and source.margin > 0.0:
@@ -189,7 +202,7 @@ class Solver:
         return True
 
     def level(self) -> BestLaw:
-        """Return the best law of a goal that is the level of the program."""
+        """Return the best law for a goal that is the level of the program."""
         scale = -sign_of(self.goal.sense) * self.goal.scale
         solutions = {}
         for sufficient in (False, True):  # the necessary rows prove that a class has no law
@@ -205,11 +218,14 @@ class Solver:
         return BestLaw(solution.unknowns, solution.level * scale, bound, active, self.rounds)
 
     def other_than_goal(self, active: tuple[str, ...], *more: str) -> tuple[str, ...]:
-        """Return the names of active limits without the goal and ``more``."""
+        """Return the names of the active limits without the goal and ``more``."""
         return tuple(name for name in active if name not in (self.goal.name, *more))
 
     def rigid(self) -> BestLaw:
-        """Return the highest speed with a positive least force of one rigid mass."""
+        """Return the law of one rigid mass that keeps contact up to the highest speed.
+
+        The value of the law is its jump speed (rad/s).
+        """
         solutions: dict[float, ProgramSolution] = {}
         # limits violated at points are violated by the whole class
         possible = self.static_program(False)
@@ -242,7 +258,10 @@ class Solver:
         return BestLaw(best.unknowns, value, bound, self.other_than_goal(best.active), self.rounds)
 
     def _root(self, level: Callable[[float], float], start: float) -> float:
-        """Return the speed (rad/s) at which a level that falls with speed is zero."""
+        """Return the speed (rad/s) at which a level is zero.
+
+        The level decreases with the speed. The search starts at ``start`` (rad/s).
+        """
         low = high = start
         ratio = 1.02
         if level(start) > 0.0:

@@ -1,4 +1,4 @@
-"""Descent from one law by programs that are linear near the present law.
+"""Descent from one law to better laws, by programs that are linear near the law.
 
 Convex limits are kept exactly, so every law of the descent satisfies them. Other goals and limits
 are linearised. A step is accepted only if the exact values of the new law satisfy the other limits
@@ -68,9 +68,9 @@ FEASIBILITY_MARGIN = 0.02
 
 @dataclass(frozen=True, eq=False)
 class PointwiseTerm:
-    """Goal (``allowed`` NaN) or limit on the maximum of branches.
+    """Goal or limit on the maximum, over the turn, of functions of s, s' and s''.
 
-    The branches are functions of s, s' and s''.
+    These functions are called branches. ``allowed`` is the limit, NaN for a goal.
     """
 
     problem: DesignProblem
@@ -86,12 +86,15 @@ class PointwiseTerm:
         return float(values[np.isfinite(values)].max(initial=0.0)) or 1.0
 
     def max_value(self, law: Law) -> float:
-        """Return the maximum of the branches of a law."""
+        """Return the maximum over the turn of the branches of a law."""
         return max(value for value, _ in maxima(law, self.branches))
 
     @property
     def dwell_value(self) -> float:
-        """Maximum in the dwells, which no law of the class changes, −∞ without a dwell."""
+        """Maximum of the branches in the dwells, −∞ without a dwell.
+
+        No law of the class changes it.
+        """
         levels = [self.problem.start.at(start)[0] for start, _ in dwells(self.problem.start)]
         if not levels:
             return -np.inf
@@ -100,7 +103,10 @@ class PointwiseTerm:
 
     @cached_property
     def _grid(self) -> FloatArray:
-        """Angles (rad) in all pieces of the events, and on both sides of their joints."""
+        """Cam angles (rad) at which the branches are linearised.
+
+        They lie in all pieces of the events, and on both sides of their joints.
+        """
         space = self.problem.space
         pieces = space.law_class.pieces
         inner = (np.arange(pieces)[:, None] + (np.arange(space.parts) + 0.5) / space.parts).ravel()
@@ -109,7 +115,7 @@ class PointwiseTerm:
         return np.concatenate([e.start + e.span / pieces * positions for e in space.events])
 
     def _inside(self, angles: FloatArray) -> FloatArray:
-        """Return the angles inside events, except near their ends.
+        """Return the angles (rad) that lie inside events, except near their ends.
 
         No ordinate is free at the ends.
         """
@@ -119,7 +125,7 @@ class PointwiseTerm:
         return np.asarray(angles[((edge < position) & (position < 1.0 - edge)).any(axis=0)])
 
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
-        """Return the branches linearised at a law, over the grid and at its maxima.
+        """Return the branches linearised at a law, at the grid's angles and at its maxima.
 
         The maxima of the laws that were ``tried`` from there are included. The rows then have the
         exact values of the last of these laws.
@@ -144,7 +150,7 @@ class PointwiseTerm:
         return rows
 
     def _slope(self, motion: Motion, order: int) -> FloatArray:
-        """Return the derivatives of the branches by s, s' or s''."""
+        """Return the derivatives of the branches by s, s' or s'' (``order`` 0, 1 or 2)."""
         name = ("s", "slope", "curvature")[order]
         values = getattr(motion, name)
         step = BRANCH_STEP * float(np.abs(values).max())
@@ -154,7 +160,7 @@ class PointwiseTerm:
 
 @dataclass(eq=False)
 class ValueTerm:
-    """Goal or limit that has only a value, with derivatives from differences."""
+    """Goal or limit that has a single value per law, with derivatives by differences."""
 
     problem: DesignProblem
     target: ScaledLimit
@@ -167,7 +173,7 @@ class ValueTerm:
         self.scale = LEVEL_SCALE if target.term.quantity.unit == "dB" else target.scale
 
     def max_value(self, law: Law) -> float:
-        """Return the value of a law, signed to be minimised."""
+        """Return the value of a law, with the sign with which it is minimised."""
         return self._sign * measured(self.problem, law, self.target.term, self.target.sense)
 
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
@@ -183,7 +189,8 @@ class ValueTerm:
     def _slope(self, unknowns: bytes) -> FloatArray:
         """Return the derivatives of the value by the unknowns, ``(1, m)``.
 
-        They are cached, because a step is tried more than once.
+        ``unknowns`` are the bytes of the array. The result is cached, because a step is tried more
+        than once.
         """
         space = self.problem.space
         steps = VALUE_STEP * np.eye(space.free)
@@ -215,7 +222,7 @@ LocalTerm = PointwiseTerm | ValueTerm
 
 @dataclass(eq=False)
 class Descent:
-    """Search of one goal, local or convex, under limits of both kinds.
+    """Descent for one goal, local or convex, under limits of both kinds.
 
     ``solver`` has the convex limits. ``row_sources`` add their rows in rounds, and keep them from
     step to step. ``on_feasible`` is called with each law that satisfies all limits.
@@ -237,7 +244,7 @@ class Descent:
         self._speed = isinstance(goal, ScaledLimit) and rows_of(goal.term).run is not None
 
     def evaluate(self, unknowns: FloatArray) -> Iterate:
-        """Return a law with its exact values."""
+        """Return the law of some unknowns with its exact values."""
         law = self.problem.space.law(unknowns, "design")
         violations = ((limit.max_value(law) - limit.allowed) / limit.scale for limit in self.limits)
         violation = max(violations, default=-np.inf)
@@ -249,7 +256,7 @@ class Descent:
         return Iterate(unknowns, violation, value / self.goal.scale)
 
     def run(self, unknowns: FloatArray) -> Iterate:
-        """Return the last law of a descent.
+        """Descend from a law, and return the last law.
 
         The first law, ``unknowns``, satisfies the convex limits.
         """
@@ -275,7 +282,7 @@ class Descent:
         return current
 
     def _step(self, current: Iterate) -> Iterate | None:
-        """Return a better law in the trust region, or None.
+        """Return a better law in the trust region, or None if no better law was found.
 
         If the law of a program is not better or violates its limits, the rows of the next program
         are corrected by the exact values of that law, and tightened by its violation.
@@ -314,7 +321,10 @@ class Descent:
         )
 
     def _adapt(self, current: Iterate, candidate: Iterate, level: float) -> None:
-        """Adapt the trust region to the ratio of actual and promised gain."""
+        """Adapt the size of the trust region to the ratio of actual and promised gain.
+
+        ``level`` is the level of the program that gave the candidate.
+        """
         gain, promised = current.goal - candidate.goal, current.goal + level
         if self._speed:  # its level is a force
             promised = gain
@@ -327,9 +337,10 @@ class Descent:
     def _solve_linearised(
         self, current: Iterate, tried: list[FloatArray], margin: float
     ) -> ProgramSolution:
-        """Return the solution of the linearised program.
+        """Return the solution of the program that is linearised at the current law.
 
-        The goal is included only if the current law is feasible.
+        ``tried`` are the unknowns of laws tried from there, and ``margin`` tightens the limits. The
+        goal is included only if the current law is feasible.
         """
         program = self.solver.static_program(True)
         sources: list[RowSource] = [
@@ -364,7 +375,7 @@ class Descent:
         return self.solver.solve_in_rounds(program, sources)
 
     def _trust_region(self, current: Iterate) -> RowBlock:
-        """Return the rows of the trust region."""
+        """Return the rows that keep the unknowns in the trust region of a law."""
         free = self._free
         eye = sparse.eye_array(free, self.problem.space.unknowns)
         point = current.unknowns[:free]

@@ -31,7 +31,7 @@ DESIGNED: dict[str, Any] = {"color": series(0)["color"], "lw": 1.4}
 
 @styled
 def figure(design: LawDesign) -> Figure:
-    """Draw derivatives, contact force and contour of both laws."""
+    """Draw derivatives, contact force and contour of the start and the designed law."""
     out = empty(HEIGHT)
     names = [[f"order {k}"] * 2 for k in range(4)] + [["force", "contour"]] * 2
     panels = out.subplot_mosaic(names, height_ratios=[1.0, 1.0, 1.0, 1.0, 0.9, 0.9])  # type: ignore[arg-type]
@@ -54,7 +54,7 @@ def figure(design: LawDesign) -> Figure:
 
 @styled
 def front_figure(front: Front) -> Figure:
-    """Draw the goal over the other quantity, and the bound of the class."""
+    """Draw the goal over the other quantity of a front, with the bound of the class."""
     out = empty(4.0)
     axes = out.subplots()
     goal, other = front.designs[0].goal, front.other
@@ -71,7 +71,10 @@ def front_figure(front: Front) -> Figure:
 
 
 def _force(axes: Axes, design: LawDesign, laws: tuple[tuple[Law, str, Any], ...]) -> None:
-    """Draw the rigid follower's contact force at the designed law's jump speed."""
+    """Draw the contact force of a rigid follower on both laws.
+
+    The speed is the jump speed of the designed law.
+    """
     follower = FollowerParameters.from_rig(design.rig)
     speed = rigid_jump_speed(design.law, follower)
     if not np.isfinite(speed):

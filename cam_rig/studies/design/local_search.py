@@ -1,6 +1,6 @@
 """Local searches: the best spans of the events, and the best of several descents.
 
-The best law for given spans is a design of its own, convex if possible. The spans are searched by
+The best law for given spans is a design by itself, convex if possible. The spans are searched by
 simplexes (Nelder-Mead) from several starts. If the dwells keep their lengths, the events share the
 remaining angle. Otherwise the events keep their middles, and the dwells take the remaining angle.
 An event at the start or end of the turn keeps that end instead.
@@ -56,7 +56,7 @@ MAX_HALVINGS = 4
 
 @dataclass(eq=False)
 class EventSpans:
-    """Spans (rad) that the events of a problem may have, and their search."""
+    """Search for the spans (rad) of the events with which the best law is best."""
 
     problem: DesignProblem
     keep_dwells: bool
@@ -119,7 +119,7 @@ class EventSpans:
         return np.asarray(rounded)
 
     def possible(self, spans: FloatArray) -> bool:
-        """Return True if limits and dwells allow these spans (rad)."""
+        """Return True if the limits and the dwells allow these spans of the events (rad)."""
         slack = np.radians(STEP_DEG)
         if (spans < self.low - slack).any() or (spans > self.high + slack).any():
             return False
@@ -129,7 +129,7 @@ class EventSpans:
         return self.keep_dwells or bool((dwells >= np.where(start_dwells, MIN_DWELL, 0.0)).all())
 
     def _edges(self, spans: FloatArray) -> FloatArray:
-        """Return 0, the start and end of each event in order, and 2π (rad)."""
+        """Return the borders of the events (rad): 0, start and end of each event, and 2π."""
         events = self.problem.space.events
         starts = np.array([event.start for event in events])
         if self.keep_dwells:
@@ -144,7 +144,7 @@ class EventSpans:
         return np.concatenate([[0.0], ends, [TURN]])
 
     def shift_events(self, spans: FloatArray) -> DesignProblem:
-        """Return the problem with these spans (rad)."""
+        """Return the design problem with these spans of the events (rad)."""
         start = self.problem.start
         breaks = np.interp(start.breaks, self._edges(self.start), self._edges(spans))
         breaks[-1] = TURN
@@ -157,7 +157,10 @@ class EventSpans:
         return self._rounded(np.append(unknowns, 0.0) if self.keep_dwells else unknowns)
 
     def _value(self, unknowns: FloatArray) -> float:
-        """Return the signed goal to be minimised, infinite if no law was found."""
+        """Return the goal of the best law, with the sign with which it is minimised.
+
+        It is infinite if no law was found. ``unknowns`` determine the spans of the events.
+        """
         spans = self._spans(unknowns)
         key = tuple(spans.tolist())
         if key not in self._values:
@@ -171,7 +174,10 @@ class EventSpans:
         return self._values[key]
 
     def best(self, search: Multistart) -> tuple[DesignProblem, Multistart]:
-        """Return the problem with the best spans, and the number of equal results."""
+        """Return the problem with the best spans, and the search with its agreements.
+
+        This is the number of starts that ended within the tolerance of the best goal.
+        """
         size = self.size
         bounds = list(zip(self.low[:size], self.high[:size], strict=True))
         ends = []
@@ -200,7 +206,11 @@ class EventSpans:
         return self.shift_events(self._spans(unknowns)), replace(search, starts_agreeing=near)
 
     def _start_spans(self, search: Multistart) -> Iterator[FloatArray]:
-        """Yield start spans: the base spans, and random spans, if possible with a law."""
+        """Yield the spans of the events (rad) from which searches start.
+
+        The base spans come first, then random spans. Random spans with which no law was found are
+        replaced by others, if possible.
+        """
         random, size = np.random.default_rng(search.seed), self.size
         yield self.base[:size]
         for _ in range(search.starts - 1):
@@ -228,7 +238,10 @@ MAX_GROWTH = 3.0
 
 
 def _starts(solver: Solver, sources: list[RowSource], search: Multistart) -> Iterator[FloatArray]:
-    """Yield the unknowns of start laws that satisfy the solver's limits and cuts."""
+    """Yield the unknowns of the laws from which descents start.
+
+    They satisfy the limits of the solver and the rows of the sources.
+    """
     problem, space = solver.problem, solver.problem.space
     lift = problem.start.lift
 
@@ -238,7 +251,7 @@ def _starts(solver: Solver, sources: list[RowSource], search: Multistart) -> Ite
         return solver.solve_in_rounds(program, sources).unknowns
 
     def nearest(program: ConvexProgram) -> None:
-        """Minimise the mean square distance from the start's lift."""
+        """Set the goal of a program: the least mean square distance from the start's lift."""
         u = np.linspace(0.0, 1.0, space.parts + 1)
         angles = (space.breaks[:-1, None] + u * space.spans[:, None]).ravel()
         lifts = problem.start(np.minimum(angles, space.breaks[-1]))
@@ -246,7 +259,10 @@ def _starts(solver: Solver, sources: list[RowSource], search: Multistart) -> Ite
         program.within("start", distance * (1.0 / lift), weight=-1.0)
 
     def farthest(program: ConvexProgram) -> None:
-        """Maximise a random direction of the ordinates."""
+        """Set the goal of a program: the farthest law in a random direction.
+
+        The direction is one of the ordinates.
+        """
         direction = np.zeros((1, space.unknowns))
         direction[0, : space.free] = random.normal(size=space.free) / np.sqrt(space.free)
         rows = Affine(np.zeros(1), sparse.csr_array(direction))
@@ -290,7 +306,7 @@ def local_best(
     search: Multistart,
     on_best: OnBetterLaw,
 ) -> BestLaw:
-    """Return the best law of all descents.
+    """Return the best law of several descents.
 
     ``on_best`` is called with the unknowns and the goal's value (SI) of each better law.
     """

@@ -38,7 +38,7 @@ PERIODS = 1.25
 
 @dataclass(eq=False)
 class Cells:
-    """Division of the events of a space into cells of small vibration phase.
+    """Division of the events into cells in which the phase of the vibration is small.
 
     The phase is small at all speeds from ``slowest`` (rad/s) on. An event has ``count`` cells.
     ``gauss`` are the Gauss points of [0, 1] and their weights.
@@ -63,12 +63,15 @@ class Cells:
         self.gauss = 0.5 * (points + 1.0), 0.5 * weights
 
     def width(self, event: int) -> float:
-        """Return the width of the cells of an event, rad."""
+        """Return the width of the cells of an event (by its index), rad."""
         return self.space.events[event].span / self.count
 
     @cached_property
     def driving(self) -> list[tuple[Affine, Affine, NDArray[np.intp]]]:
-        """Functions s' and s'' at the Gauss points of each event, and their unknowns."""
+        """Slope s' and curvature s'' at the Gauss points of each event, and the unknowns.
+
+        The unknowns are given by their indices.
+        """
         u = ((np.arange(self.per_piece)[:, None] + self.gauss[0]) / self.per_piece).ravel()
         driving = []
         for index in range(len(self.space.events)):
@@ -80,13 +83,16 @@ class Cells:
 
     @cached_property
     def motion(self) -> list[list[Affine]]:
-        """Functions s, s' and s'' of each event at the ends of its cells, left of joints."""
+        """Motion s, s' and s'' of each event at the ends of its cells, left of joints."""
         u = np.arange(1, self.per_piece + 1) / self.per_piece
         events = range(len(self.space.events))
         return [[self._derivative_at(index, order, u) for order in range(3)] for index in events]
 
     def _derivative_at(self, event: int, order: int, u: FloatArray) -> Affine:
-        """Return a derivative of s at u of every piece of an event."""
+        """Return a derivative of s at the position u of every piece of an event.
+
+        ``order`` is the order of the derivative.
+        """
         degree, count = self.space.degree - order, self.space.law_class.pieces
         first = int(np.searchsorted(self.space.breaks, self.space.events[event].start))
         rows = slice(first * (degree + 1), (first + count) * (degree + 1))
@@ -94,7 +100,10 @@ class Cells:
         return self.space.derivative(order).rows(rows).mapped(table).dense()
 
     def stretches(self) -> Iterator[tuple[float, float, int | None]]:
-        """Yield start, end (rad) and index of each event, with index None for dwells."""
+        """Yield start angle, end angle (rad) and index of each event and dwell in order.
+
+        The index of a dwell is None.
+        """
         angle = 0.0
         for index, event in enumerate(self.space.events):
             yield angle, event.start, None
@@ -104,7 +113,7 @@ class Cells:
 
 
 class FirstTurn(NamedTuple):
-    """First turn from rest: angles ``(n,)``, contact force and final amplitude.
+    """First turn of a run from rest: angles ``(n,)``, contact force, final amplitude.
 
     ``moving`` is True at the angles within events.
     """
@@ -117,7 +126,7 @@ class FirstTurn(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ForceAtSpeed:
-    """Contact force (N) at one speed (rad/s).
+    """Contact force (N) of two masses at one speed (rad/s), linear in the unknowns.
 
     It is evaluated at the ends of cells and early in each dwell. Later in a dwell the vibration
     only decays. Turn k of a run from rest contains the remainder of the vibration of all earlier
@@ -129,7 +138,7 @@ class ForceAtSpeed:
 
     @cached_property
     def rate(self) -> complex:
-        """Rate λ/Ω of the amplitude per cam angle."""
+        """Growth rate λ/Ω of the complex amplitude per cam angle."""
         return self.cells.mode.rate / self.speed
 
     @cached_property
@@ -162,7 +171,7 @@ class ForceAtSpeed:
         return FirstTurn(np.concatenate(angles), np.concatenate(moving), Affine.stacked(force), end)
 
     def _amplitude_of_event(self, event: int) -> Affine:
-        """Return the amplitude that an event alone excites, at the ends of its cells."""
+        """Return the amplitude that an event excites by itself, at the ends of its cells."""
         cells, mode = self.cells, self.cells.mode
         points, weights = cells.gauss
         width, count = cells.width(event), cells.count
@@ -182,7 +191,11 @@ class ForceAtSpeed:
         )
 
     def _angles_of(self, start: float, stop: float, event: int | None) -> FloatArray:
-        """Return the angles of an event's cells, or of the first periods of a dwell."""
+        """Return the angles (rad) at which the force is evaluated in an event or dwell.
+
+        They are the ends of an event's cells, or points in the first periods of a dwell (``event``
+        None).
+        """
         if event is not None:
             width = self.cells.width(event)
             return np.asarray(start + width * np.arange(1.0, self.cells.count + 1.0))
@@ -192,19 +205,22 @@ class ForceAtSpeed:
 
     @cached_property
     def _before(self) -> ComplexArray:
-        """Force of a unit amplitude at the start of a turn, ``(n,)``."""
+        """Contact force by a unit amplitude at the start of a turn, ``(n,)``."""
         return np.asarray(
             2.0 * self.cells.mode.force_factor * np.exp(self.rate * self.first.angles)
         )
 
     def _turns_before(self, turns: FloatArray) -> ComplexArray:
-        """Return the initial amplitude of each turn per final amplitude of the first."""
+        """Return each turn's initial amplitude per unit of the first's final amplitude.
+
+        ``turns`` are numbers of turns, ∞ for the steady state.
+        """
         flow = np.exp(self.rate * TURN)
         decay = np.where(np.isinf(turns), 0.0, flow ** np.where(np.isinf(turns), 0.0, turns - 1.0))
         return np.asarray((1.0 - decay) / (1.0 - flow))
 
     def values(self, unknowns: FloatArray, turns: FloatArray) -> FloatArray:
-        """Return the force in each of several turns, ``(len(turns), n)``."""
+        """Return the contact force (N) in each of several turns, ``(len(turns), n)``."""
         amplitude = self.first.end(unknowns)[0] * self._turns_before(turns)
         vibration = np.outer(amplitude.real, self._before.real) - np.outer(
             amplitude.imag, self._before.imag
@@ -212,7 +228,10 @@ class ForceAtSpeed:
         return np.asarray(self.first.force(unknowns) + vibration)
 
     def rows(self, chosen: NDArray[np.intp], turn: float) -> Affine:
-        """Return the force as a function of the unknowns, at some angles of one turn."""
+        """Return the contact force at some angles of one turn, linear in the unknowns.
+
+        ``chosen`` are the indices of the angles, ``turn`` is ∞ for the steady state.
+        """
         before = self._before[chosen] * self._turns_before(np.array([turn]))[0]
         end, force = self.first.end, self.first.force.rows(chosen)
         matrix = (before[:, None] * end.matrix[0]).real
@@ -220,5 +239,5 @@ class ForceAtSpeed:
 
 
 def _scale_last(last: Affine, factor: ComplexArray) -> Affine:
-    """Return the last value times factors ``(n,)``."""
+    """Return the last value of a function times the factors ``(n,)``."""
     return Affine(factor * last.constant[-1], factor[:, None] * last.matrix[-1])

@@ -18,7 +18,10 @@ from cam_rig.units import FloatArray
 
 
 class ClassConfig(Strict):
-    """Class of B-splines in equal pieces of each event, with ``joints`` such as C3."""
+    """Class of laws in a design file: B-splines in equal pieces of each event.
+
+    ``joints`` is the continuity at the joints, such as C3.
+    """
 
     pieces: int = Field(default=16, strict=True)
     joints: str = "C3"
@@ -69,7 +72,7 @@ MAX_ORDINATES = 500
 
 @dataclass(frozen=True)
 class LawClass:
-    """Class of B-splines in equal pieces of each event.
+    """Class of laws that are B-splines in equal pieces of each event.
 
     Parameters
     ----------
@@ -151,7 +154,7 @@ MULTISTART_RTOL = 1e-3
 
 @dataclass(frozen=True)
 class Multistart:
-    """Search from several laws.
+    """Options and outcome of a search that starts from several laws.
 
     ``starts_agreeing`` is the number of descents that ended within 0.1 % of the best.
     """
@@ -178,7 +181,7 @@ KEEP = (("events", "dwells", "lift"), ("dwells", "lift"), ("lift",))
 
 
 def _parse_keep(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]:
-    """Return the kept parts in order."""
+    """Return the kept parts of the start in the order of `KEEP`, after a check."""
     matches = [parts for parts in KEEP if set(parts) == {word.strip() for word in keep}]
     if not matches:
         allowed = " or ".join(",".join(parts) for parts in KEEP)
@@ -191,7 +194,7 @@ def _parse_keep(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]
 
 
 def parse_goal(text: str) -> Term:
-    """Return the goal of a text.
+    """Parse the goal of a design.
 
     Raises
     ------
@@ -206,7 +209,7 @@ def parse_goal(text: str) -> Term:
 
 
 def parse_second(text: str) -> Term:
-    """Return the other quantity of a front: a possible goal, or the span of an event."""
+    """Parse the other quantity of a front: a possible goal, or the span of an event."""
     term = parse_term(text, DESIGN_QUANTITIES)
     return term if term.quantity.where == "event" else parse_goal(text)
 

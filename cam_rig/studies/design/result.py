@@ -26,7 +26,11 @@ EXCESS_RTOL = 1e-6
 
 @dataclass(frozen=True)
 class Measure:
-    """Goal with its bound, or limit, of a design, in SI (levels in dB)."""
+    """Goal or limit of a design with its values, in SI (levels in dB).
+
+    ``start`` and ``result`` are the values of the start law and of the designed law. ``bound`` is
+    the proved bound of a goal, ``limit`` the value of a limit.
+    """
 
     term: Term
     sense: Sense
@@ -56,7 +60,7 @@ def _value_column(key: str, **how: str) -> Column:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LawDesign(Result):
-    """Best law found, with its cam and the text of its cam file.
+    """Best law of a design, with its cam and the text of its cam file.
 
     Attributes
     ----------
@@ -135,12 +139,12 @@ class LawDesign(Result):
 
     @property
     def goal(self) -> Measure:
-        """Measure of the goal."""
+        """Values of the goal."""
         return self.measures[0]
 
     @property
     def gap(self) -> float:
-        """Relative distance between result and bound, ∞ without a bound.
+        """Relative distance between the goal's result and its bound, ∞ without a bound.
 
         The distance of a sound level is that of the sound pressure.
         """
@@ -196,7 +200,7 @@ class LawDesign(Result):
         return [f"the start is better than the law found: use {more}"]
 
     def _bound_line(self) -> str:
-        """Return a line that states the bound."""
+        """Return a line of text that states the bound of the goal."""
         goal, search = self.goal, self.multistart
         if self.interrupted:
             return "interrupted: the best law so far, without a bound"
@@ -221,9 +225,10 @@ def _certified_text(design: LawDesign) -> str:
 
 @dataclass(frozen=True, repr=False)
 class Front(Result):
-    """Designs in rising order of the other quantity.
+    """Designs with the best goal for each allowed value of another quantity.
 
-    ``allowed`` ``(n,)`` are the values of that quantity in SI (levels in dB).
+    The designs are in rising order of this quantity. ``allowed`` ``(n,)`` are its values in SI
+    (levels in dB).
     """
 
     schema = "cam_rig.front.1"
@@ -269,7 +274,7 @@ class Front(Result):
         return [front, self.table("quantities", "Quantities", [self], single=True, hidden=True)]
 
     def summary(self) -> list[str]:
-        """Return the number of computed points if the front was interrupted."""
+        """Return the number of computed points as text, or nothing for a complete front."""
         text = f"interrupted: {len(self.designs)} of {self.requested_points} points"
         return [text] if self.interrupted else []
 
@@ -288,9 +293,10 @@ def designed_cam(
     limits: list[ScaledLimit],
     search: Multistart | None = None,
 ) -> tuple[CamConfig, str]:
-    """Return the cam of some unknowns and the text of its file.
+    """Return the cam of a designed law, and the text of its file.
 
-    ``search`` is that of a local search, None for a convex program.
+    ``unknowns`` are those of the law. ``search`` is that of a local search, None for a convex
+    program.
     """
     cam, space = problem.cam, problem.space
     law_class, goal = space.law_class, f"{request.verb} {request.goal.key}"

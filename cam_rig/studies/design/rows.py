@@ -1,8 +1,9 @@
-"""Rows of a program, or functions of a local search, for each quantity.
+"""Representation of each quantity in a design: rows of a program, or functions.
 
-The rows limit or optimise the quantity. There are two kinds. Rows at points are necessary, so the
-bound of their program is valid for the whole class. Rows on the ordinates of subdivided pieces
-(``sufficient``) enforce the limit at every angle, so the law satisfies it: (38) of docs/proofs.md.
+The rows limit or optimise the quantity, the functions are used by a local search. There are two
+kinds of rows. Rows at points are necessary, so the bound of their program is valid for the whole
+class. Rows on the ordinates of subdivided pieces (``sufficient``) enforce the limit at every angle,
+so the law satisfies it: (38) of docs/proofs.md.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ CELL_PHASE = 6.0
 
 
 def force_parts(problem: DesignProblem, speed: float, sufficient: bool) -> Affine:
-    """Return the force of one rigid mass at a speed (rad/s), in the force scale."""
+    """Return one rigid mass's contact force at a speed (rad/s), in the force scale."""
     return _force(problem, speed, sufficient) * (1.0 / problem.force_scale)
 
 
@@ -54,9 +55,9 @@ def _force(problem: DesignProblem, speed: float, sufficient: bool) -> Affine:
 
 
 def keep_lift(program: ConvexProgram, problem: DesignProblem, sufficient: bool) -> None:
-    """Add the limits of the lift.
+    """Add the limits of the lift to a program.
 
-    It is within the range of the start's lift, and equal to it at extremes within an event.
+    The lift is within the range of the start's lift, and equal to it at extremes within an event.
     """
     space, scale = problem.space, 1.0 / problem.start.lift
     low, high = (end.value for end in extremes(problem.start, 0))
@@ -83,7 +84,7 @@ def _peak(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> list
 
 
 def _at_angles(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> list[Affine]:
-    """Return a derivative at an angle, or over a range of angles."""
+    """Return rows for a derivative of the lift at an angle, or over a range of angles."""
     space, term, order = problem.space, target.term, target.term.quantity.order
     if term.low == term.high:
         return [space.at(order, np.array([term.low]))]
@@ -101,7 +102,10 @@ def _forces(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> li
 
 
 def _pressure(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> list[Affine]:
-    """Return rows that are at most α if tan α (d + s) ∓ (s' − e) ≥ 0."""
+    """Return rows for the pressure angle of a guided roller or point.
+
+    They are at most α if tan α (d + s) ∓ (s' − e) ≥ 0 for the limit α.
+    """
     element, max_angle = problem.element, target.value
     assert isinstance(element, GuidedCentre) and max_angle is not None
     space, tangent = problem.space, math.tan(max_angle)
@@ -114,9 +118,9 @@ def _pressure(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> 
 
 
 def _radius(problem: DesignProblem, _: ScaledLimit, sufficient: bool) -> list[Affine]:
-    """Return R_b + s + s'', the radius of curvature under a flat face.
+    """Return rows for the radius of curvature R_b + s + s'' under a flat face.
 
-    It is not linear for other followers.
+    The radius is not linear for other followers.
     """
     element, space = problem.element, problem.space
     assert isinstance(element, GuidedFace)
@@ -127,7 +131,7 @@ def _radius(problem: DesignProblem, _: ScaledLimit, sufficient: bool) -> list[Af
 
 
 def _rms_acceleration(problem: DesignProblem, _: Term) -> Affine:
-    """Return weighted values of s'' whose squares add exactly to its mean square."""
+    """Return weighted values of s'' whose squares add up exactly to its mean square."""
     space = problem.space
     degree = space.degree - 2
     points, weights = np.polynomial.legendre.leggauss(degree + 1)
@@ -138,7 +142,7 @@ def _rms_acceleration(problem: DesignProblem, _: Term) -> Affine:
 
 
 def _sound(problem: DesignProblem, term: Term) -> Affine:
-    """Return weighted harmonics of s'' whose squares add to the sound's power.
+    """Return weighted harmonics of s'' whose squares add up to the sound's power.
 
     The follower stays on the cam. The sound pressure is the rate of the force, low-pass filtered by
     the corner frequency of the structure.
@@ -159,7 +163,7 @@ def _sound(problem: DesignProblem, term: Term) -> Affine:
 def _fourier(problem: DesignProblem, order: FloatArray) -> Affine:
     """Return real and imaginary parts of the Fourier coefficients of s''.
 
-    They are integrated by Gauss points.
+    ``order`` are the orders of the harmonics. The coefficients are integrated by Gauss points.
     """
     space = problem.space
     parts = math.ceil(float(space.spans.max() * order.max()) / CELL_PHASE)
@@ -176,7 +180,7 @@ def _fourier(problem: DesignProblem, order: FloatArray) -> Affine:
 
 
 def _angle(problem: DesignProblem, term: Term) -> Branches:
-    """Return ± the pressure angle (rad) on each disc."""
+    """Return the branches of the pressure angle: ± the angle (rad) on each disc."""
     if isinstance(problem.element, GuidedFace):
         raise ConfigError(
             f"{term.key} requires a roller, a point or an arm, got {problem.cam.follower.type}, "
@@ -186,9 +190,10 @@ def _angle(problem: DesignProblem, term: Term) -> Branches:
 
 
 def _curvature(problem: DesignProblem, _: Term) -> Branches:
-    """Return the curvature of the pitch curve (1/m) on each disc.
+    """Return the branches of the radius of curvature.
 
-    Under a face it is minus the radius of curvature (m).
+    They are the curvature of the pitch curve (1/m) on each disc. Under a face they are minus the
+    radius of curvature (m).
     """
     return _on_discs(
         problem,
@@ -206,7 +211,7 @@ def _on_discs(problem: DesignProblem, quantity: Callable[[Touch], list[FloatArra
 
 
 def _as_curvature(problem: DesignProblem, _: Term, radius: float) -> float:
-    """Return the value of the branches at a limit of the radius (m)."""
+    """Convert a limit of the radius of curvature (m) to a limit of its branches."""
     motion = Motion.on_pieces(problem.start, np.zeros(1))
     element = discs(problem.cam.follower, problem.start)[0].element
     has_centre = element.touch(motion).pitch_curvature is not None
@@ -222,9 +227,9 @@ def _value_of_start(problem: DesignProblem, term: Term, sense: Sense) -> float:
 
 
 class JumpRun(NamedTuple):
-    """Run of a jump speed: number of masses, and duration from rest in s.
+    """Run to which a jump speed belongs: number of masses, and duration from rest.
 
-    ``duration`` None is the steady state.
+    ``rigid`` is True for one mass. ``duration`` is in s, None for the steady state.
     """
 
     rigid: bool
@@ -267,7 +272,10 @@ class QuantityRows:
     from_rows: Conversion = _unchanged
 
     def is_local(self, problem: DesignProblem, goal: bool = False) -> bool:
-        """Return True if a goal or limit has no rows for this follower, and so no bound."""
+        """Return True if a goal or limit must be searched for locally, without a bound.
+
+        It then has no rows for this follower.
+        """
         rows = self.linear or self.squares or self.in_rounds or self.run
         return not (rows and self.convex(problem, goal))
 
@@ -312,14 +320,17 @@ ROWS = {
 
 
 def rows_of(term: Term) -> QuantityRows:
-    """Return the representation of a term's quantity, empty without a table entry."""
+    """Return the representation of a term's quantity, empty if the table has no entry."""
     return ROWS.get(term.name, QuantityRows())
 
 
 def scale_limit(
     problem: DesignProblem, term: Term, sense: Sense, value: float | None
 ) -> ScaledLimit:
-    """Return a goal or limit (SI, dB) in the unit of its rows, with their scale."""
+    """Convert the value of a goal or limit (SI, dB) to the unit of its rows.
+
+    The result contains the scale of the rows. ``value`` is None for a goal.
+    """
     rows = rows_of(term)
     if value is not None:
         value = rows.to_rows(problem, term, value)
@@ -336,7 +347,10 @@ def scale_limit(
 def add(
     program: ConvexProgram, problem: DesignProblem, target: ScaledLimit, sufficient: bool
 ) -> None:
-    """Add the rows of a goal or limit to a program."""
+    """Add the rows of a goal or limit to a program.
+
+    The rows are ``sufficient`` for a law to satisfy a limit, or else necessary.
+    """
     rows = rows_of(target.term)
     if rows.squares is not None:
         parts, radius = rows.squares(problem, target.term), 0.0

@@ -41,7 +41,7 @@ CLOSURE_RTOL = 1e-9
 
 @dataclass(frozen=True)
 class LawEvent:
-    """Event of the turn to design: start and span, rad.
+    """Event of the turn whose law is designed: start and span, rad.
 
     ``first`` and ``last`` are s and its derivatives at both ends, which are kept.
     """
@@ -105,7 +105,10 @@ def _require_joined(law: Law, joints: int) -> None:
 
 @lru_cache(maxsize=16)
 def _to_bezier(law_class: LawClass, order: int = 0) -> Any:
-    """Return the matrix from a derivative's ordinates over an event to Bézier pieces."""
+    """Return the matrix from ordinates over an event to those of its Bézier pieces.
+
+    The ordinates are those of a derivative of the law of the given order.
+    """
     knots, degree = law_class.knots, law_class.power - order
     knots = knots[order : knots.size - order]
     _, columns = bezier_pieces(BSpline(knots, np.eye(knots.size - degree - 1), degree))
@@ -136,7 +139,7 @@ PARTS_PER_PIECE = 1.5
 
 @dataclass(eq=False)
 class Space:
-    """Laws of a class with the dwells and the ends of events of a start law.
+    """Class of laws with the dwells and the ends of events of a start law.
 
     The ``unknowns`` are the ``free`` ordinates of each event in order, in lifts, then all ordinates
     of each event's s''. Pieces have joints at ``breaks`` ``(n + 1,)`` and ``spans`` ``(n,)``, rad.
@@ -161,7 +164,7 @@ class Space:
 
     @cached_property
     def link(self) -> Affine:
-        """Values that are zero if the ordinates of s and of s'' belong to one law."""
+        """Condition that the ordinates of s and of s'' belong to one law: values of zero."""
         rows = []
         for index in range(len(self.events)):
             from_lift = self.coefficients(index).mapped(_second_derivative(self.law_class))
@@ -176,7 +179,10 @@ class Space:
 
     @property
     def turning_points(self) -> list[tuple[float, float]]:
-        """Extreme lifts (m) and their angles (rad) that are not at an end of an event."""
+        """Extreme lifts (m) of the start law within events, and their angles (rad).
+
+        Extremes at an end of an event are left out.
+        """
         ends = {level for event in self.events for level in (event.first[0], event.last[0])}
         tolerance = FLAT_RTOL * self.start.lift
         return [
@@ -186,7 +192,7 @@ class Space:
         ]
 
     def coefficients(self, index: int) -> Affine:
-        """Return the ordinates (m) of one event, with the fixed ordinates, ``(count,)``."""
+        """Return the ordinates (m) of one event, free and fixed, ``(count,)``."""
         event, law_class = self.events[index], self.law_class
         fixed = law_class.joints + 1
         constant = np.zeros(law_class.count)
@@ -201,7 +207,11 @@ class Space:
     def _end_ordinates(
         self, event: LawEvent, derivatives: tuple[float, ...], end: int
     ) -> FloatArray:
-        """Return the ordinates at one end, from the end inwards, for given derivatives."""
+        """Return the ordinates (m) at one end of an event, from the end inwards.
+
+        ``derivatives`` are s and its derivatives at this end. ``end`` is 0 for the start, −1 for
+        the end.
+        """
         law_class = self.law_class
         if not any(derivatives[1:]):
             return np.full(law_class.joints + 1, derivatives[0])  # at rest, to the last digit
@@ -215,7 +225,7 @@ class Space:
         return np.asarray(np.linalg.solve(matrix, np.array(derivatives)))
 
     def _all_ordinates(self, order: int) -> Affine:
-        """Return the ordinates of s or of s'' of every piece, dwells included."""
+        """Return the ordinates of s or of s'' of every piece, including dwells."""
         parts: list[Affine] = []
         position = 0
         for index, event in enumerate(self.events):
@@ -237,7 +247,10 @@ class Space:
 
     @lru_cache(maxsize=16)  # noqa: B019 - a space lives as long as its design
     def derivative(self, order: int) -> Affine:
-        """Return the ordinates of dᵏs/dθᵏ (m/radᵏ), of degree p − k, ``(n (p + 1 − k),)``."""
+        """Return the ordinates of the derivative dᵏs/dθᵏ (m/radᵏ) of every piece.
+
+        Their degree is p − k, and their shape ``(n (p + 1 − k),)``.
+        """
         if order in (0, 2):
             return self._all_ordinates(order)
         below, degree = self.derivative(order - 1), self.degree - order + 1
@@ -246,19 +259,19 @@ class Space:
         return below.mapped(blocks)
 
     def joined(self, free: FloatArray) -> FloatArray:
-        """Return all unknowns of given free ordinates of the events (in lifts)."""
+        """Return all unknowns of a law from its free ordinates (in lifts)."""
         unknowns = np.zeros(self.unknowns)
         unknowns[: free.size] = free
         unknowns[free.size :] = self.link(unknowns)
         return unknowns
 
     def law(self, unknowns: FloatArray, name: str) -> Law:
-        """Return the law of some unknowns."""
+        """Return the law that the unknowns describe, with a name."""
         ordinates = self.derivative(0)(unknowns).reshape(-1, self.degree + 1).T
         return Law(name, self.breaks, ordinates)
 
     def weighted(self, *weights: float) -> Affine:
-        """Return the ordinates of Σ wₖ s⁽ᵏ⁾, of degree p."""
+        """Return the ordinates of the weighted sum Σ wₖ s⁽ᵏ⁾ of derivatives, of degree p."""
         terms = [self._elevated(order) * weight for order, weight in enumerate(weights)]
         return sum(terms[1:], terms[0])
 
@@ -273,17 +286,20 @@ class Space:
         return sparse.kron(sparse.eye_array(self.spans.size), matrix, "csr")
 
     def bounds(self, ordinates: Affine, sufficient: bool) -> Affine:
-        """Return bounds of a polynomial: its hull (sufficient) or its points (necessary)."""
+        """Return bounds of a polynomial: its hull (sufficient) or its points (necessary).
+
+        ``ordinates`` are those of every piece.
+        """
         return self.hull(ordinates) if sufficient else self.points(ordinates)
 
     @property
     def parts(self) -> int:
-        """Number of parts per piece for bounds."""
+        """Number of parts into which each piece is divided for bounds."""
         parts = min(MAX_PARTS, round(PARTS_PER_PIECE * self.law_class.pieces))
         return max(MIN_PARTS, parts, round(PARTS_PER_TURN / self.spans.size))
 
     def hull(self, ordinates: Affine, parts: int | None = None) -> Affine:
-        """Return the ordinates of all pieces cut in parts.
+        """Return the ordinates of all pieces after these are cut into parts.
 
         The polynomial lies in their convex hull.
         """
@@ -292,9 +308,10 @@ class Space:
         return ordinates.mapped(self.blocks(np.concatenate(bernstein.parts(degree, parts))))
 
     def hull_over(self, order: int, low: float, high: float, parts: int) -> Affine:
-        """Return the hull of a derivative over the range ``low`` to ``high`` (rad).
+        """Return the ordinates of a derivative over the range ``low`` to ``high`` (rad).
 
-        The ordinates are those of the parts of all pieces, cut at the ends of the range.
+        They are those of the parts of all pieces, cut at the ends of the range. The derivative lies
+        in their convex hull.
         """
         count = self.degree - order + 1
         blocks = []
@@ -309,13 +326,13 @@ class Space:
         return self.derivative(order).mapped(matrix)
 
     def points(self, ordinates: Affine) -> Affine:
-        """Return the values at the ends of all parts, on both sides of joints."""
+        """Return a polynomial's values at the ends of all parts, both sides of joints."""
         degree = ordinates.constant.size // self.spans.size - 1
         table = bernstein.basis(degree, np.linspace(0.0, 1.0, self.parts + 1))
         return ordinates.mapped(self.blocks(table))
 
     def at(self, order: int, angle: FloatArray) -> Affine:
-        """Return a derivative at angles (rad), the right limit at a joint."""
+        """Return a derivative of the lift at angles (rad), the right limit at a joint."""
         ordinates, degree = self.derivative(order), self.degree - order
         inside = np.mod(angle, TURN)
         piece = np.searchsorted(self.breaks[1:-1], inside, side="right")
@@ -334,7 +351,7 @@ SPARE = 2e-8
 
 @dataclass(eq=False)
 class DesignProblem:
-    """Data from which the rows of a program are computed.
+    """Problem of a design: the data from which the rows of a program are computed.
 
     ``free`` names the parts of the start's cam (dwells, events) whose angles differ. The
     ``follower`` has two masses if the rig defines their split. ``rigid`` has one mass.
@@ -369,7 +386,7 @@ class DesignProblem:
 
 @lru_cache(maxsize=64)
 def measured(problem: DesignProblem, law: Law, term: Term, sense: Sense) -> float:
-    """Return a quantity of a law, SI (levels in dB)."""
+    """Return the value of a quantity of a law, SI (levels in dB)."""
     events = [(event.start, event.span) for event in problem.space.events]
     return term.quantity.value(Subject(law, problem.rig, problem.cam, events), term, sense)
 
@@ -382,16 +399,19 @@ class ScaledLimit(Limit):
 
     @property
     def name(self) -> str:
-        """Name in the table of active limits."""
+        """Name of the goal or limit in the table of active limits."""
         return f"goal {self.term.key}" if self.value is None else self.words
 
     @property
     def weight(self) -> float:
-        """Weight of the level t in the rows."""
+        """Weight of the level t in the rows: −1 for a goal, 0 for a limit."""
         return -1.0 if self.value is None else 0.0
 
     def room(self, quantity: Affine, spare: float) -> Affine:
-        """Return rows that are ≥ 0 if the limit is satisfied."""
+        """Return rows that are ≥ 0 if the limit is satisfied by more than ``spare``.
+
+        ``quantity`` is the limited quantity. The rows are in units of the scale.
+        """
         rows = quantity * (-sign_of(self.sense) / self.scale)
         if self.value is None:
             return rows

@@ -85,7 +85,7 @@ def _problem(cam: CamConfig, rig: RigConfig, request: DesignRequest) -> DesignPr
 
 @dataclass(frozen=True, eq=False)
 class DesignSearch:
-    """Search for the best law.
+    """Search for the best law of a design.
 
     ``on_best`` is called with better laws. ``spans`` is the search that found the events.
     """
@@ -124,7 +124,7 @@ class DesignSearch:
     def _compare_with_start(
         self, limits: Sequence[Limit], moved: DesignProblem, design: LawDesign
     ) -> LawDesign:
-        """Return a design of moved events, compared with the original start."""
+        """Return a design with moved events, compared with the original start law."""
         goal, *others = design.measures
         other_limits, measures = iter(others), [replace(goal, bound=None)]
         for limit in limits:
@@ -155,7 +155,7 @@ class DesignSearch:
         return measured(self.problem, self.problem.start, limit.term, limit.sense)
 
     def best(self) -> LawDesign:
-        """Return the best law with the events of the problem."""
+        """Return the best law, with the spans of the events that the problem has."""
         problem, request = self.problem, self.request
         limits = [
             scale_limit(problem, x.term, x.sense, self._limit_value(x)) for x in request.limits
@@ -376,7 +376,10 @@ def front(
 def _compute_front(
     other: Term, allowed: FloatArray, design_at: Callable[[float], LawDesign], progress: Progress
 ) -> Front:
-    """Return a front with one design per value, up to an interruption."""
+    """Return a front with one design per allowed value of the other quantity.
+
+    An interruption returns the designs so far.
+    """
     designs: list[LawDesign] = []
     try:
         for value in allowed.tolist():
@@ -392,7 +395,7 @@ def _compute_front(
 def _over_spans(
     problem: DesignProblem, request: DesignRequest, other: Term, points: int, progress: Progress
 ) -> Front:
-    """Return a front over the spans of an event that keeps its middle."""
+    """Return a front over the spans of one event, which keeps its middle."""
     if "events" not in request.keep:
         raise ConfigError(
             f"--pareto {other.key} cannot be combined with --keep, because the front sets the "

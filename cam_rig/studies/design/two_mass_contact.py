@@ -59,11 +59,11 @@ TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
 
 @dataclass(eq=False)
 class ContactRows:
-    """Rows F ≥ t, in the problem's force scale, at speeds up to ``fastest`` (rad/s).
+    """Rows that keep the contact force F ≥ t at speeds up to ``fastest`` (rad/s).
 
-    ``duration`` (s) is that of the run from rest, None for the steady state. ``margin`` is the
-    least force, in the scale, where no goal requires more. ``extra_turns`` maps additional speeds
-    to the turns of their loss of contact.
+    The force is in the problem's force scale. ``duration`` (s) is that of the run from rest, None
+    for the steady state. ``margin`` is the least force, in the scale, where no goal requires more.
+    ``extra_turns`` maps additional speeds to the turns of their loss of contact.
     """
 
     problem: DesignProblem
@@ -92,14 +92,17 @@ class ContactRows:
         self.anchor = self.fastest
 
     def _start_grid(self, slowest: float) -> None:
-        """Start the grid at a speed (rad/s)."""
+        """Create the grid of speeds from a lowest speed (rad/s)."""
         self.slowest = slowest
         self.cells = Cells(self.problem.space, self.problem.mode, slowest)
         self._forces: dict[float, ForceAtSpeed] = {}
         self._distances: dict[float, float] = {}
 
     def _speeds(self) -> list[float]:
-        """Return the speeds of the grid up to the fastest, with those of the exact search."""
+        """Return the speeds of the grid (rad/s) up to the fastest.
+
+        The speeds that the exact search has added are included.
+        """
         ratio = 1.0 + self.step
         top_index = math.floor(self._grid_position + 1e-9)
         count = math.ceil(math.log(self.fastest / self.slowest) / math.log(ratio))
@@ -125,7 +128,10 @@ class ContactRows:
         self._lowest_level = np.inf  # a level may be higher than the lowest so far
 
     def _turns(self, speed: float) -> list[float]:
-        """Return the evaluated turns at a speed: whole turns that the run completes."""
+        """Return the turns of the run that are evaluated at a speed (rad/s).
+
+        They are whole turns that the run completes, ∞ for the steady state.
+        """
         if self.duration is None:
             return [math.inf]
         last = math.floor(speed * self.duration / TURN)
@@ -133,7 +139,10 @@ class ContactRows:
         return sorted({extra_turn, *(turn for turn in TURNS if turn < last), float(last)})
 
     def refine(self, jump: Jump, solution: ProgramSolution) -> None:
-        """Refine the grid at an exact loss of contact, or else increase the margin."""
+        """Add the speed of an exact loss of contact to the grid of speeds.
+
+        If this adds no row, the margin is increased.
+        """
         if jump.speed < self.slowest:
             self._start_grid(max(EXTENSION_RATIO * jump.speed, MIN_SPEED))
         turn = 1.0 + math.floor(jump.speed * jump.time / TURN)
@@ -148,7 +157,7 @@ class ContactRows:
         return self._forces[speed]
 
     def add_rows_below(self, unknowns: FloatArray, level: float) -> int:
-        """Add rows at which the force is below a level, and return their number.
+        """Add rows at which the contact force is below a level, and return their number.
 
         In dwells, where only vibration lowers the force, the margin replaces the level. Of
         neighbouring speeds the worst is used, and of its turns the worst. Speeds that were close in
@@ -177,9 +186,10 @@ class ContactRows:
     def _worst_turn(
         self, speed: float, unknowns: FloatArray, level: float
     ) -> tuple[float, FloatArray]:
-        """Return the worst turn at a speed, and its force above the required force.
+        """Return the turn with the least force at a speed (rad/s).
 
-        The force is in scales.
+        The second result is the contact force in this turn above the required force, in the force
+        scale.
         """
         force, turns = self._force_at(speed), np.array(self._turns(speed))
         required = np.where(force.first.moving, level, self.margin)
@@ -203,7 +213,7 @@ class ContactRows:
 
     @property
     def blocks(self) -> list[RowBlock]:
-        """Blocks of the present rows at speeds up to the fastest."""
+        """Blocks with the present rows at speeds up to the fastest."""
         scale = self.problem.force_scale
         chosen = [row for row in self._rows if row[0] <= self.fastest]
         if not self.limit:  # keeps the level finite before the first rows
@@ -219,7 +229,7 @@ class ContactRows:
         return [RowBlock(self.name, affine, weight, "nonneg", necessary=necessary)]
 
     def _remove_rows(self, solution: ProgramSolution) -> None:
-        """Remove the rows that the solution is far above."""
+        """Remove the rows whose force in the solution is far above the required force."""
         remaining = []
         for speed, rows, weight in self._rows:
             force = rows(solution.unknowns) / self.problem.force_scale
@@ -242,7 +252,10 @@ MAX_TABLE = 2_000_000
 
 @lru_cache(maxsize=4)
 def _amplitudes(problem: DesignProblem, low: float, high: float) -> tuple[FloatArray, list[Affine]]:
-    """Return the speeds (rad/s) of a range, and the amplitudes after each event."""
+    """Return the speeds (rad/s) of a range, and the amplitudes after each event.
+
+    The amplitudes are those of the vibration.
+    """
     events = problem.space.events
     cells = Cells(problem.space, problem.mode, low)
     speeds = speeds_of(problem.mode, max(event.span for event in events), low, high)
@@ -250,9 +263,9 @@ def _amplitudes(problem: DesignProblem, low: float, high: float) -> tuple[FloatA
 
 
 def final_amplitude(cells: Cells, event: int, speeds: FloatArray) -> Affine:
-    """Return the amplitude at the end of an event, in the unknowns, at speeds (rad/s).
+    """Return the vibration amplitude at the end of an event, linear in the unknowns.
 
-    Gauss points in the cells give it to rounding.
+    It is computed at each of the speeds (rad/s). Gauss points in the cells give it to rounding.
     """
     mode, (slope, curvature, columns) = cells.mode, cells.driving[event]
     points, weights = cells.gauss
@@ -274,7 +287,10 @@ def final_amplitude(cells: Cells, event: int, speeds: FloatArray) -> Affine:
 
 @dataclass(eq=False)
 class ResidualRows:
-    """Cones |2a| ≤ limit (or t) of every event at speeds of a range."""
+    """Cones that limit the residual vibration after every event at speeds of a range.
+
+    They are |2a| ≤ limit (or t) for the amplitude a.
+    """
 
     problem: DesignProblem
     target: ScaledLimit
@@ -289,7 +305,10 @@ class ResidualRows:
             self._add(affine.rows(slice(None, None, FIRST_STRIDE)))
 
     def add_violated(self, solution: ProgramSolution) -> bool:
-        """Add the speeds at which the law is worst, and return True if any was added."""
+        """Add the speeds at which the residual vibration of a law is largest.
+
+        Returns True if any speed was added.
+        """
         allowed = self.target.value
         if allowed is None:
             allowed = -solution.level * self.target.scale

@@ -56,7 +56,7 @@ BOUND_FACTORS = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 
 
 
 class SearchPhase(Enum):
-    """Phase of the search after a program was solved at a speed."""
+    """Next action of the search after a program was solved at a speed."""
 
     #: The law of the program violates rows that were not in use. They were added.
     CUT = auto()
@@ -71,7 +71,7 @@ class SearchPhase(Enum):
 
 @dataclass(eq=False)
 class TwoMassSearch:
-    """Search for the highest jump speed of two masses.
+    """Search for the law of two masses with the highest jump speed.
 
     ``duration`` (s) is that of a run from rest, None for the steady state. ``best_law`` is the best
     law so far. ``rejected`` is the number of laws that the exact search has rejected.
@@ -119,7 +119,10 @@ class TwoMassSearch:
         return replace(self.best_law, bound=bound, rounds=solver.rounds)
 
     def _raise_speed(self, contact: ContactRows, sources: list[RowSource], limit: float) -> None:
-        """Search for the highest speed of a law, at most ``limit`` (rad/s)."""
+        """Raise the speed to the highest at which a law keeps contact.
+
+        The search ends at ``limit`` (rad/s).
+        """
         self._slope, self._converged, solution = FIRST_SLOPE, None, None
         program = GrowingProgram()
         for _ in range(MAX_SPEED_ROUNDS):
@@ -145,7 +148,10 @@ class TwoMassSearch:
         solution: ProgramSolution,
         limit: float,
     ) -> SearchPhase:
-        """Add the rows that a solution violates, or update the slope, and return the phase."""
+        """Add the rows that a solution violates, or else adapt the speed's slope.
+
+        Returns the next action of the search.
+        """
         excess = solution.level - contact.margin
         if excess <= -LEVEL_ATOL:  # more rows would only lower the level
             return SearchPhase.MOVE
@@ -165,7 +171,10 @@ class TwoMassSearch:
         return SearchPhase.MOVE
 
     def _reaches(self, contact: ContactRows, solution: ProgramSolution) -> bool:
-        """Return True if the exact search confirms the speed, else refine the grid."""
+        """Return True if the exact search confirms that a law reaches the fastest speed.
+
+        Otherwise the grid of speeds is refined.
+        """
         active = self.solver.other_than_goal(solution.active, contact.name)
         jump = self._evaluate(solution.unknowns, active)
         if jump.speed >= contact.fastest * (1.0 - JUMP_RTOL):
@@ -175,7 +184,7 @@ class TwoMassSearch:
         return False
 
     def _evaluate(self, unknowns: FloatArray, active: tuple[str, ...]) -> Jump:
-        """Return the exact jump of a law, and store the law if it is the best so far."""
+        """Return the exact jump speed of a law, and keep the law if it is the best so far."""
         problem = self.solver.problem
         jump = find_jump(problem.space.law(unknowns, "design"), problem.follower, self.duration)
         if jump.speed > self.best_law.value:

@@ -1,1 +1,1 @@
-"""Identification of a rig's parameters from measurements."""
+"""Identification of a rig's follower parameters from measurements."""

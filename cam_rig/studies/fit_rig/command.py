@@ -101,7 +101,7 @@ def fit_rig(
 
 
 def _parse_fixed(options: list[str] | None) -> dict[str, float]:
-    """Return the values by name of options such as ``mass=1.3``.
+    """Parse options such as ``mass=1.3`` to values by name.
 
     The names are checked by the fit.
     """

@@ -1,4 +1,4 @@
-"""Estimates of parameters, and their display in tables, sentences and rig files."""
+"""Estimates of parameters, and their form in tables, sentences and rig files."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ MAX_RELATIVE_ERROR = 0.5
 
 @dataclass(frozen=True)
 class ParameterEstimate:
-    """Estimate of one parameter in SI: given, identified, or not identified.
+    """Estimate of one parameter of the follower, in SI units.
 
-    An identified parameter has a standard error. A parameter that is not identified has a reason.
-    ``coverage_factor`` is half the width of its interval of 95 % in standard errors.
+    Its origin is given, identified, or not identified. An identified parameter has a standard
+    error. A parameter that is not identified has a reason. ``coverage_factor`` is half the width of
+    its interval of 95 % in standard errors.
     """
 
     name: str
@@ -41,7 +42,7 @@ class ParameterEstimate:
 
     @classmethod
     def unidentified(cls, name: str, reason: str, error: float | None = None) -> ParameterEstimate:
-        """Return an estimate without a value.
+        """Return an estimate of a parameter without a value, with the reason.
 
         ``error`` is the standard error that the search computed.
         """
@@ -49,12 +50,12 @@ class ParameterEstimate:
 
     @property
     def unit(self) -> str:
-        """Unit of value and error."""
+        """Unit of the parameter's value and standard error."""
         return PARAMETERS[self.name].unit
 
     @property
     def value_text(self) -> str:
-        """Value as text, with two digits of its standard error.
+        """Parameter's value as text, with the digits of its standard error.
 
         It is empty without a value.
         """
@@ -69,7 +70,7 @@ class ParameterEstimate:
 
     @property
     def caution(self) -> str:
-        """Warning for an error of a third of the value or more, or larger than the value.
+        """Warning for a standard error of a third of the value or more.
 
         It is empty for a smaller error.
         """
@@ -123,9 +124,10 @@ def interval_text(value: float, half: float, unit: str) -> str:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RigParameters(Result):
-    """Estimates of a follower's parameters, and its model: one_mass or two_mass.
+    """Estimates of a follower's parameters, and the model that was fitted.
 
-    ``correlation`` ``(n, n)`` is that of the identified free parameters, in their order.
+    The model is one_mass or two_mass. ``correlation`` ``(n, n)`` is that of the identified free
+    parameters, in their order.
     """
 
     columns: ClassVar = {
@@ -177,7 +179,7 @@ class RigParameters(Result):
 
 
 def correlation_matrix(covariance: FloatArray) -> FloatArray:
-    """Return the correlation matrix ``(n, n)`` of a covariance.
+    """Return the correlation matrix ``(n, n)`` of a covariance matrix.
 
     The diagonal is exactly 1, or 0 for a parameter without an error.
     """

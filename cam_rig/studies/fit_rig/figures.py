@@ -46,7 +46,11 @@ def rig_figure(fit: RigFit) -> Figure:
 
 
 def _draw_segment(above: Axes, below: Axes, fit: RigFit, i: int, force: bool) -> None:
-    """Draw one steady segment: measured and fitted values, and residuals below."""
+    """Draw measured and fitted values of one steady segment, and the residuals below.
+
+    The values are contact forces if ``force`` is True, else lifts. ``i`` is the index of the
+    segment.
+    """
     predicted = fit.solution.predicted[i]
     assert predicted is not None  # a search ends at steady turns
     signal, factor, fine, colour = (

@@ -13,9 +13,10 @@ MIN_COMPONENT = 0.05
 
 
 def normal_inverse(jacobian: FloatArray) -> tuple[FloatArray, tuple[tuple[int, ...], ...]]:
-    """Return (JᵀJ)⁻¹ ``(n, n)``, and groups of parameters with a null direction.
+    """Return (JᵀJ)⁻¹ ``(n, n)``, and groups of parameters that are not identifiable.
 
-    ``jacobian`` is J with the shape ``(m, n)``.
+    ``jacobian`` is J with the shape ``(m, n)``. The parameters of a group can change together
+    without a change of the residuals. A group is a tuple of indices.
     """
     sizes = np.linalg.norm(jacobian, axis=0)
     sizes[sizes == 0.0] = 1.0

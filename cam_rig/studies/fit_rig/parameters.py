@@ -1,4 +1,4 @@
-"""Parameters of a follower in a fit: limits, search variables, and the follower itself."""
+"""Parameters of a follower in a fit: limits, search variables, and follower."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Follower = FollowerParameters | TwoMassParameters
 
 @dataclass(frozen=True)
 class ParameterLimits:
-    """Unit and limits of a parameter of a rig file.
+    """Unit and limits of a follower parameter in a rig file.
 
     ``logarithm`` is True if a search uses its logarithm.
     """
@@ -62,7 +62,7 @@ def check_fixed(fixed: Mapping[str, float], model: str | None) -> None:
 
 
 def build_follower(values: dict[str, float], stem_stiffness: float | None) -> Follower:
-    """Return the follower with these values.
+    """Return the follower with these parameter values (SI).
 
     It has two masses if the values contain ``roller_share``. ``stem_stiffness`` (N/m) is that of
     one mass. It affects only the pulse of a landing.
@@ -88,12 +88,12 @@ def build_follower(values: dict[str, float], stem_stiffness: float | None) -> Fo
 
 
 def to_search(name: str, value: float) -> float:
-    """Return a value in the form in which it is searched for."""
+    """Convert a parameter value to its search variable, for some its logarithm."""
     return float(np.log(value)) if PARAMETERS[name].logarithm else value
 
 
 def from_search(names: Iterable[str], x: FloatArray) -> dict[str, float]:
-    """Return search variables as values by name.
+    """Convert search variables to parameter values by name.
 
     ``x`` has the shape ``(n,)`` or is longer. The variables after the first n are ignored.
     """

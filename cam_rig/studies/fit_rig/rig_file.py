@@ -20,7 +20,11 @@ from cam_rig.studies.fit_rig.run.result import RigFit
 def build_rig_text(
     name: str, numbers: Iterable[ParameterEstimate], base: RigConfig, source: str, residual: str
 ) -> tuple[str, tuple[str, ...]]:
-    """Return the text of a rig file, and a sentence for each part taken from ``base``."""
+    """Return the text of a rig file with identified parameters.
+
+    The second result is a sentence for each part that was taken from the rig ``base``. ``source``
+    and ``residual`` are texts for the origin of the numbers.
+    """
     data: dict[str, Any] = {"name": name, "title": f"{name}: identified from {source}"}
     assumption = f"the rig {base.name}'s, not identified by {source}"
     estimates = {estimate.name: estimate for estimate in numbers}
@@ -47,7 +51,10 @@ def build_rig_text(
 
 
 def write_rig(out: Path, fit: JumpFit | RigFit, base: RigConfig, source: Path) -> RigFit | JumpFit:
-    """Write the rig file of a fit, and return the fit with a list of the assumed parameters."""
+    """Write the rig file of a fit, and return the fit with the assumed parameters.
+
+    They are listed as sentences.
+    """
     if not any(estimate.value is not None for estimate in fit.numbers):
         raise ConfigError(f"--out {out}: the fit identified no parameter, so no rig was written")
     command = f"cam-rig fit rig {source.name}"

@@ -121,7 +121,7 @@ def _check_arguments(
 def _read(
     bag: Path, cams: CamSet, one_cam: str | None, topics: str | None, namespace: str | None
 ) -> tuple[Law, MeasuredRun]:
-    """Return the law and the run of a bag, read by topics or by namespace."""
+    """Read a bag by topics or by namespace, and return the law and the run."""
     with friendly_import_errors():
         from cam_rig.bag.foreign.topic_line import parse_topics
         from cam_rig.bag.measured_run import read_measured

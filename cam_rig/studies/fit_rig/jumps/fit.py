@@ -45,7 +45,11 @@ OUTLIER_SHARE = 0.55
 
 
 def _setup_value(name: str) -> Callable[[tuple[JumpReading, float]], float | None]:
-    """Return a function for the value of a set-up in a row of reading and fitted rpm."""
+    """Return a function that reads a set-up value from a table row.
+
+    The row consists of a reading and its fitted jump speed (rpm). The value is None if the table
+    does not contain it.
+    """
     return lambda row: row[0].setup.get(name)
 
 
@@ -96,7 +100,7 @@ class JumpFit(RigParameters):
 
     @property
     def residual_text(self) -> str:
-        """Error of a reading as text for a rig file."""
+        """Standard deviation of a reading as text for a rig file."""
         return f"{self.error:.3g} rpm a reading, {len(self.speeds)} readings"
 
     def tables(self) -> list[Records]:
@@ -233,7 +237,11 @@ def _check_readings(table: JumpTable) -> None:
 def _reading_deviation(
     trial: JumpModel, speeds: FloatArray, surplus: int, error: float | None
 ) -> tuple[float, bool]:
-    """Return the standard deviation of a reading (rpm), and True if it is given."""
+    """Return the standard deviation of a reading (rpm), and True if it was given.
+
+    ``speeds`` are the fitted jump speeds (rpm), ``surplus`` the number of readings less that of
+    free parameters, and ``error`` the given deviation or None.
+    """
     residuals = speeds - trial.table.rpm
     scatter = rms(residuals) * math.sqrt(residuals.size / surplus) if surplus else 0.0
     if (speeds >= MAX_RPM).any() or scatter > MAX_SCATTER * float(speeds.mean()):

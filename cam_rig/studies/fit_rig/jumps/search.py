@@ -1,4 +1,4 @@
-"""Search for the follower whose jump speeds are closest to those of a table."""
+"""Search for the follower whose jump speeds are closest to those in a table."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ BALANCE_ANGLES = 120
 
 @dataclass(frozen=True, eq=False)
 class JumpModel:
-    """Jump speeds in rpm as a function of the free parameters.
+    """Jump speeds (rpm) of a table's set-ups, as a function of the free parameters.
 
     ``progress`` is notified of each set-up of a step of the search.
     """
@@ -57,24 +57,24 @@ class JumpModel:
 
     @cached_property
     def _setups(self) -> tuple[list[dict[str, float]], list[int]]:
-        """Distinct set-ups, and the index of the set-up of each reading."""
+        """Distinct set-ups of the table, and the index of the set-up of each reading."""
         setups = [tuple(sorted(reading.setup.items())) for reading in self.table.readings]
         index = {setup: i for i, setup in enumerate(dict.fromkeys(setups))}
         return [dict(setup) for setup in index], [index[setup] for setup in setups]
 
     def values(self, x: FloatArray, setup: dict[str, float]) -> dict[str, float]:
-        """Return all parameters of a set-up.
+        """Return all parameters of the follower in a set-up, by name.
 
-        The mass is the follower's plus the added mass.
+        ``x`` are the search variables. The mass is the follower's plus the added mass.
         """
         values = self.fixed | from_search(self.free, x)
         added_mass = setup.get("mass", 0.0)
         return values | setup | {"mass": max(values["mass"] + added_mass, 1e-9)}
 
     def speeds(self, x: FloatArray) -> FloatArray:
-        """Return the jump speeds of all readings in rpm, ``(n,)``.
+        """Return the computed jump speeds of all readings in rpm, ``(n,)``.
 
-        Equal set-ups are computed once.
+        ``x`` are the search variables. Equal set-ups are computed once.
         """
         setups, indices = self._setups
         speeds = np.full(len(setups), MAX_RPM)
@@ -88,18 +88,21 @@ class JumpModel:
         return speeds[indices]
 
     def relative_errors(self, x: FloatArray) -> FloatArray:
-        """Return the relative errors of all readings, ``(n,)``."""
+        """Return the relative errors of the computed jump speeds, ``(n,)``.
+
+        ``x`` are the search variables.
+        """
         return (self.speeds(x) - self.table.rpm) / self.table.rpm
 
     def search_point(self, values: dict[str, float]) -> tuple[float, ...]:
-        """Return the search variables of these values, within their limits."""
+        """Convert parameter values to search variables within their limits."""
         low, high = search_limits(self.free)
         x = [to_search(name, values[name]) for name in self.free]
         return tuple(np.clip(x, low + 1e-9, high - 1e-9).tolist())
 
 
 def search_jumps(trial: JumpModel) -> FloatArray:
-    """Return the least-squares solution from the best of all starts."""
+    """Return the search variables of the least-squares fit, the best of all starts."""
     if not trial.free:
         return np.empty(0)
     rigid = "roller_share" not in trial.fixed  # two masses take a hundred times as long
@@ -122,7 +125,7 @@ def search_jumps(trial: JumpModel) -> FloatArray:
 
 
 def _starts(trial: JumpModel) -> list[tuple[float, ...]]:
-    """Return the starts of the searches.
+    """Return the search variables from which searches start.
 
     A stem may be nearly rigid. The best starts with a stiffer stem are therefore added. Case: exact
     speeds of two masses, where the best single start leads to another follower
@@ -164,9 +167,10 @@ def _balanced_starts(trial: JumpModel) -> Iterator[dict[str, float]]:
 def _solve_balance(
     rigid: JumpModel, lift: float, slope: float, curvature: float
 ) -> dict[str, float]:
-    """Return all parameters so that m s'' Ω² + c s' Ω + k s + preload = 0.
+    """Return the parameters with which all readings jump at one cam angle.
 
-    The equation is linear in the parameters.
+    They satisfy m s'' Ω² + c s' Ω + k s + preload = 0 with s, s' and s'' of the angle, by least
+    squares. The equation is linear in the parameters.
     """
     speed = rigid.table.rpm * RPM
     weights = {

@@ -30,9 +30,9 @@ MAX_LISTED_LINES = 5
 
 @dataclass(frozen=True)
 class JumpReading:
-    """Jump speed in rad/s, and the values of its set-up in SI.
+    """Measured jump speed in rad/s, and the values of its set-up in SI.
 
-    ``line`` is its line in the file. ``setup`` are the parameters that the table gives.
+    ``line`` is its line in the file. ``setup`` are the parameters that the table contains.
     """
 
     line: int
@@ -47,9 +47,9 @@ class JumpReading:
 
 @dataclass(frozen=True)
 class JumpTable:
-    """Table of jump speeds.
+    """Table of measured jump speeds.
 
-    ``columns`` are the parameters that it gives. ``notes`` report how it was read.
+    ``columns`` are the parameters that it contains. ``notes`` report how it was read.
     """
 
     file: str
@@ -64,16 +64,16 @@ class JumpTable:
 
 
 def read_jump_table(path: Path) -> JumpTable:
-    """Read a table of jump speeds."""
+    """Read a table of measured jump speeds from a file."""
     lines, _ = read_lines(path, "mass, spring and jump speed")
     return _JumpReader(path.name, lines).table()
 
 
 class _JumpReader(CellTable):
-    """Reader of a file of jump speeds."""
+    """Reader of a file of measured jump speeds."""
 
     def table(self) -> JumpTable:
-        """Return the readings of the file."""
+        """Return the table with all readings of the file."""
         if self.first is None or self.first == 0:
             raise self.error("the columns must have a heading, such as mass_kg, spring_N/m, rpm")
         headings = self.headings(len(self.rows[self.first][1]))
@@ -105,7 +105,10 @@ class _JumpReader(CellTable):
         return JumpTable(self.file, tuple(readings), columns, (read, *notes))
 
     def _assign(self, headings: list[Heading]) -> tuple[dict[str, tuple[int, float]], list[str]]:
-        """Return column and factor of each quantity, and notes on assumed units."""
+        """Return column index and factor to SI of each quantity, and notes.
+
+        The notes report assumed units.
+        """
         columns, notes = dict[str, tuple[int, float]](), list[str]()
         for index, heading in enumerate(headings):
             name = PARAMETER_OF_QUANTITY.get(heading.quantity)

@@ -1,4 +1,4 @@
-"""Covariance of a solution under correlated noise, and directions without information.
+"""Covariance of a fit under correlated noise, and directions without information.
 
 Neighbouring samples of a sensor have correlated errors. The covariance is therefore the sandwich
 estimator (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ with the autocorrelation R of the residuals, and not the inverse of
@@ -20,8 +20,9 @@ from cam_rig.units import FloatArray, autocorrelation
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Covariance ``(n, n)`` of the search variables, and groups with a null direction.
+    """Covariance ``(n, n)`` of the search variables, and unidentifiable groups.
 
+    The parameters of a group can change together without a change of the residuals.
     ``correlation_lengths`` are the lengths, in samples, over which residuals of lift and of force
     are correlated, the largest of all segments.
     """
@@ -32,12 +33,15 @@ class Uncertainty:
 
     @property
     def errors(self) -> FloatArray:
-        """Standard errors, ``(n,)``."""
+        """Standard errors of the search variables, ``(n,)``."""
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
 
 def sandwich_covariance(solution: FitSolution) -> Uncertainty:
-    """Return the covariance (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ under noise of correlation R."""
+    """Return the covariance (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ of a fit under correlated noise.
+
+    R is the autocorrelation of the noise.
+    """
     inverse, null_groups = normal_inverse(solution.jacobian)
     scores, correlation_lengths = _scores(
         solution.likelihood, solution.jacobian, solution.residuals
@@ -46,7 +50,10 @@ def sandwich_covariance(solution: FitSolution) -> Uncertainty:
 
 
 def variance_inflation(solution: FitSolution, k: int) -> float:
-    """Return the factor by which correlated noise increases a parameter's variance."""
+    """Return the factor by which correlated noise increases a parameter's variance.
+
+    ``k`` is the index of the parameter among the search variables.
+    """
     plain = normal_inverse(solution.jacobian)[0][k, k]
     return float(sandwich_covariance(solution).covariance[k, k] / plain) if plain > 0.0 else 1.0
 
@@ -74,9 +81,9 @@ def _scores(
 
 
 def _correlated(jacobian: FloatArray, correlation: FloatArray) -> FloatArray:
-    """Return JᵀRJ of stationary noise by Fourier transform: Σ P |J|².
+    """Return JᵀRJ for stationary noise, ``(n, n)``.
 
-    P is the power spectrum of ``correlation``.
+    It is computed by Fourier transform, as Σ P |J|² with the power spectrum P of ``correlation``.
     """
     if correlation.size == 1:
         return np.asarray(jacobian.T @ jacobian)

@@ -1,4 +1,4 @@
-"""Estimates of a solution: a value with its standard error, or the reason for its absence."""
+"""Estimates of a fit: parameters with errors, or reasons for their absence."""
 
 from __future__ import annotations
 
@@ -41,9 +41,10 @@ def build_rig_fit(
     scale: tuple[str, ...],
     segments: tuple[MeasuredSegment, ...],
 ) -> RigFit:
-    """Return the result of a solution.
+    """Return the result of a fit to a measured run.
 
     ``scale`` are parameters that are fixed because only ratios to them are identifiable.
+    ``segments`` are all segments of the run.
     """
     errors, free = sandwich_covariance(solution), solution.likelihood.free
     misfit = explain_misfit(solution, errors.correlation_lengths)
@@ -151,7 +152,7 @@ def _segment_fit(solution: FitSolution, i: int) -> SegmentFit:
 
 
 def _instruments(solution: FitSolution, errors: Uncertainty) -> Iterator[InstrumentEstimate]:
-    """Yield the estimates of the instruments' errors.
+    """Yield the estimates of the errors of the measuring instruments.
 
     Offset and clock are a line through the phases: ψ = −offset − clock ω t.
     """
@@ -191,7 +192,7 @@ def _instruments(solution: FitSolution, errors: Uncertainty) -> Iterator[Instrum
 
 
 def explain_misfit(solution: FitSolution, correlation_lengths: tuple[float, float]) -> str:
-    """Return the reason why a solution cannot be trusted, or an empty text.
+    """Return the reason why a fit cannot be trusted, or an empty text.
 
     Readings at nearly the same cam angle differ by their noise. The residuals should not be larger.
     With lifts alone, flights and bounces make many local minima. A search may stop near the

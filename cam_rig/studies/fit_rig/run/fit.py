@@ -91,10 +91,10 @@ def fit_run(
 
 
 def _is_of_another_cam(aligned: FitSolution) -> bool:
-    """Return True if the lift at the slowest speed differs from the law under load.
+    """Return True if the measured lift shows that another cam was on the rig.
 
-    The lift of a follower that has left the cam differs too. The contact force must therefore show
-    that it has not.
+    The lift at the slowest speed then differs from the law under load. The lift of a follower that
+    has left the cam differs too. The contact force must therefore show that it has not.
     """
     slowest = min(range(len(aligned.segments)), key=lambda i: aligned.segments[i].speed)
     segment, predicted = aligned.segments[slowest], aligned.predicted[slowest]

@@ -1,4 +1,4 @@
-"""Zero offset of the force sensor, which it shows while the follower is off the cam."""
+"""Zero offset of the force sensor, estimated while the follower is off the cam."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ ZERO_ROUNDS = 5
 
 
 def add_zero_offset(fit: Candidate) -> Candidate:
-    """Return the candidate with the force sensor's zero, if it has flights.
+    """Return the candidate with the force sensor's zero offset as a free parameter.
 
-    In flight the sensor shows its zero. Case: a sensor with an offset, which otherwise is part of
-    the preload (``test_a_sensor_shows_its_zero_in_flight``).
+    In flight the sensor shows its zero. A candidate without flights is returned unchanged. Case: a
+    sensor with an offset, which otherwise is part of the preload
+    (``test_a_sensor_shows_its_zero_in_flight``).
     """
     like, in_flight = fit.likelihood, forces_in_flight(fit)
     start = continue_from(fit, like.free, fit.values, zero_offset=True)
@@ -40,9 +41,10 @@ def add_zero_offset(fit: Candidate) -> Candidate:
 
 
 def find_zero_in_flight(flying: Candidate) -> float | None:
-    """Return the zero (N) of the force, or None if flights do not identify it.
+    """Return the zero offset of the force sensor (N), estimated from the flights.
 
-    Case: two masses fitted to the speeds in contact (``test_a_stem_that_leaves_a_cam_of_arcs``).
+    It is None if the flights do not identify it. Case: two masses fitted to the speeds in contact
+    (``test_a_stem_that_leaves_a_cam_of_arcs``).
     """
     like, x, zero = flying.likelihood, flying.x.copy(), 0.0
     if "preload" not in like.free:

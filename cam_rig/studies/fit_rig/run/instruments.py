@@ -1,4 +1,4 @@
-"""Errors of the instruments as search variables, behind the parameters of the follower."""
+"""Errors of the instruments as search variables, after those of the follower."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ SHARED = (CLOCK, ZERO, BACKLASH, FORCE_ZERO, RESONANCE, RATIO)
 
 @dataclass(frozen=True)
 class Instruments:
-    """Positions of the instruments' errors behind the follower's parameters.
+    """Positions of the instruments' errors among the search variables.
 
-    ``first`` is the number of the latter. ``single`` are the names of the errors that all segments
-    share.
+    They follow the ``first`` parameters of the follower. ``single`` are the names of the errors
+    that all segments share.
     """
 
     first: int
@@ -40,22 +40,22 @@ class Instruments:
 
     @property
     def phases(self) -> slice:
-        """Slice of the phases of the segments, rad."""
+        """Slice of the segments' phases (rad) among the search variables."""
         return slice(self.first, self.first + self.segments)
 
     @property
     def speeds(self) -> slice:
-        """Slice of the speed errors of the segments, in their standard errors."""
+        """Slice of the segments' speed errors, in their standard errors."""
         return slice(self.first + self.segments, self.first + 2 * self.segments)
 
     @cached_property
     def index(self) -> dict[str, int]:
-        """Index of each free error of `SHARED`."""
+        """Index of each free error of `SHARED` among the search variables."""
         return {name: self.speeds.stop + i for i, name in enumerate(self.single)}
 
     @property
     def size(self) -> int:
-        """Number of search variables, including the follower's."""
+        """Number of all search variables, including the follower's parameters."""
         return self.first + 2 * self.segments + len(self.single)
 
 
@@ -66,9 +66,9 @@ MIN_SLOPE_FRACTION = 1e-6
 
 
 def backlash_side(law: Law, angle: FloatArray) -> FloatArray:
-    """Return 1 after a rise and -1 after a fall at cam angles (rad).
+    """Return the side on which backlash of the gauge is taken up, at cam angles (rad).
 
-    This is the side on which backlash is taken up.
+    It is 1 after a rise and -1 after a fall.
     """
     slope = law.motion_at(SIDE_ANGLES)[1]
     moving = np.abs(slope) > MIN_SLOPE_FRACTION * np.abs(slope).max()

@@ -61,7 +61,7 @@ NO_TURN_RESIDUAL = 1e3
 
 @dataclass(frozen=True, eq=False)
 class PredictedSignal:
-    """Computed quantity at the counted samples of a segment, ``(n,)`` each.
+    """Computed quantity at the samples that count in a segment, ``(n,)`` each.
 
     ``residual`` is ``value`` less the measured value. ``angle`` is the cam angle in rad.
     """
@@ -73,7 +73,7 @@ class PredictedSignal:
 
 @dataclass(frozen=True, eq=False)
 class PredictedSegment:
-    """Computed turn, lift and force of a segment."""
+    """Computed periodic turn of a segment, with its lift and force at the samples."""
 
     turn: PeriodicTurn
     lift: PredictedSignal
@@ -82,7 +82,7 @@ class PredictedSegment:
 
 @dataclass(eq=False)
 class Likelihood:
-    """Residuals in standard deviations, and their derivatives.
+    """Residuals of a fit in standard deviations, and their derivatives.
 
     ``free`` are the names of the follower's free parameters, ``fixed`` the values of the others.
     ``lift_noise`` (m) and ``force_noise`` (N) are standard deviations. ``relative_force_noise`` is
@@ -112,11 +112,14 @@ class Likelihood:
         self.pressing = self.pressing or [np.zeros(size) for size in sizes]
 
     def samples(self, i: int) -> tuple[SegmentSamples, SegmentSamples]:
-        """Return the counted samples of a segment: lift, and force away from landings."""
+        """Return the samples of lift and force that count in a segment.
+
+        ``i`` is the index of the segment. Forces next to landings do not count.
+        """
         return self.segments[i].lift, self.segments[i].force.where(self.force_masks[i])
 
     def sizes(self, i: int) -> tuple[int, int]:
-        """Return the numbers of counted samples of lift and force in a segment."""
+        """Return the numbers of samples of lift and force that count in a segment."""
         return self.segments[i].lift.value.size, int(self.force_masks[i].sum())
 
     @property
@@ -125,39 +128,42 @@ class Likelihood:
         return self.lift_noise, self.force_noise, self.relative_force_noise
 
     def force_deviation(self, i: int) -> FloatArray:
-        """Return the standard deviation (N) of the counted forces of a segment."""
+        """Return the standard deviation (N) of the forces that count in a segment."""
         part = self.relative_force_noise * self.pressing[i][self.force_masks[i]]
         return np.asarray(np.hypot(self.force_noise, part))
 
     @cached_property
     def instruments(self) -> Instruments:
-        """Positions of the instruments' errors."""
+        """Positions of the instruments' errors among the search variables."""
         lift = any(segment.lift.since.size for segment in self.segments)
         is_free = (True, lift, lift and self.backlash, self.zero_offset, *[self.resonance] * 2)
         single = tuple(name for name, free in zip(SHARED, is_free, strict=True) if free)
         return Instruments(len(self.free), len(self.segments), single)
 
     def single(self, x: FloatArray, name: str) -> float:
-        """Return the value of an error of `SHARED`, or 0 if it is not free."""
+        """Return the value of an instrument error of `SHARED`, or 0 if it is not free.
+
+        ``x`` are the search variables.
+        """
         index = self.instruments.index.get(name)
         return 0.0 if index is None else float(x[index])
 
     def values(self, x: FloatArray) -> dict[str, float]:
-        """Return the follower's parameters, free and fixed."""
+        """Return all parameters of the follower by name, for the search variables ``x``."""
         return self.fixed | from_search(self.free, x)
 
     def speed_of(self, x: FloatArray, i: int) -> float:
-        """Return the speed (rad/s) of a segment."""
+        """Return the cam speed (rad/s) of a segment, with its fitted error."""
         segment = self.segments[i].line
         return segment.speed + float(x[self.instruments.speeds][i]) * segment.speed_error
 
     def steady(
         self, x: FloatArray, i: int, near: PeriodicTurn | None = None
     ) -> PeriodicTurn | None:
-        """Return the periodic turn of a segment, or None if no turn repeats.
+        """Return the periodic turn at the speed of a segment, or None if no turn repeats.
 
-        A follower that chatters has no periodic turn. ``near`` is a turn of nearly the same
-        follower.
+        A follower that chatters has no periodic turn. ``x`` are the search variables, and ``near``
+        is a turn of nearly the same follower.
         """
         follower, speed = build_follower(self.values(x), self.stem_stiffness), self.speed_of(x, i)
         try:
@@ -171,7 +177,10 @@ class Likelihood:
     def predicted(
         self, x: FloatArray, i: int, near: PeriodicTurn | None = None
     ) -> PredictedSegment | None:
-        """Return lift and force of a segment, or None without a periodic turn."""
+        """Return computed lift and force of a segment, or None without a periodic turn.
+
+        ``x`` are the search variables, and ``near`` is a turn of nearly the same follower.
+        """
         turn = self.steady(x, i, near)
         if turn is None:
             return None
@@ -190,7 +199,7 @@ class Likelihood:
     def _sensed(
         self, x: FloatArray, turn: PeriodicTurn, i: int
     ) -> Callable[[FloatArray], FloatArray]:
-        """Return the force (N) that the sensor shows, by cam angle (rad)."""
+        """Return a function for the force (N) that the sensor shows, by cam angle (rad)."""
         zero = self.single(x, FORCE_ZERO)
         if not self.resonance:
             return lambda angle: turn.evaluate(angle)[1] + zero
@@ -199,13 +208,16 @@ class Likelihood:
         return lambda angle: response(angle) + zero
 
     def angles(self, x: FloatArray, i: int, since: FloatArray) -> FloatArray:
-        """Return the cam angles (rad) at times since a segment's middle (s)."""
+        """Return the cam angles (rad) of a segment at times (s) since its middle."""
         clock = PPM * self.single(x, CLOCK)
         begin = self.segments[i].angle + float(x[self.instruments.phases][i])
         return np.asarray(begin + self.speed_of(x, i) * (1.0 + clock) * since)
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        """Return all residuals. Segments without a periodic turn have `NO_TURN_RESIDUAL`."""
+        """Return all residuals in standard deviations, ``(m,)``.
+
+        Segments without a periodic turn have the residual `NO_TURN_RESIDUAL`.
+        """
         blocks = list[FloatArray]()
         for i in range(len(self.segments)):
             predicted = self.predicted(x, i)
@@ -217,7 +229,7 @@ class Likelihood:
         return np.concatenate([*blocks, x[self.instruments.speeds]])
 
     def jacobian(self, x: FloatArray) -> FloatArray:
-        """Return the derivatives of the residuals, ``(m, n)``."""
+        """Return the derivatives of the residuals by the search variables, ``(m, n)``."""
         blocks = [self._segment_jacobian(x, i) for i in range(len(self.segments))]
         last = np.zeros((len(self.segments), x.size))
         last[:, self.instruments.speeds] = np.eye(len(self.segments))
@@ -257,7 +269,10 @@ class Likelihood:
         return out
 
     def _by_angle(self, x: FloatArray, i: int, base: PredictedSegment) -> FloatArray:
-        """Return the derivatives of lift and force by the angle, as central differences."""
+        """Return the derivatives of a segment's lift and force by the cam angle.
+
+        They are central differences.
+        """
         sensed = self._sensed(x, base.turn, i)
         steps = (ANGLE_STEP, -ANGLE_STEP)
         lift = [base.turn.evaluate(base.lift.angle + step)[0] for step in steps]
@@ -267,7 +282,7 @@ class Likelihood:
         )
 
     def start(self, values: dict[str, float], phase: float, zero: float) -> FloatArray:
-        """Return the search variables of parameter values.
+        """Return the search variables for given parameter values.
 
         ``phase`` (rad) is that of all segments, ``zero`` the zero of the lift (m).
         """
@@ -280,9 +295,10 @@ class Likelihood:
         return x
 
     def exclude_landings(self, x: FloatArray, guard: float) -> bool:
-        """Leave out forces next to landings, and return True if their set changed.
+        """Exclude the force samples next to landings from the fit.
 
-        The force jumps at a landing. ``guard`` is the distance in rad.
+        The force jumps at a landing. ``guard`` is the distance in rad. Returns True if the set of
+        samples changed.
         """
         before, self.force_masks, self.pressing = self.force_masks, [], []
         for i, segment in enumerate(self.segments):
@@ -295,7 +311,10 @@ class Likelihood:
     def _landing_errors(
         self, turn: PeriodicTurn | None, angle: FloatArray, guard: float
     ) -> FloatArray:
-        """Return the possible error (rad) of the landing next to each angle, or 0."""
+        """Return the possible error (rad) of the landing next to each cam angle.
+
+        It is 0 at angles that are not next to a landing. ``turn`` is None without a periodic turn.
+        """
         errors = np.zeros(angle.size)
         for landing, first in () if self.resonance else list_bounces(turn):
             width = guard + BOUNCE_ANGLE_FRACTION * (landing - first)
@@ -304,7 +323,10 @@ class Likelihood:
         return errors
 
     def landing_errors(self, x: FloatArray, i: int, guard: float) -> FloatArray:
-        """Return the possible error (rad) of the landing next to each force, or 0."""
+        """Return the possible error (rad) of the landing next to each force sample.
+
+        It is 0 for samples that are not next to a landing.
+        """
         return self._landing_errors(
             self.steady(x, i), self.angles(x, i, self.segments[i].force.since), guard
         )
@@ -312,9 +334,9 @@ class Likelihood:
     def force_range_near(
         self, x: FloatArray, i: int, samples: NDArray[np.intp], width: FloatArray
     ) -> FloatArray:
-        """Return the extreme forces within ``width`` (rad) of samples, ``(2, n)``.
+        """Return the smallest and the largest force near samples of a segment, ``(2, n)``.
 
-        The first row is the smallest, the second the largest force.
+        The cam angles are within ``width`` (rad) of the samples. ``samples`` are their indices.
         """
         turn = self.steady(x, i)
         if turn is None:
@@ -325,7 +347,7 @@ class Likelihood:
         return np.stack([forces.min(axis=0), forces.max(axis=0)])
 
     def without_landings(self, x: FloatArray, guard: float) -> Likelihood:
-        """Return a copy without the samples of landings and their bounces.
+        """Return a copy without the samples during landings and their bounces.
 
         They are left out from ``guard`` (rad) before a landing to the end of its bounces. Then the
         follower is on the cam again, and its motion does not depend on the landing.
@@ -352,5 +374,8 @@ class Likelihood:
 
 
 def _outside(angle: FloatArray, low: float, high: float) -> NDArray[np.bool_]:
-    """Return True for cam angles (rad) outside ``low`` to ``high`` in any turn."""
+    """Return for each cam angle (rad) if it is outside ``low`` to ``high``.
+
+    The turn does not matter.
+    """
     return np.asarray(np.mod(angle - low, TURN) > high - low)

@@ -1,9 +1,9 @@
-"""Comparison of two solutions by the logarithm of their likelihood ratio.
+"""Comparison of two fits by the logarithm of their likelihood ratio.
 
 A search leaves out the forces next to landings. A follower that bounces through the whole turn
-leaves out nearly all forces, including those that contradict it. Two solutions are therefore
-compared by these samples too. The angle of a landing may have a small error, so the residual of a
-sample is its distance from all forces within that error.
+leaves out nearly all forces, including those that contradict it. Two fits are therefore compared by
+these samples too. The angle of a landing may have a small error, so the residual of a sample is its
+distance from all forces within that error.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MAX_CHANCE_SSE = 60.0
 
 
 def contradicts(partial: FitSolution, complete: FitSolution) -> bool:
-    """Return True if the parameters of all segments do not fit some of them.
+    """Return True if the fit to all segments does not explain some of them.
 
     The test is the growth of the sum of squares of these segments. If one follower explains both,
     it grows by about the number of parameters. Case: a stem that a rigid mass cannot fit in flight
@@ -50,7 +50,7 @@ def contradicts(partial: FitSolution, complete: FitSolution) -> bool:
 
 
 def log_ratio(first: FitSolution, other: FitSolution) -> float:
-    """Return the logarithm of the likelihood ratio of two solutions.
+    """Return the log likelihood ratio of two fits, the first by the other.
 
     It uses the segments and samples that both have.
     """
@@ -79,7 +79,7 @@ MAX_SQUARE = 36.0
 
 
 def log_ratio_of_all(first: FitSolution, other: FitSolution) -> float:
-    """Return the logarithm of the likelihood ratio, including samples near landings."""
+    """Return the log likelihood ratio of two fits, including samples near landings."""
     ratio = log_ratio(first, other)
     for i, segment in enumerate(first.segments):
         if segment in other.segments:
@@ -88,7 +88,10 @@ def log_ratio_of_all(first: FitSolution, other: FitSolution) -> float:
 
 
 def _square_difference(first: FitSolution, i: int, other: FitSolution, k: int) -> float:
-    """Return the difference of the squares of the samples that a solution leaves out."""
+    """Return the difference of two fits' squared errors of the samples they exclude.
+
+    ``i`` and ``k`` are the indices of the segment in both fits.
+    """
     samples = np.flatnonzero(~(first.likelihood.force_masks[i] & other.likelihood.force_masks[k]))
     if not samples.size:
         return 0.0
@@ -108,9 +111,9 @@ def _square_difference(first: FitSolution, i: int, other: FitSolution, k: int) -
 def _squared_distances(
     fit: FitSolution, i: int, samples: NDArray[np.intp], width: FloatArray
 ) -> FloatArray:
-    """Return squared distances of samples from all forces within ``width`` (rad).
+    """Return the squared distances of force samples from all forces near their angle.
 
-    They are in standard deviations.
+    The angles are within ``width`` (rad). The distances are in standard deviations.
     """
     like = fit.likelihood
     low, high = like.force_range_near(fit.x, i, samples, width)

@@ -46,7 +46,7 @@ START_RESTITUTIONS = (0.05, 0.25, 0.45, 0.65)
 
 
 def fit_one_mass(aligned: FitSolution, fixed: dict[str, float]) -> FitSolution:
-    """Return one rigid mass. The restitution is free if there are landings."""
+    """Fit one rigid mass to a run. The restitution is free if there are landings."""
     if not _has_force(aligned):
         return _fit_lifts(aligned, fixed)
     in_contact = _fit_in_contact(
@@ -62,7 +62,7 @@ def fit_one_mass(aligned: FitSolution, fixed: dict[str, float]) -> FitSolution:
 def fit_two_masses(
     aligned: FitSolution, fixed: dict[str, float], progress: Progress
 ) -> FitSolution:
-    """Return two masses and a stem, if this model is requested.
+    """Fit two masses and a stem to a run, if this model is requested.
 
     One mass is searched for only as far as the start requires.
     """
@@ -79,10 +79,10 @@ def fit_two_masses(
 
 
 def fit_elastic(one_mass: FitSolution, fixed: dict[str, float], progress: Progress) -> FitSolution:
-    """Return the likeliest of one mass, a vibrating force sensor, and a stem.
+    """Fit a vibrating force sensor and a stem, and return the likeliest model.
 
-    The vibration is identified at the speeds in contact, if it is visible there. Bounces of a rigid
-    mass on data of an elastic stem identify nothing.
+    The simplest model is one mass. The vibration is identified at the speeds in contact, if it is
+    visible there. Bounces of a rigid mass on data of an elastic stem identify nothing.
     """
     if any(segment.rings for segment in one_mass.segments):
         progress.describe("a resonance of the force sensor")
@@ -123,9 +123,9 @@ def _start_values(aligned: FitSolution, fixed: dict[str, float]) -> dict[str, fl
 def _fit_in_contact(
     one_mass: Candidate, free: tuple[str, ...], values: dict[str, float]
 ) -> FitSolution | None:
-    """Return one mass fitted to the speeds in contact only.
+    """Fit one mass to the speeds in contact only.
 
-    The result is None if all speeds are in contact, or these speeds have no force.
+    Returns None if all speeds are in contact, or these speeds have no force.
     """
     indices = _contact_segments(one_mass)
     if len(indices) == len(one_mass.segments) or not _has_force(one_mass, indices):
@@ -151,7 +151,7 @@ def _has_force(fit: Candidate, segments: list[int] | None = None) -> bool:
 def _fit_all(
     aligned: FitSolution, in_contact: FitSolution | None, fixed: dict[str, float]
 ) -> FitSolution:
-    """Return one rigid mass at all speeds.
+    """Fit one rigid mass to all speeds.
 
     The search starts from the fit of the speeds without landings, if there is one.
     """
@@ -196,7 +196,7 @@ def extend_solution(one_mass: Candidate, partial: FitSolution) -> Candidate:
 
 
 def _fit_lifts(aligned: FitSolution, fixed: dict[str, float]) -> FitSolution:
-    """Return one rigid mass fitted to lifts alone.
+    """Fit one rigid mass to lifts alone.
 
     Flights and bounces are identifiable together or not at all. The search therefore starts from
     several restitutions, and the best result is returned. Case: lifts of a rig far from the start
@@ -216,10 +216,10 @@ def _fit_lifts(aligned: FitSolution, fixed: dict[str, float]) -> FitSolution:
 
 
 def _has_backlash(fit: FitSolution) -> bool:
-    """Return True if the lift residuals after rises and after falls differ.
+    """Return True if the gauge has a backlash.
 
-    Case: a gauge with backlash, which without it changes the damping
-    (``test_backlash_is_identified``).
+    The lift residuals after rises and after falls then differ. Case: a gauge with backlash, which
+    without it changes the damping (``test_backlash_is_identified``).
     """
     if ZERO not in fit.likelihood.instruments.index:
         return False
@@ -238,7 +238,10 @@ def _has_backlash(fit: FitSolution) -> bool:
 
 
 def _in_contact_if_patterned(one_mass: AnyCandidate) -> AnyCandidate | FitSolution:
-    """Return one mass at the speeds in contact, if its force residual has a pattern."""
+    """Fit one mass to the speeds in contact, and return the fit if it has a pattern.
+
+    Without a pattern in its force residual, ``one_mass`` is returned.
+    """
     in_contact = _fit_in_contact(one_mass, one_mass.smooth, one_mass.values)
     return one_mass if in_contact is None or not has_residual_pattern(in_contact) else in_contact
 
@@ -249,7 +252,10 @@ def _search_two_masses(
     stem: dict[str, float],
     fixed: dict[str, float],
 ) -> FitSolution:
-    """Return two masses, from a stem and one mass fitted to the speeds in contact."""
+    """Fit two masses, starting from a stem and from one mass on the cam.
+
+    The one mass is fitted to the speeds in contact.
+    """
     free = _without_restitution(fixed, TWO_MASSES)
     start = one_mass_in_contact.values | {"restitution": 0.0} | stem | fixed
     in_contact = _fit_two_masses_in_contact(one_mass_in_contact, free, start)
@@ -262,7 +268,7 @@ def _search_two_masses(
 
 
 def _add_restitution(one_mass: Candidate, in_contact: FitSolution) -> FitSolution:
-    """Return the solution in contact, with the restitution of the speeds with flights."""
+    """Add the restitution of the speeds with flights to a fit without them."""
     if len(in_contact.segments) == len(one_mass.segments):
         return in_contact
     flying = extend_solution(one_mass, in_contact)
@@ -278,14 +284,15 @@ def _add_restitution(one_mass: Candidate, in_contact: FitSolution) -> FitSolutio
 def _fit_two_masses_in_contact(
     one_mass: Candidate, free: tuple[str, ...], start: dict[str, float]
 ) -> FitSolution | None:
-    """Return two masses at the speeds without landings, or None if there is no force.
+    """Fit two masses to the speeds without landings.
 
-    Bounces on a stem depend on every parameter at once, and their likelihood has a local maximum
-    for each. Its curvature there does not identify the others. On the cam the motion is linear. The
-    fastest speed is left out while the force residual has a pattern. The speeds left out may have
-    led to a wrong stem, so a stem is also searched for without them. A pattern that is as strong
-    with fewer speeds is that of correlated noise, not of flights. The largest number of speeds with
-    it is therefore kept (``test_correlated_noise_of_the_force_drops_no_speed_on_the_cam``).
+    Returns None if there is no force. Bounces on a stem depend on every parameter at once, and
+    their likelihood has a local maximum for each. Its curvature there does not identify the others.
+    On the cam the motion is linear. The fastest speed is left out while the force residual has a
+    pattern. The speeds left out may have led to a wrong stem, so a stem is also searched for
+    without them. A pattern that is as strong with fewer speeds is that of correlated noise, not of
+    flights. The largest number of speeds with it is therefore kept
+    (``test_correlated_noise_of_the_force_drops_no_speed_on_the_cam``).
     """
     indices, trials = _contact_segments(one_mass), list[FitSolution]()
     while _has_force(one_mass, indices):
@@ -312,7 +319,7 @@ def _pattern_strength(fit: Candidate) -> float:
 
 
 def _restart_from_stem(one_mass: Candidate, fit: FitSolution, indices: list[int]) -> FitSolution:
-    """Return two masses at some segments: the solution, or a likelier one.
+    """Repeat a fit of two masses from another stem, and return the likelier fit.
 
     The other search starts from the stem that clearly improves one mass at these segments. Case: a
     stem that was searched for with flights (``test_a_stem_that_leaves_a_cam_of_arcs``, and
@@ -342,7 +349,7 @@ def _search_resonance(one_mass: FitSolution, stem: dict[str, float]) -> FitSolut
 
 
 def _fit_ringing(one_mass: FitSolution) -> FitSolution:
-    """Return one mass under a force sensor that shows pulls.
+    """Fit one mass under a force sensor that shows pulls.
 
     No cam pulls, so no stem is searched for. The speeds in contact are used, because a landing
     excites the sensor for the rest of the turn (``test_a_ringing_sensor_is_no_stem``).

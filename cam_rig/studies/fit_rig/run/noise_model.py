@@ -46,7 +46,7 @@ def update_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:
 
 
 def estimate_force_noise(residual: FloatArray, force: FloatArray) -> tuple[float, float]:
-    """Return the floor (N) and the relative part of a force noise.
+    """Return the constant floor (N) and the relative part of the force's noise.
 
     Residuals and forces are in N, ``(n,)`` each. The squares of the residuals are a² + b² F² on
     average. They scatter by √2 of that, which sets the weights of the least squares.

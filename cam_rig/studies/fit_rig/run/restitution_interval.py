@@ -41,7 +41,7 @@ SMALL_BOUNCE = 0.02
 
 
 def profile_restitution(fit: FitSolution) -> FitSolution:
-    """Return the solution with the restitution in the middle of its interval of 95 %.
+    """Return the fit with the restitution in the middle of its interval of 95 %.
 
     The other parameters are fitted to the samples that no bounce affects. Two masses have no such
     interval, because their bounces depend on every parameter at once.
@@ -73,7 +73,7 @@ def _without_landings(fit: FitSolution) -> Candidate:
 
 
 def _restitution_interval(fit: FitSolution) -> tuple[FitSolution, float, float]:
-    """Return the likeliest solution, and the limits of the restitution's interval.
+    """Return the likeliest fit, and the limits of the restitution's interval.
 
     A search stops in a local maximum. If another restitution is likelier, the next search starts
     there (``test_error_of_restitution``, seed 27).
@@ -95,7 +95,7 @@ def _restitution_interval(fit: FitSolution) -> tuple[FitSolution, float, float]:
 def _widen(
     fit: FitSolution, index: int, low: float, high: float, level: float
 ) -> tuple[float, float]:
-    """Return the interval, extended to equally likely restitutions outside it.
+    """Return the restitution's interval, extended to equally likely values outside it.
 
     If hardly a sample is in a bounce, the likelihood is nearly constant, and the best of its many
     narrow maxima is likelier by chance. A maximum outweighs the whole range of the restitution only
@@ -120,7 +120,7 @@ def _fit_at(fit: Candidate, restitution: float) -> FitSolution:
 def _interval_end(
     fit: FitSolution, index: int, limit: float, level: float
 ) -> tuple[float, list[FitSolution]]:
-    """Return the last likely restitution towards ``limit``, and the likely trials.
+    """Return the last likely restitution towards ``limit``, and the likely trial fits.
 
     A trial is likely if its log ratio is below ``level``.
     """
@@ -142,10 +142,10 @@ def _interval_end(
 
 
 def _is_likely(fit: FitSolution, trial: FitSolution, level: float) -> bool:
-    """Return True if every segment is periodic and the log ratio is below ``level``.
+    """Return True if a trial fit is about as likely as a fit.
 
-    A single sample may be on either side of a landing by chance. This alone does not end the
-    interval.
+    Every segment must be periodic, and the log ratio below ``level``. A single sample may be on
+    either side of a landing by chance. This alone does not end the interval.
     """
     if len(trial.segments) < len(fit.segments) or log_ratio(fit, trial) >= level:
         return False

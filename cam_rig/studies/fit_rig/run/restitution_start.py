@@ -32,10 +32,10 @@ CHI_SQUARED_95 = 3.84
 
 
 def search_restitution(fit: Candidate, fixed: dict[str, float]) -> FitSolution:
-    """Return a search for the restitution and the other free parameters.
+    """Fit the restitution and the other free parameters.
 
-    It starts from the likeliest restitution with the values of the candidate. Case: several local
-    maxima (``test_all_restitutions_are_tried_before_a_search``).
+    The search starts from the likeliest restitution with the values of the candidate. Case: several
+    local maxima (``test_all_restitutions_are_tried_before_a_search``).
     """
     if "restitution" in fixed:
         return search(continue_from(fit, fit.likelihood.free, fit.values))
@@ -48,7 +48,7 @@ def search_restitution(fit: Candidate, fixed: dict[str, float]) -> FitSolution:
 
 
 def free_restitution(fixed: FitSolution, free: tuple[str, ...]) -> FitSolution:
-    """Return a search with the fixed restitution freed, if it is likelier.
+    """Repeat a fit with a free restitution, and return it if it is likelier.
 
     If bounces are lower than the noise of the lift, no derivative identifies the restitution, and a
     search drifts. The restitution is then listed as free with its derivatives, at its previous
@@ -104,7 +104,7 @@ def _likely_restitutions(
 
 
 class RestitutionTrial(NamedTuple):
-    """Trial of a restitution.
+    """Trial of a fixed restitution: the fit to a run with this value.
 
     ``sse`` is the sum of squares over ``samples`` samples. ``phases`` (rad) are those of the
     segments.
@@ -155,7 +155,10 @@ def _fit_phase(start: Candidate, i: int, predicted: PredictedSegment) -> tuple[f
 def _signal_residuals(
     start: Candidate, i: int, predicted: PredictedSegment, shift: float, use_lift: bool
 ) -> FloatArray:
-    """Return residuals of lift, or force, in standard deviations, ``shift`` rad later."""
+    """Return a segment's residuals of lift, or force, at angles ``shift`` rad later.
+
+    They are in standard deviations, of the lift if ``use_lift`` is True.
+    """
     like, x = start.likelihood, start.x
     measured = like.samples(i)
     if use_lift:

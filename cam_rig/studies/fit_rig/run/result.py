@@ -34,9 +34,9 @@ INSTRUMENTS = {
 
 @dataclass(frozen=True)
 class SegmentFit:
-    """Residuals at one speed, r.m.s. of lift (m) and force (N), and its lift-offs.
+    """Residuals of the fit at one speed, and lift-offs.
 
-    ``lift_offs`` are counted per turn.
+    ``lift`` (m) and ``force`` (N) are r.m.s. residuals. ``lift_offs`` are counted per turn.
     """
 
     rpm: float
@@ -129,7 +129,7 @@ class RigFit(RigParameters):
 
     @property
     def residual_text(self) -> str:
-        """R.m.s. residuals as text for a rig file."""
+        """R.m.s. residuals of lift and force as text for a rig file."""
         values = {number.key: f"{number.value / number.scale:.3g}" for number in self.instruments}
         names = (("lift_noise", "µm"), ("force_noise", "N"))
         parts = [f"{values[key]} {unit}" for key, unit in names if float(values.get(key, 0.0))]
@@ -207,7 +207,10 @@ MEDIAN_TO_DEVIATION = 1.4826
 
 
 def _warnings(fit: RigFit) -> Iterator[str]:
-    """Yield a sentence per anomaly, or only the suspicion of another cam."""
+    """Yield a sentence for each anomaly of a fit.
+
+    If another cam is suspected, this is the only sentence.
+    """
     gauges = {number.key: number for number in fit.instruments}
     noise = gauges["lift_noise"].value if "lift_noise" in gauges else None
     if noise is not None and noise > MAX_LIFT_NOISE * fit.law.lift:
@@ -268,9 +271,9 @@ def _outliers(fit: RigFit) -> Iterator[str]:
 
 
 def _frequency_text(fit: RigFit, name: str) -> str:
-    """Return the peak of the residual spectrum as text, or an empty text without one.
+    """Return the peak of the residual spectrum as text, empty without a peak.
 
-    The spectrum is that of the segment with the clearest peak.
+    ``name`` is lift or force. The spectrum is that of the segment with the clearest peak.
     """
     best, frequency = MIN_PEAK_FRACTION, None
     for i, predicted in enumerate(fit.solution.predicted):

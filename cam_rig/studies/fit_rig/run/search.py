@@ -40,7 +40,7 @@ DAMPING_RATIO_LIMITS = (1e-4, 2.0)
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """Likelihood and its search variables ``(n,)``, from which a search can start."""
+    """Likelihood and search variables ``(n,)``, from which a search can start."""
 
     likelihood: Likelihood
     x: FloatArray
@@ -52,7 +52,7 @@ class Candidate:
 
     @property
     def values(self) -> dict[str, float]:
-        """Parameters of the follower, free and fixed."""
+        """All parameters of the follower by name, free and fixed."""
         return self.likelihood.values(self.x)
 
     @property
@@ -86,7 +86,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class FitSolution(Candidate):
-    """Result of a search: Jacobian ``(m, n)`` and residuals ``(m,)``.
+    """Result of a search: candidate, Jacobian ``(m, n)`` and residuals ``(m,)``.
 
     Both are in standard deviations. ``bounce`` is a restitution with its standard error that was
     estimated separately from the search. ``zero`` (N) is the force that the sensor shows in flights
@@ -100,7 +100,7 @@ class FitSolution(Candidate):
 
 
 def search(start: Candidate) -> FitSolution:
-    """Return the least-squares solution from ``start``.
+    """Search for the maximum of the likelihood by least squares, from ``start``.
 
     The noise and the samples next to landings are updated between searches.
     """
@@ -176,5 +176,8 @@ def continue_from(
 
 
 def phase_line_matrix(fit: Candidate) -> FloatArray:
-    """Return the columns 1 and ω t at the middle of each segment, ``(n, 2)``."""
+    """Return the matrix of the line through the segments' phases, ``(n, 2)``.
+
+    Its columns are 1 and ω t at the middle of each segment.
+    """
     return np.array([[1.0, h.speed * h.line.middle] for h in fit.segments])

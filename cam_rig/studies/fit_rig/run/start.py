@@ -24,10 +24,10 @@ def rough_start(
 ) -> tuple[dict[str, float], float, float]:
     """Return start values, the encoder's phase (rad) and the zero of the lift (m).
 
-    On the cam lift and force are linear in the parameters at a fixed phase: s + zero, and m ω² s''
-    + c ω s' + k s + preload. The phase is the best of `ENCODER_PHASES` phases. Case: a force alone,
-    which gives a negative mass or spring at a wrong phase
-    (``test_a_force_alone_finds_the_encoder_s_zero``).
+    The start values are parameters of the follower by name. On the cam lift and force are linear in
+    the parameters at a fixed phase: s + zero, and m ω² s'' + c ω s' + k s + preload. The phase is
+    the best of `ENCODER_PHASES` phases. Case: a force alone, which gives a negative mass or spring
+    at a wrong phase (``test_a_force_alone_finds_the_encoder_s_zero``).
     """
     lift = np.hstack(
         [
@@ -63,9 +63,10 @@ def _fit_lift(law: Law, angle: FloatArray, lift: FloatArray) -> tuple[float, flo
 def _fit_force(
     law: Law, angle: FloatArray, speed: FloatArray, force: FloatArray
 ) -> tuple[dict[str, float], float]:
-    """Return parameters that are not negative, and the squared errors relative to the variance.
+    """Fit parameters that are not negative to forces in contact.
 
-    A mass or a spring of zero is left out.
+    Returns the parameters by name, and the squared errors relative to the variance. A mass or a
+    spring of zero is left out.
     """
     parts, sizes = force_columns(law, speed, angle)
     _, triangle = np.linalg.qr(np.column_stack([parts, force]))
@@ -89,7 +90,10 @@ def force_columns(law: Law, speed: FloatArray, angle: FloatArray) -> tuple[Float
 
 
 def _pressed(segment: MeasuredSegment) -> FloatArray:
-    """Return cam angle, speed and force of some samples in contact, ``(3, n)``."""
+    """Return cam angle, speed and force of some samples in contact, ``(3, n)``.
+
+    The units are rad, rad/s and N.
+    """
     since, force = segment.force.since, segment.force.value
     pressing = np.flatnonzero(force > MIN_PRESS_FRACTION * force.max(initial=0.0))[::SAMPLE_STRIDE]
     return np.stack(

@@ -28,7 +28,7 @@ MAP_STEP = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class OneMassTurn:
-    """Last turn of a trajectory, from ``begin`` (s) on.
+    """Periodic turn of one mass: the last turn of a trajectory, from ``begin`` (s) on.
 
     The angles of ``events`` are in [0, 2π).
     """
@@ -55,7 +55,7 @@ class OneMassTurn:
 
 @dataclass(frozen=True, eq=False)
 class TwoMassTurn:
-    """Periodic turn from the vibration ``start`` (η, η̇).
+    """Periodic turn of two masses, from the vibration ``start`` (η, η̇).
 
     ``map`` ``(2, 2)`` is the derivative of the vibration after the turn by that before it.
     """
@@ -148,10 +148,10 @@ def two_mass_turn(
 
 
 def _contact_after(law: Law, p: TwoMassParameters, speed: float) -> tuple[float, FloatArray] | None:
-    """Return an angle (rad) and the vibration there, in contact after turns from rest.
+    """Return a cam angle (rad) in contact after turns from rest, and the vibration.
 
-    It is the middle of the longest contact of the last turn. A slightly different follower is in
-    contact there too. The result is None if there is no contact.
+    The angle is the middle of the longest contact of the last turn. A slightly different follower
+    is in contact there too. The result is None if there is no contact.
     """
     turn, response = TURN / speed, contact_response(law, p, speed)
     state = response.periodic()
@@ -177,7 +177,10 @@ def _run_turn(
 
 
 def _jacobian(trajectory: Separation, start: FloatArray, scale: FloatArray) -> FloatArray:
-    """Return the derivative ``(2, 2)`` of the final by the initial vibration."""
+    """Return the derivative ``(2, 2)`` of a turn's final by its initial vibration.
+
+    ``scale`` are the magnitudes of the vibration.
+    """
     jacobian = np.zeros((2, 2))
     for i, step in enumerate(MAP_STEP * scale):
         neighbour = start + step * np.eye(2)[i]
@@ -189,9 +192,9 @@ def _jacobian(trajectory: Separation, start: FloatArray, scale: FloatArray) -> F
 
 
 def list_bounces(turn: PeriodicTurn | None) -> list[tuple[float, float]]:
-    """Return the cam angle (rad) of each landing, and that of the first of its series.
+    """List the landings of a turn: the cam angle (rad), and that of its first bounce.
 
-    The second angle is not larger than the first.
+    The second angle is that of the first landing of the same series, and not larger than the first.
     """
     events = () if turn is None else turn.events
     first = next((k for k, event in enumerate(events) if event.kind == "lift-off"), 0)
@@ -217,9 +220,10 @@ LANDING_OFFSET = 1e-9
 def sensor_response(
     turn: PeriodicTurn, speed: float, frequency: float, ratio: float
 ) -> Callable[[FloatArray], FloatArray]:
-    """Return the force (N) that a sensor with a resonance shows, by cam angle (rad).
+    """Return a function for the force (N) that a sensor with a resonance shows.
 
-    ``frequency`` is its natural frequency in Hz, ``ratio`` its damping ratio.
+    Its argument is the cam angle (rad). ``frequency`` is the natural frequency of the sensor in Hz,
+    ``ratio`` its damping ratio.
     """
     width = TURN / TURN_POINTS
     angles = width * np.arange(float(TURN_POINTS))
@@ -244,7 +248,7 @@ def sensor_response(
 
 
 def _share_landing_point(force: FloatArray, turn: PeriodicTurn, angle: float, width: float) -> None:
-    """Set the point next to a landing to a mean of both sides.
+    """Set the force sample next to a landing to a weighted mean of both sides.
 
     The force then changes continuously with the angle of the landing.
     """

@@ -38,7 +38,7 @@ def has_residual_pattern(fit: Candidate) -> bool:
 
 
 def residual_pattern(fit: Candidate) -> tuple[float, float]:
-    """Return the squares of the mean force residuals over parts of a turn.
+    """Return the sum of squares of the mean force residuals over parts of a turn.
 
     The second result is the number of parts. The squares are in standard deviations. White noise
     gives the number of parts, within √2 of its root. Noise that is correlated over n samples gives
@@ -93,7 +93,7 @@ MAX_POINTS = 2**16
 
 
 class StemTrial(NamedTuple):
-    """Squared errors (N²) of the forces with a stem, its frequency and its parameters.
+    """Trial of a stem: squared errors (N²) of the forces, frequency and parameters.
 
     ``sse`` is that with the parameters of one mass, ``sse_refitted`` that with parameters fitted to
     the stem. ``rate`` is its natural frequency in rad/s.
@@ -108,10 +108,11 @@ class StemTrial(NamedTuple):
 def find_stem(one_mass: Candidate) -> tuple[dict[str, float], float]:
     """Return the stem whose force fits best with the parameters of one mass.
 
-    The second result is the logarithm of its likelihood ratio to a rigid stem. The parameters of
-    one mass have compensated a part of the stem's effect. A stem that is far likelier with changed
-    parameters is therefore returned (``test_errors_of_two_masses``, seeds 115 and 179). A stem that
-    is likelier only by chance, as the best of many, is not (seeds 59, 79 and 199).
+    The stem is given by its parameters by name. The second result is the logarithm of its
+    likelihood ratio to a rigid stem. The parameters of one mass have compensated a part of the
+    stem's effect. A stem that is far likelier with changed parameters is therefore returned
+    (``test_errors_of_two_masses``, seeds 115 and 179). A stem that is likelier only by chance, as
+    the best of many, is not (seeds 59, 79 and 199).
     """
     values, forces = one_mass.values, _pressing_samples(one_mass)
     by_error = attrgetter("sse"), attrgetter("sse_refitted")
@@ -132,7 +133,7 @@ def find_stem(one_mass: Candidate) -> tuple[dict[str, float], float]:
 
 @dataclass(frozen=True, eq=False)
 class PressingSamples:
-    """Samples in contact of all segments, and the parts of their steady force."""
+    """Samples in contact of all segments, and the components of their steady force."""
 
     segments: list[tuple[float, FloatArray]]  #: speed (rad/s) and cam angles (rad) of each
     measured: FloatArray  #: N, ``(n,)`` of all segments
@@ -172,7 +173,7 @@ class PressingSamples:
         return np.asarray(inertia + np.concatenate(forces) + p.share * p.preload)
 
     def sse(self, forces: FloatArray) -> tuple[float, float]:
-        """Return the squared errors of forces (N²), with fixed and with fitted parameters.
+        """Return the squared errors (N²) of forces, with fixed and with fitted parameters.
 
         Fitted parameters may change the forces only a little. A very soft stem moves a mass so far
         that the linear change is not valid. Its errors count in full.
@@ -200,7 +201,7 @@ def _pressing_samples(one_mass: Candidate) -> PressingSamples:
 def _try_stems(
     values: dict[str, float], forces: PressingSamples, rates: list[float]
 ) -> Iterator[StemTrial]:
-    """Yield the trials of stems with these natural frequencies (rad/s)."""
+    """Yield a trial for each stem with one of these natural frequencies (rad/s)."""
     for rate, share, ratio in product(rates, ROLLER_SHARES, STEM_DAMPING_RATIOS):
         end_mass = values["mass"] * (1.0 - share)
         parameters = {

@@ -32,7 +32,7 @@ MAX_GROWTHS = 12
 
 @dataclass(frozen=True)
 class SteadySegment:
-    """Cam turning from ``begin`` to ``end`` (s) at ``speed`` (rad/s).
+    """Time from ``begin`` to ``end`` (s) in which the cam turns at ``speed`` (rad/s).
 
     ``angle`` (rad) is the cam angle at ``begin``. ``speed_error`` (rad/s) and ``angle_error`` (rad)
     are the standard errors of the speed and of the angle in the middle. ``ripple`` (rad) is the
@@ -49,17 +49,17 @@ class SteadySegment:
 
     @property
     def rpm(self) -> float:
-        """Speed in rpm."""
+        """Cam speed of the segment in rpm."""
         return to_rpm(self.speed)
 
     @property
     def turns(self) -> float:
-        """Number of turns."""
+        """Number of turns in the segment."""
         return self.speed * (self.end - self.begin) / TURN
 
     @property
     def middle(self) -> float:
-        """Time of its middle, s."""
+        """Time of the middle of the segment, s."""
         return 0.5 * (self.begin + self.end)
 
     def without_transient(self) -> SteadySegment:
@@ -92,10 +92,11 @@ def find_steady_segments(run: MeasuredRun) -> tuple[SteadySegment, ...]:
 def _separate(
     time: FloatArray, angle: FloatArray, stretches: list[tuple[int, int]]
 ) -> list[tuple[int, int]]:
-    """Return the stretches of different speeds in time order, cut if two overlap.
+    """Return stretches of different speeds in time order, cut where two overlap.
 
-    Around a corner of the angle the readings lie on both lines, to an encoder's count. A stretch of
-    which longer stretches leave less than a turn is dropped.
+    A stretch is a first and a last index of readings. Around a corner of the angle the readings lie
+    on both lines, to an encoder's count. A stretch of which longer stretches leave less than a turn
+    is dropped.
     """
     longest = list[tuple[int, int]]()
     for first, last in sorted(stretches, key=lambda x: x[0] - x[1]):
@@ -114,11 +115,12 @@ def _separate(
 def _grow(
     time: FloatArray, angle: FloatArray, first: int, last: int, count: float
 ) -> tuple[int, int]:
-    """Return first and last index of the readings on the line through a seed's middle.
+    """Return the first and last index of the readings that lie on one line.
 
-    The stretch is doubled while it lies on its line, to 1.5 counts. A cam that turns nearly whole
-    counts between readings seems faster or slower by one count over a short stretch. Then the ends
-    that bend into a ramp are cut off. The result is empty if the readings do not lie on a line.
+    The line is that through the middle of the seed, the readings ``first`` to ``last``. The stretch
+    is doubled while it lies on its line, to 1.5 counts. A cam that turns nearly whole counts
+    between readings seems faster or slower by one count over a short stretch. Then the ends that
+    bend into a ramp are cut off. The result is empty if the readings do not lie on a line.
     """
     for growing in (*[True] * MAX_GROWTHS, False):
         size = last - first
@@ -142,9 +144,10 @@ def _grow(
 
 
 def _line(time: FloatArray, angle: FloatArray, count: float) -> SteadySegment:
-    """Return the line through readings.
+    """Return the steady segment of the line through angle readings.
 
-    Correlated residuals count as fewer readings in its error.
+    Correlated residuals count as fewer readings in its error. ``count`` is that of the encoder,
+    rad.
     """
     since = time - time[0]
     slope, begin = np.polyfit(since, angle, 1)
@@ -161,11 +164,12 @@ def _line(time: FloatArray, angle: FloatArray, count: float) -> SteadySegment:
 
 
 def _rounding_errors(since: FloatArray, speed: float, count: float) -> tuple[float, float]:
-    """Return the r.m.s. errors (rad, rad/s) of a line's mean and slope by rounding.
+    """Return the r.m.s. errors of a line's mean (rad) and slope by encoder steps.
 
-    Encoder steps of a cam that turns nearly k/n counts between readings drift in n strands. Their
-    error is no noise. It is therefore averaged over phases, and over speeds a quarter count higher
-    and lower. Steps are half a count low in the mean, which is not an error.
+    The error of the slope is in rad/s. Encoder steps of a cam that turns nearly k/n counts between
+    readings drift in n strands. Their error is no noise. It is therefore averaged over phases, and
+    over speeds a quarter count higher and lower. Steps are half a count low in the mean, which is
+    not an error.
     """
     if count == 0.0:
         return 0.0, 0.0
@@ -201,7 +205,7 @@ MAX_LIFT_SCATTER = 0.02
 
 @dataclass(frozen=True, eq=False)
 class SegmentSamples:
-    """Samples of one quantity: times ``since`` the segment's middle (s), SI values.
+    """Samples of one quantity in a segment: times ``since`` its middle (s), SI values.
 
     Both arrays have the shape ``(n,)``.
     """
@@ -210,7 +214,7 @@ class SegmentSamples:
     value: FloatArray
 
     def where(self, selection: NDArray[np.bool_ | np.intp]) -> SegmentSamples:
-        """Return some of the samples."""
+        """Return the samples that a mask or indices select."""
         return SegmentSamples(self.since[selection], self.value[selection])
 
 
@@ -234,7 +238,10 @@ class MeasuredSegment:
 
     @property
     def presses(self) -> bool:
-        """True if no sample of the force shows a loss of contact, or there is no force."""
+        """True if the force shows no loss of contact in the segment.
+
+        It is also True without a measured force.
+        """
         force = self.force.value
         return not force.size or bool(
             np.quantile(force, UNPRESSED_SHARE) > MIN_PRESS_FRACTION * force.max()
@@ -250,7 +257,7 @@ class MeasuredSegment:
 
     @property
     def is_restless(self) -> bool:
-        """True if the lift differs from turn to turn by more than a gauge's noise."""
+        """True if the lift differs between turns by more than a gauge's noise."""
         since, lift = self.lift.since, self.lift.value
         return lift.size > 0 and scatter(self.speed * since, lift) > MAX_LIFT_SCATTER * float(
             np.ptp(lift)
