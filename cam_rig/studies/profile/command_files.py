@@ -284,32 +284,22 @@ def _mirror(curve: Curve) -> Curve:
     return lambda parameter: -np.conj(curve(-parameter))
 
 
-def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
-    """Measure the contours of a file with the cam's follower.
-
-    The law of the first contour is written if the request has a file to write.
-    """
-    from cam_rig.profile import drawing_files
-    from cam_rig.profile.contact import turn_angles
+def _read_curves(
+    request: Request, cam: CamConfig, count: int
+) -> tuple[list[FloatArray], list[Curve]]:
+    """Return the points and the curves of a file with ``count`` contours, and print its notes."""
     from cam_rig.profile.contour_files import read_contour_table
-    from cam_rig.profile.disc import discs
-    from cam_rig.profile.measure import (
-        closed_curve,
-        contour_warnings,
-        require_axis_inside,
-        rest_on_contour,
-    )
+    from cam_rig.profile.measure import closed_curve, contour_warnings, require_axis_inside
     from cam_rig.profile.read_dxf import read_dxf
 
     assert request.source is not None
-    plates = discs(cam.follower, law)
     if request.source.suffix.lower() == ".dxf":
-        file = read_dxf(request.source, request.placement, request.layer, len(plates))
+        file = read_dxf(request.source, request.placement, request.layer, count)
     else:
         file = read_contour_table(request.source, request.placement)
-    if len(file.curves) != len(plates):
+    if len(file.curves) != count:
         raise OutputError(
-            f"{request.source}: the file must have {pluralize(len(plates), 'closed curve')}, one "
+            f"{request.source}: the file must have {pluralize(count, 'closed curve')}, one "
             f"for each contour of a {cam.follower.type} follower, got {len(file.curves)}; --layer "
             "reads one layer"
         )
@@ -323,11 +313,26 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
         raise ProfileError(f"{request.source}: {error}") from None
     for note in file.notes:
         say(f"{request.source}: {note}")
+    return list(file.curves), curves
+
+
+def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
+    """Measure the contours of a file with the cam's follower.
+
+    The law of the first contour is written if the request has a file to write.
+    """
+    from cam_rig.profile import drawing_files
+    from cam_rig.profile.contact import turn_angles
+    from cam_rig.profile.disc import discs
+    from cam_rig.profile.measure import rest_on_contour
+
+    plates = discs(cam.follower, law)
+    contours, curves = _read_curves(request, cam, len(plates))
     angle, rotation = turn_angles(READINGS), 0.0
     if request.align:
         curves, rotation = _align(request, plates[0].element, curves, law)
     names, measured = (cam.name, str(request.source)), []
-    for disc, curve, points in zip(plates, curves, file.curves, strict=True):
+    for disc, curve, points in zip(plates, curves, contours, strict=True):
         lift = rest_on_contour(disc.element, curve, angle + rotation)
         measured.append(
             MeasuredContour(*names, disc.name, points.shape[1], angle, lift, lift - law(angle))
