@@ -6,15 +6,15 @@ subject                                                 functions and classes
 cam, rig or scene from a file                           load_cam, load_rig, load_scene
 user-defined cam or rig, and its file                   Cam(...), Rig(...), .replace(), .save()
 motion law s(θ) and its derivatives                     build_law, Law, plot_law
-peaks and joints of laws                                law, list_laws
+peaks and joints of laws                                law_summary, list_laws
 contour of a cam, and its checks                        contour, check_contours
 motion, lift-offs and landings at one speed             simulate
 the same at many speeds, with sound levels              sweep, run_scene (scene file)
-speed at which contact is lost                          jump_speed, jump (with the paper's values)
+speed at which contact is lost                          jump_speed, jump_speeds (with the paper's)
 bounces of the follower above that speed                bounce_map
-residual vibration, orders, contact pressure            vibration, orders, contact
+residual vibration, orders, contact pressure            vibration, order_spectrum, contact_stress
 sound level of a motion                                 sound_level
-noise study of the paper                                noise
+noise study of the paper                                noise_study
 linear model for scipy.signal                           Rig.state_space, Rig.frequency_response
 optimised law, with a proven bound                      design
 many rigs with varied numbers                           campaign
@@ -31,9 +31,7 @@ invalid.
 Examples
 --------
 >>> import cam_rig
->>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
->>> rig = cam_rig.load_rig("paper_table2")
->>> motion = cam_rig.simulate(law, rig, model="two_mass", rpm=450, turns=3)
+>>> motion = cam_rig.simulate("poly345", "paper_table2", model="two_mass", rpm=450, turns=3)
 >>> motion.force.shape == motion.time.shape
 True
 """

@@ -177,7 +177,7 @@ def test_page_of_a_torsional_scene(tmp_path):
     done("torsion", "--out", out)
     text = out.read_text(encoding="utf-8")
     assert "two masses, 1.7 s from rest" in text and "| twist [°] |" in text
-    assert "no closed form" in text
+    assert "a force in closed form" in text
 
 
 def test_paths_in_the_command_of_a_page(tmp_path, monkeypatch):

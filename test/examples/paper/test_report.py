@@ -40,7 +40,7 @@ def no_faulty_figure():
 def fewer(monkeypatch):
     """Reduce each long study to a few cases, and draw no figure."""
     pictures = property(lambda content: {key: [PICTURE] * 2 for key in content.figures})
-    monkeypatch.setattr("cam_rig.report.document.Content.drawn", pictures)
+    monkeypatch.setattr("cam_rig.report.document.Content.figure_uris", pictures)
     monkeypatch.setattr("examples.paper.designs.REQUESTS", ())
     monkeypatch.setattr(stem, "STEP_RPM", 50.0)
     monkeypatch.setattr(stem, "ELEMENTS", (1.0, stem.BAR))

@@ -1,5 +1,7 @@
 """cam-rig compare for bags of the rig and of a bench: tables, files, errors."""
 
+import csv
+import re
 from functools import partial
 from itertools import product
 
@@ -11,7 +13,7 @@ from cam_rig.show.chart import SPEED
 from cam_rig.studies.compare.chart import real_run_entity, save_real_run
 from cam_rig.studies.compare.study import RunComparison
 
-from ...cli.conftest import GOLDEN, data_of
+from ...cli.conftest import GOLDEN, data_of, done
 from ...cli.conftest import call as run
 from ...foreign_bags import joint, number, wrench, write_bag, write_rigs
 from ...viewer.conftest import Picture
@@ -79,6 +81,30 @@ def test_the_scene_needs_only_the_chosen_cam(make_loaded_scene):
     rows = data_of("compare", GOLDEN, scene, "--cam", "bezier15")["departures"]
     assert [row["cam"] for row in rows] == ["bezier15"] * 4
     assert all(row["force_within_noise"] for row in rows)
+
+
+@pytest.mark.long
+def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
+    """It agrees within the noise. CSV, figure and recording are written."""
+    bag, loaded = bench
+    plot, recording = tmp_path / "a.svg", tmp_path / "a.rrd"
+    files = "--plot", plot, "--save", recording, "--csv", tmp_path / "a.csv"
+    result = done("compare", bag, loaded.scene_file, "--topics", LINE, *files)
+    said = " ".join(result.stderr.split())
+    assert re.search(r"cam angle offset 3\.1\d+ ° from the lift", said)
+    assert re.search(r"sensor clock drift (19|20)\d(\.\d)? ppm from the lift", said)
+    assert "lift and force agree at 2 of 2 speeds" in said
+    assert "level: /mic, 24 readings, the time is that of the bag." in said
+    rows, events = (
+        list(csv.DictReader((tmp_path / name).read_text(encoding="utf-8").splitlines()))
+        for name in ("a.csv", "a.events.csv")
+    )
+    assert [float(row["rpm"]) for row in rows] == pytest.approx([250.0, 400.0], rel=1e-4)
+    assert all(row["lift_within_noise"] == row["force_within_noise"] == "True" for row in rows)
+    lost = [float(row["lift_offs_model"]) for row in events]
+    assert lost == pytest.approx([0.0, 1.0], abs=0.01)
+    assert plot.read_text(encoding="utf-8").count("rpm") >= 1
+    assert recording.stat().st_size > 10_000
 
 
 def test_the_recording_has_run_and_model(bench, tmp_path):

@@ -99,7 +99,7 @@ def test_runs_and_ramps_have_limits(cam_set):
             find_jumps(cam_set.select(["poly345"]), {}, duration)
     for ramp in (0.0, -3.0, 0.5, 1e9, math.nan):
         with pytest.raises(ConfigError, match=r"ramp must be between 1 and 100000 rpm/s, got"):
-            find_jumps(cam_set.only(["poly345"]), {}, ramp=ramp)
+            find_jumps(cam_set.select(["poly345"]), {}, ramp=ramp)
 
 
 # Table.
