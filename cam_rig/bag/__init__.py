@@ -1,1 +1,1 @@
-"""Recordings: MCAP bags written, read, compared, recovered."""
+"""Recordings of runs in MCAP bags: writing, reading, comparison and recovery."""

@@ -1,4 +1,4 @@
-"""The command cam-rig recover, and the newest recording in bags/."""
+"""Command ``cam-rig recover``, and the search for the newest bag in ``bags/``."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""Missing messages of a recording, by its scene, states or sequence numbers.
+"""Search for missing messages of a recording.
 
-The ticks of a scene and the messages of a topic are counted from 1.
+The scene, the recorded states or the sequence numbers show which messages are missing. The ticks of
+a scene and the messages of a topic are counted from 1.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
 
 
 def belonging(before: CamState | None, state: CamState) -> tuple[Topic, ...]:
-    """Return the topics that have a message at the time of a state.
+    """Return the topics that have a message at the time of a cam state.
 
     `before` is the previous state, or None for the first.
     """
@@ -55,7 +56,7 @@ def belonging(before: CamState | None, state: CamState) -> tuple[Topic, ...]:
 
 
 def expected_counts(states: list[CamState]) -> dict[str, int]:
-    """Return the number of ticks, states, cams and speeds in a series of states."""
+    """Return the number of ticks, states, cams and speeds in a series of cam states."""
     moves = zip([None, *states], states, strict=False)
     counts = Counter(per for move in moves for per in occasions(*move))
     return {per: counts[per] for per in ("tick", "state", "cam", "speed")}
@@ -73,14 +74,14 @@ MissingMessages = list[tuple[int, frozenset[str]]]
 
 @dataclass
 class Holdings:
-    """Times (ns), sequence numbers and states of the messages of a recording."""
+    """Times (ns), sequence numbers and cam states of the messages in a recording."""
 
     times: dict[str, set[int]] = field(default_factory=dict)
     numbers: dict[str, set[int]] = field(default_factory=dict)
     states: list[tuple[int, CamState]] = field(default_factory=list)
 
     def add(self, name: str, log_time: int, number: int, cdr: bytes) -> None:
-        """Note a message if its topic belongs to the rig."""
+        """Add a message if its topic belongs to the rig."""
         if (topic := recorded_topic(name)) is None:
             return
         self.times.setdefault(topic.name, set()).add(log_time)
@@ -93,7 +94,7 @@ class Holdings:
                 pass
 
     def follows(self, scene: SceneConfig) -> bool:
-        """Return True if every state is a state of the scene.
+        """Return True if every recorded cam state is a state of the scene.
 
         The result is False if an operator has changed the run.
         """
@@ -123,7 +124,7 @@ class Loss:
 
     @property
     def text(self) -> str:
-        """Gaps as text, or empty without a gap."""
+        """Known gaps of the recording as text, empty without a gap."""
         more = [f"{len(self.gaps) - MAX_NAMED} further gaps"] if len(self.gaps) > MAX_NAMED else []
         named = "; ".join([*self.gaps[:MAX_NAMED], *more])
         return f"{named} ({self.messages} messages)" if named else ""
@@ -155,7 +156,7 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, closed: bool, own: bo
 
 
 def _loss_by_scene(holdings: Holdings, scene: SceneConfig, closed: bool) -> Loss:
-    """Return the messages that the states of the scene require and that are missing.
+    """Return the missing messages of a recording, by the states of its scene.
 
     Ticks that were not recorded before the recording was closed are not lost.
     """
@@ -175,7 +176,7 @@ def _loss_by_scene(holdings: Holdings, scene: SceneConfig, closed: bool) -> Loss
 
 
 def _loss_by_states(holdings: Holdings, closed: bool, own: bool) -> Loss:
-    """Return the messages that the recorded states require and that are missing at the end.
+    """Return the missing messages of a recording at its end, by its recorded states.
 
     The sequence numbers show all other gaps.
     """
@@ -196,9 +197,10 @@ def _moves(states: list[tuple[int, CamState]]) -> Iterator[Move]:
 def _missing_messages(
     holdings: Holdings, moves: list[Move], only_last: bool = False
 ) -> MissingMessages:
-    """Return the missing messages of states.
+    """Return the missing messages at some cam states.
 
-    `only_last` leaves out topics that have a later message.
+    A result is the number of the state and the names of the topics. `only_last` leaves out topics
+    that have a later message.
     """
     newest = {name: max(times) for name, times in holdings.times.items()} if only_last else {}
     missing: MissingMessages = []
@@ -215,7 +217,7 @@ def _missing_messages(
 
 
 def _runs(missing: MissingMessages) -> Iterator[MissingMessages]:
-    """Yield runs of adjacent states at which the same topics are missing.
+    """Yield runs of adjacent states at which messages of the same topics are missing.
 
     The additional messages of a new speed or cam do not end a run.
     """

@@ -1,4 +1,4 @@
-"""Topic of a file of a bag, with the definition of its message type."""
+"""Topic in a file of a bag, with the definition of its message type."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, "")
 
 
 class Connection(NamedTuple):
-    """Topic of a file, with names as in rosbags.
+    """Topic in a file of a bag, with names as in rosbags.
 
     `encoding` is that of its messages, and `msgcount` their number.
     """
@@ -33,6 +33,9 @@ class Connection(NamedTuple):
 
 
 def message_definition(encoding: str, text: str) -> MessageDefinition:
-    """Return a message definition, or `NO_DEFINITION` for an unknown encoding."""
+    """Return the definition of a message type in a file.
+
+    The result is `NO_DEFINITION` for an unknown encoding.
+    """
     kind = DEFINITION_FORMATS.get(encoding)
     return NO_DEFINITION if kind is None else MessageDefinition(kind, text)

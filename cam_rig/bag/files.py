@@ -61,7 +61,7 @@ def bag_files(directory: Path) -> list[Path]:
 
 
 def part_of(file: Path) -> Path:
-    """Return the name of a file until it is complete."""
+    """Return the temporary name of a file until it is complete."""
     return file.with_name(file.name + PART)
 
 
@@ -199,7 +199,7 @@ def replace(part: Path, file: Path) -> None:
 
 
 def write_whole(file: Path, data: bytes) -> None:
-    """Write a small file so that readers never find an incomplete file."""
+    """Write a small file in one step, so that readers never find an incomplete file."""
     with create(part_of(file)) as stream:
         stream.write(data)
         sync(stream)

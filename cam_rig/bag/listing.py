@@ -35,7 +35,7 @@ MAX_METADATA = 64 * MIB
 
 
 class Extent(NamedTuple):
-    """Number of messages of a file, and log time (ns) of the first."""
+    """Number of messages in a file, and log time (ns) of the first message."""
 
     messages: int
     start_ns: int
@@ -43,7 +43,7 @@ class Extent(NamedTuple):
 
 @dataclass(frozen=True)
 class Listing:
-    """Files of a bag in their order, and the content of metadata.yaml.
+    """Files of a bag in their order, with the content of metadata.yaml.
 
     `extents` is by file name, without files that were not counted yet. `total` is the number of
     messages of the bag, or None if it is not listed. `notes` contains one sentence per file that is
@@ -99,7 +99,10 @@ def list_files(bag: Path) -> Listing:
 
 
 def _total(information: dict[str, Any]) -> int | None:
-    """Return the number of messages of the bag, or None if they were not counted yet."""
+    """Return the number of messages in a bag by metadata.yaml.
+
+    It is None if they were not counted yet.
+    """
     total = information.get("message_count")
     counts = [extent.messages for _, extent in _extents(information.get("files"))]
     return total if isinstance(total, int) and total > 0 and 0 not in counts else None
@@ -132,7 +135,10 @@ def _extents(files: Any) -> Iterator[tuple[str, Extent]]:
 
 
 def _later(others: Iterable[Path], names: list[str]) -> list[Path]:
-    """Return the files that a recorder has created since it wrote metadata.yaml."""
+    """Return the files of a bag that were created after metadata.yaml was written.
+
+    `names` are the files that it lists.
+    """
     last = NUMBERED.fullmatch(names[-1])
     matches = [(file, NUMBERED.fullmatch(file.name)) for file in others]
     return [
@@ -162,7 +168,7 @@ def sort_by_number(files: Iterable[Path]) -> list[Path]:
 
 
 def number_of(file: Path) -> int:
-    """Return the number of a file in its bag, or 0 for a file with another name."""
+    """Return the number in a file's name in a bag, 0 for a file with another name."""
     match = NUMBERED.fullmatch(file.name)
     return int(match[2]) if match else 0
 
@@ -214,7 +220,7 @@ def require_agreement(bag: Path, listing: Listing) -> None:
 
 
 def require_order(bag: Path, listing: Listing) -> None:
-    """Raise BagError if files of a bag have exchanged names.
+    """Raise BagError if some files of a bag have exchanged names.
 
     Damaged files are not compared.
     """
@@ -249,7 +255,7 @@ def _require_no_copies(bag: Path, actual: dict[str, Extent | None]) -> None:
 
 
 def _extent(file: Path) -> Extent | None:
-    """Return number and first log time (ns) of the messages of a file.
+    """Return the number of messages and the first log time (ns) of a file.
 
     Returns None for an MCAP file that is not closed or has no statistics.
     """

@@ -42,7 +42,7 @@ Entry = tuple[int, int, Connection | None, bytes]
 
 @dataclass
 class Summary:
-    """Records of the summary at the end of an MCAP file."""
+    """Summary of an MCAP file: the records at its end."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -81,7 +81,7 @@ def read_summary(stream: BinaryIO) -> Summary:
 
 
 class McapFile:
-    """Closed MCAP file, as a context manager."""
+    """Reader of a closed MCAP file, as a context manager."""
 
     def __init__(self, file: Path) -> None:
         self.connections: list[Connection] = []
@@ -116,7 +116,10 @@ class McapFile:
     def messages(
         self, connections: Collection[Connection]
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yield connection, log time (ns) and data of the messages of some connections."""
+        """Yield the messages of some topics: connection, log time (ns) and data.
+
+        A connection is a topic in a file.
+        """
         wanted = {connection.id: connection for connection in connections}
         if not self._chunks:
             yield from self._unchunked_messages(wanted)
@@ -152,9 +155,10 @@ class McapFile:
     def _chunk_entries(
         self, record: Record, head: ChunkHead, wanted: dict[int, Connection]
     ) -> Iterator[Entry]:
-        """Yield an entry for the start of a chunk, then its messages.
+        """Yield an entry for the start of a chunk of a file, then its messages.
 
-        The chunk is unpacked only after the first entry was taken.
+        An entry is time, position, connection and data. The chunk is unpacked only after the first
+        entry was taken.
         """
         yield head.start, 0, None, b""
         entries = list[Entry]()
@@ -183,7 +187,10 @@ class McapFile:
 
 
 def _connection(channel: Channel, schema: Schema | None, count: int) -> Connection:
-    """Return the topic of a channel. Types without ``msg`` in their names are also accepted."""
+    """Return the connection of a channel, with its topic and type.
+
+    Types without ``msg`` in their names are also accepted.
+    """
     kind, definition = "", NO_DEFINITION
     if schema is not None:
         package, _, name = schema.name.rpartition("/")

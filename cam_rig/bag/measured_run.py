@@ -25,7 +25,7 @@ MIN_PAUSE_S = 10.0
 
 
 def read_states(bag: Path, namespace: str | None = None) -> Iterator[CamState]:
-    """Return the states of the cam in the order of the bag."""
+    """Return an iterator over the cam states in the order of the bag."""
     return (state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of}, namespace))
 
 
@@ -60,10 +60,10 @@ def read_measured(
 
 
 def own_namespace(bag: Path, namespace: str | None) -> str:
-    """Return the namespace of the chosen rig, or empty for the root.
+    """Return the namespace of the rig in a bag, which is empty for the root.
 
-    Raises BagError if the bag does not contain that rig, or if it contains several and `namespace`
-    is None.
+    `namespace` chooses a rig. Raises BagError if the bag does not contain that rig, or if it
+    contains several and `namespace` is None.
     """
     rigs = rigs_of(bag)
     if not rigs:
@@ -87,7 +87,10 @@ def own_namespace(bag: Path, namespace: str | None) -> str:
 
 
 def _read_rig(bag: Path, cam: str | None, namespace: str) -> MeasuredRun:
-    """Return a run of the rig: angle, lift and force samples, and the level per tick."""
+    """Return the measured run of one cam from a recording of the rig.
+
+    It contains angle, lift and force samples, and the sound level per tick.
+    """
     parts: dict[str, list[FloatArray]] = {}
     ends: dict[str, set[int]] = {}
     for tick in read_ticks(bag, namespace):

@@ -1,4 +1,4 @@
-"""Reader of an MCAP file that is truncated or damaged, and of its attachments."""
+"""Reader of a truncated or damaged MCAP file, and of the attachments of a bag."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def _write(bag: Path, path: Path, data: bytes) -> None:
 
 
 def parse_attachment(data: bytes) -> Attachment:
-    """Return the attachment of a record's bytes.
+    """Return the attachment in the bytes of a record.
 
     Raises ValueError if its checksum is wrong.
     """
@@ -161,7 +161,7 @@ MAX_CHANNELS = 1000
 
 
 class Condition(Flag):
-    """Properties of a file that limit what can be read from it."""
+    """Properties of an MCAP file that limit what can be read from it."""
 
     #: The file was not closed, or its end is missing.
     TRUNCATED = auto()
@@ -172,7 +172,7 @@ class Condition(Flag):
 
 
 class RecordedMessage(NamedTuple):
-    """Message of a file with its topic.
+    """Recorded message of a file, with its topic and type.
 
     `number` counts the messages of the topic from 1. It is 0 in a file of another program.
     """
@@ -185,7 +185,7 @@ class RecordedMessage(NamedTuple):
 
 @dataclass
 class FileReport:
-    """Result of reading a file as far as possible.
+    """Report on a file that was read as far as possible.
 
     `damaged_records` were unreadable or had a wrong checksum, and `first_error` is the reason of
     the first. `doubtful_messages` were read from them all the same, and `doubtful_times` are their
@@ -217,7 +217,7 @@ def read_partial(
 
 
 class _PartialReader:
-    """Reader of one file that notes in its report what cannot be read."""
+    """Reader of one damaged file, with a report on what cannot be read."""
 
     def __init__(self, file: Path) -> None:
         self.report = FileReport(file)

@@ -44,7 +44,7 @@ BagReader = McapFile | SqliteFile
 def messages(
     bag: Path, wanted: tuple[Topic, ...], namespace: str | None = None
 ) -> Iterator[tuple[Topic, int, Any]]:
-    """Yield topic, rig time (ns) and message in the order of the bag.
+    """Yield topic, rig time (ns) and message of some topics in the order of the bag.
 
     `namespace` chooses the rig of a bag with several rigs.
     """
@@ -66,7 +66,7 @@ def messages(
 def decoded(
     bag: Path, decoders: Mapping[Topic, Callable[[Any], Any]], namespace: str | None = None
 ) -> Iterator[tuple[Topic, Any]]:
-    """Yield topic and decoded message in the order of the bag.
+    """Yield topic and decoded message of some topics in the order of the bag.
 
     `decoders` contains a function per topic. Raises BagError for a message that a decoder refuses.
     """
@@ -79,7 +79,7 @@ def decoded(
 
 
 def pressure_of(message: Any) -> tuple[int, float]:
-    """Return the stamp (ns) of a tick's end and its r.m.s. sound pressure (Pa)."""
+    """Return the stamp (ns) of a tick's end, and the r.m.s. sound pressure (Pa)."""
     return stamp_ns(message.header.stamp), float(message.fluid_pressure)
 
 
@@ -104,7 +104,7 @@ def raw_messages(
 
 
 def readers(bag: Path) -> Iterator[BagReader]:
-    """Yield a reader of each file in turn.
+    """Yield a reader of each file of a bag in turn.
 
     Each file is checked first, so that its reader needs no more memory than the size of the file
     allows.
@@ -140,7 +140,10 @@ def _sources(bag: Path) -> tuple[Path, ...]:
 
 
 def _namespace(bag: Path, reader: BagReader, rigs: set[str]) -> str:
-    """Return the namespace of the rig in a bag, and add the rigs of a file to `rigs`."""
+    """Return the namespace of the rig in a bag, and add the rigs of a file to `rigs`.
+
+    Raises BagError if there are several rigs.
+    """
     rigs |= _rigs(reader)
     if len(rigs) > 1:
         several = ", ".join(sorted(name or "/" for name in rigs))
@@ -222,9 +225,9 @@ def read_ticks(bag: Path, namespace: str | None = None) -> Iterator[TickSamples]
 
 
 def _join_tick(states: deque[CamState], rows: FloatArray) -> TickSamples | None:
-    """Return the samples of a tick with the cam interval, and drop earlier states.
+    """Return the samples of a tick together with the cam's motion.
 
-    Returns None if the states before or after the tick are missing.
+    Earlier states are dropped. Returns None if the states before or after the tick are missing.
     """
     middle = 0.5 * (rows[0, 0] + rows[0, -1])
     while len(states) > 1 and states[1].time_ns / NS <= middle:
@@ -262,7 +265,7 @@ def scene_of(bag: Path, scene: Path | None = None) -> LoadedScene:
 
 
 def read_scene(bag: Path) -> LoadedScene:
-    """Return the attached scene with its cams, rig and published curves."""
+    """Return the scene that is attached to a bag, with cams, rig and published curves."""
     with temporary_folder() as folder:
         scene = unpack(bag, folder)
         try:

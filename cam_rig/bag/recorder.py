@@ -1,4 +1,4 @@
-"""Recorder of a bag without ROS."""
+"""Recorder of a run's messages into a bag, without ROS."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags")
 
 
 class BagRecorder:
-    """Recorder of messages into a bag that contains everything needed to analyse it.
+    """Recorder of messages into a bag, with all files that its analysis needs.
 
     `samples_per_turn` is the number of instants per turn of the derived motion (0: that of the
     scene).
@@ -61,11 +61,14 @@ class BagRecorder:
 
     @property
     def count(self) -> int:
-        """Number of messages written."""
+        """Number of messages that were written."""
         return sum(self._writer.counts.values())
 
     def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
-        """Take one message. The parameters are those of `RecordingSession.take`."""
+        """Receive one message, which is written once it is complete with others.
+
+        The parameters and the result are those of `RecordingSession.take`.
+        """
         stamps = self._session.take(topic, cdr, source, number)
         if topic is PROFILE:  # possibly of a cam that an operator has mounted
             self._attach()
@@ -76,7 +79,10 @@ class BagRecorder:
         return stamps
 
     def idle(self) -> None:
-        """Flush if due. The method must be called a few times per second."""
+        """Flush the bag if due.
+
+        The method must be called a few times per second.
+        """
         self._writer.flush_if_due()
 
     def discard(self) -> None:
@@ -88,7 +94,7 @@ class BagRecorder:
             self._writer.directory.rmdir()
 
     def close(self) -> None:
-        """Write the remaining messages, and close the bag."""
+        """Write the remaining messages of the run, and close the bag."""
         self._writer.split = Split()  # incomplete states stay in one file
         self._session.close()
         self._writer.close()
@@ -110,7 +116,7 @@ class BagRecorder:
 
 
 def versions() -> bytes:
-    """Return the versions of the software of the recording as JSON."""
+    """Return the versions of Python and of the recording packages as JSON."""
     entries = {"python": platform.python_version(), "system": platform.platform()}
     for package in (*PACKAGES, f"ros-{ros_distribution()}-rclpy"):
         try:

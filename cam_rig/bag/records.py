@@ -1,4 +1,4 @@
-"""Records of an MCAP file, read and unpacked within bounds.
+"""Records of an MCAP file, read and unpacked within limits of memory.
 
 The length that a record claims is compared with the bytes of the file before anything is read.
 """
@@ -49,7 +49,7 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")
 
 
 class Record(NamedTuple):
-    """Record at the top level of a file."""
+    """Record at the top level of an MCAP file."""
 
     opcode: int
     start: int  #: position of the content in the file
@@ -106,7 +106,7 @@ def _next_chunk(descriptor: int, position: int, size: int) -> int:
 
 
 def read_content(stream: BinaryIO, record: Record) -> bytes:
-    """Return the bytes of a record that the file contains."""
+    """Return the bytes of a record that exist in the file."""
     return os.pread(stream.fileno(), record.available, record.start)
 
 
@@ -119,7 +119,7 @@ def fields(data: bytes) -> ReadDataStream:
 
 
 def parse_message(data: bytes) -> Message:
-    """Return the message of a record's bytes."""
+    """Return the message in the bytes of a record."""
     channel, number, logged, published = MESSAGE_HEAD.unpack_from(data)
     return Message(channel, logged, data[MESSAGE_HEAD.size :], published, number)
 
@@ -135,7 +135,7 @@ CONTENT_READERS: dict[int, Callable[[bytes], Any]] = {
 
 @dataclass(frozen=True)
 class ChunkHead:
-    """Data that a chunk claims: times in ns, sizes in bytes.
+    """Head of a chunk of an MCAP file: claimed times in ns and sizes in bytes.
 
     `packed_at` is the position of the packed data in the file.
     """
@@ -166,7 +166,7 @@ def chunk_head(stream: BinaryIO, record: Record) -> ChunkHead:
 
 
 def unpack(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
-    """Return the bytes of a chunk that can be unpacked.
+    """Return the bytes of a chunk as far as it can be unpacked.
 
     The result is shorter than claimed if the chunk is truncated or damaged. It is one byte longer
     than claimed if the chunk contains more.
@@ -188,7 +188,7 @@ def unpack(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
 
 
 def unpack_whole(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
-    """Return the bytes of a chunk.
+    """Return all bytes of a chunk, unpacked.
 
     Raises ValueError if their number or their checksum differs from the head of the chunk.
     """

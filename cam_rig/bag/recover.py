@@ -41,7 +41,7 @@ NOTHING_RECORDED = "nothing was recorded"
 
 @dataclass(frozen=True)
 class Recovery:
-    """Result of a recovery: the messages by topic and what is missing.
+    """Result of a recovery: the recovered messages by topic, and the missing messages.
 
     `last_ns` is the newest log time in ns.
     """
@@ -58,12 +58,12 @@ class Recovery:
     notes: tuple[str, ...] = ()
 
     def any_file_is(self, condition: Condition) -> bool:
-        """Return True if a file of the bag has a condition."""
+        """Return True if at least one file of the bag has a condition."""
         return any(condition in report.condition for report in self.reports)
 
     @property
     def is_lossless(self) -> bool:
-        """True if everything that was recorded is in the bag."""
+        """True if the new bag contains everything that was recorded."""
         is_partial = any(
             self.any_file_is(each) for each in (Condition.TRUNCATED, Condition.DAMAGED)
         )
@@ -160,7 +160,7 @@ def recover_in_place(bag: Path) -> Recovery:
 
 
 def examine(bag: Path) -> Recovery:
-    """Return the readable and the missing messages of a bag without writing anything."""
+    """Return the recovery that is possible for a bag, without writing anything."""
     files = _BagFiles(bag)
     for file in files.paths:
         files.read(file)

@@ -29,7 +29,7 @@ COMPARED = tuple(topic for topic in topics.RECEIVED if topic.per == "tick")
 
 @dataclass
 class Difference:
-    """Difference of one quantity between two recordings.
+    """Largest difference of one quantity between two recordings.
 
     `difference` is the largest difference and `largest` the largest value, both in the unit of the
     quantity. `count` is the number of values.
@@ -43,7 +43,7 @@ class Difference:
 
     @property
     def relative(self) -> float:
-        """Largest difference divided by the largest value."""
+        """Largest difference divided by the largest value of the quantity."""
         if self.difference == 0.0:
             return 0.0
         return self.difference / self.largest if self.largest > 0.0 else float("inf")
@@ -167,7 +167,10 @@ SYMBOL = re.compile("L[ACZ][FS]")
 
 @dataclass(frozen=True)
 class ReplayStep:
-    """Cam state, all serialized messages up to it, and the measured quantity if known."""
+    """Step of a replay: a cam state, and all serialized messages up to it.
+
+    `quantity` is the quantity that the microphone measures, empty if unknown.
+    """
 
     state: CamState
     messages: tuple[tuple[Topic, bytes], ...]

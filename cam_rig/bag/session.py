@@ -50,7 +50,7 @@ def make_room(stored: dict[Key, Any], is_awaited: Callable[[Key], bool] = lambda
 
 
 class Waiting:
-    """Messages by topic and stamp (ns), stored until their state is written.
+    """Messages by topic and stamp (ns) that wait until their cam state is written.
 
     `awaited` contains the stamps of the states that wait to be written. The messages of such a
     state are never dropped. The `number` of a message counts the messages of its topic, which has
@@ -63,18 +63,21 @@ class Waiting:
         self._halves: dict[tuple[str, int], int | bytes] = {}
 
     def get(self, topic: Topic, stamp: int) -> bytes | None:
-        """Return a topic's message at a stamp, or None."""
+        """Return the waiting message of a topic at a stamp (ns), or None."""
         return self._stored[topic].get(stamp)
 
     def forget(self, until: int) -> None:
-        """Drop all messages up to a stamp, because those states are written."""
+        """Drop all messages up to a stamp (ns), because their states are written."""
         self._until = until
         for stored in self._stored.values():
             for stamp in [stamp for stamp in stored if stamp <= until]:
                 del stored[stamp]
 
     def keep_stamped(self, topic: Topic, number: int, cdr: bytes) -> None:
-        """Store a message by its stamp. Its unstamped twins have the same stamp."""
+        """Store a message by its stamp.
+
+        Its unstamped twins get the same stamp.
+        """
         stamp = stamp_of(cdr)
         try:
             self._store(topic, stamp, cdr)
@@ -114,7 +117,7 @@ WALL_TIME_DIAGNOSTICS = (topics.PACE, topics.SHOWN_MOTION)
 
 
 class Diagnostic(NamedTuple):
-    """Rig time (ns), name of the node, and serialized message."""
+    """Diagnostic message: rig time (ns), name of the node, and serialized message."""
 
     stamp: int
     node: str
@@ -133,7 +136,10 @@ class PendingDiagnostics:
         self._written: deque[Diagnostic] = deque(maxlen=4 * MAX_WAITING)
 
     def take(self, stamp: int, node: str, cdr: bytes) -> None:
-        """Store a message of the rig's nodes."""
+        """Store a diagnostic message of a node of the rig.
+
+        Messages of other nodes are refused, and those with wall-clock time are ignored.
+        """
         if node in WALL_TIME_DIAGNOSTICS or node.endswith(topics.HEARTBEAT):
             return
         if node not in topics.DIAGNOSED_NODES:
@@ -168,7 +174,7 @@ CAM_TOPICS = tuple(topic for topic in topics.RECEIVED if topic.per == "cam")
 
 
 class RecordingSession:
-    """Writer of serialized messages in the order of rig time, each message once.
+    """Session that writes serialized messages in the order of rig time, each once.
 
     `check` raises RefusedError for a law or contour (topic, message) that differs from the cam's
     law or contour. `motion` creates the derived messages.
@@ -195,10 +201,10 @@ class RecordingSession:
         self._newest = -1
 
     def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
-        """Take message `number` of a process.
+        """Receive one message of a process, and write the states that it completes.
 
-        Returns the stamps (ns) of the states that were written with it. Raises RefusedError for a
-        message that is not recorded.
+        `number` counts the messages of the topic. Returns the stamps (ns) of the written states.
+        Raises RefusedError for a message that is not recorded.
         """
         if topic.derived:
             raise RefusedError(f"{topic.name}: is computed by the recorder, so it is not received")

@@ -26,11 +26,11 @@ AMOUNT = re.compile(r"\s*(\d{1,12}(?:\.\d{1,9})?)\s*([A-Za-z]+)\s*")
 
 @dataclass(frozen=True)
 class Split:
-    """Limits of each file of a bag, as in `ros2 bag record`. The value 0 is no limit.
+    """Limits of each file of a bag, as in `ros2 bag record`.
 
-    `size` is the number of bytes of messages, without the files that are attached. `duration` is
-    rig time in s. A file ends with the tick that reaches a limit. The next cam state starts the
-    next file, so that a tick is never divided.
+    The value 0 is no limit. `size` is the number of bytes of messages, without the files that are
+    attached. `duration` is rig time in s. A file ends with the tick that reaches a limit. The next
+    cam state starts the next file, so that a tick is never divided.
     """
 
     size: int = 0
@@ -38,12 +38,12 @@ class Split:
 
     @property
     def last_number(self) -> int:
-        """Largest number for which the name of a file must have room."""
+        """Largest file number for which the name of a file must have room."""
         return MAX_NUMBER if self.size or self.duration else 0
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Parameters of the recorder, by their names in rosbag2."""
+        """Limits as parameters of the recorder, by their names in rosbag2."""
         return {"max_bagfile_size": self.size, "max_bagfile_duration": self.duration}
 
     def is_due(self, size: int, start: int, stamp: int) -> bool:
@@ -73,7 +73,10 @@ class Split:
 
 
 def _amount(option: str, text: str, units: dict[str, float]) -> float:
-    """Return a number with one of some units, in the base unit."""
+    """Parse a number with a unit, and return it in the base unit.
+
+    `units` contains the factor of each unit, and `option` is the name in the error.
+    """
     match = AMOUNT.fullmatch(text)
     if match is None or match[2] not in units:
         raise ConfigError(
@@ -98,12 +101,18 @@ def _require_duration(duration: float, name: str, text: str) -> None:
 
 
 def check_parameter_size(size: int) -> None:
-    """Check a value of the parameter max_bagfile_size. The value 0 is no limit."""
+    """Raise ConfigError if a value of max_bagfile_size is not allowed.
+
+    The value is in bytes. The value 0 is no limit.
+    """
     if size != 0:
         _require_size(size, "max_bagfile_size", f"{size} bytes")
 
 
 def check_parameter_duration(duration: float) -> None:
-    """Check a value of the parameter max_bagfile_duration. The value 0 is no limit."""
+    """Raise ConfigError if a value of max_bagfile_duration is not allowed.
+
+    The value is in s. The value 0 is no limit.
+    """
     if duration != 0.0:
         _require_duration(duration, "max_bagfile_duration", f"{duration:g} s")

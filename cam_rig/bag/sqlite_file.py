@@ -14,9 +14,10 @@ from cam_rig.bag.connection import NO_DEFINITION, Connection, message_definition
 
 
 class SqliteFile:
-    """SQLite file, as a context manager with the interface of `McapFile`.
+    """Reader of an SQLite file of a bag, as a context manager.
 
-    The file is opened as immutable, so that no other file is written next to it.
+    It has the interface of `McapFile`. The file is opened as immutable, so that no other file is
+    written next to it.
     """
 
     def __init__(self, file: Path) -> None:
@@ -39,7 +40,10 @@ class SqliteFile:
     def messages(
         self, connections: Collection[Connection]
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yield connection, log time (ns) and data of the messages of some connections."""
+        """Yield the messages of some topics: connection, log time (ns) and data.
+
+        A connection is a topic in a file.
+        """
         wanted = {connection.id: connection for connection in connections}
         rows = self._database.execute(
             "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"

@@ -15,10 +15,10 @@ from cam_rig.messages.topics import RECORDING, Topic
 
 
 class BagWriter:
-    """Rosbag2 bag that is being written, as a context manager.
+    """Writer of a rosbag2 bag, as a context manager.
 
-    Its directory must not exist yet. From the start it contains a metadata.yaml that other readers
-    accept, with message counts of 0.
+    The directory of the bag must not exist yet. From the start it contains a metadata.yaml that
+    other readers accept, with message counts of 0.
 
     A file that reaches a limit of `split` is followed by another file. That file repeats the
     schemas, the channels and the attachments, so that it can be read alone. The newest file is
@@ -116,7 +116,7 @@ class BagWriter:
             raise self._write_error(error) from None
 
     def begin_state(self, stamp: int) -> None:
-        """Continue in a new file if the current file has reached a limit.
+        """Continue in a new file of the bag if the current file has reached a limit.
 
         The method is called before the messages of the state at `stamp` (ns) are written.
         """
@@ -127,7 +127,7 @@ class BagWriter:
         self._file_start = start
 
     def flush_if_due(self) -> None:
-        """Flush the file if `FLUSH_PERIOD_S` has passed.
+        """Flush the current file if `FLUSH_PERIOD_S` has passed since the last flush.
 
         The method must be called a few times per second.
         """
@@ -135,7 +135,7 @@ class BagWriter:
             self._file.flush_if_due()
 
     def flush(self) -> None:
-        """Flush the file, so that its messages survive the end of the process."""
+        """Flush the current file, so that its messages survive the end of the process."""
         with self._write_errors():
             self._file.flush()
 
@@ -152,7 +152,7 @@ class BagWriter:
             self._file.finish(self._contents())
 
     def abandon(self) -> None:
-        """Leave the bag as it is, not closed.
+        """Leave the bag as it is, so that it does not count as closed.
 
         A file that should have replaced a file of the bag is removed.
         """
@@ -177,7 +177,7 @@ class BagWriter:
             raise self._write_error(error) from None
 
     def _write_error(self, error: OSError) -> BagError:
-        """Close the stream and return the error for a bag that cannot be written."""
+        """Close the stream, and return the error for a bag that cannot be written."""
         self._file.close_stream()
         written = sum(self.counts.values())
         self._failed = BagError(

@@ -1,4 +1,4 @@
-"""Two-mass follower: parameters, linear model in contact, motion in flight.
+"""Two-mass follower: parameters, linear model in contact, and motion in flight.
 
 In flight the state is the stretch of the stem and the centre of mass.
 """
@@ -166,7 +166,7 @@ def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> L
 
 @lru_cache(maxsize=64)
 def force_output(parameters: TwoMassParameters) -> Outputs:
-    """Return the contact force (N) as the only output of `contact_response`."""
+    """Return the output of `contact_response` that is the contact force (N)."""
     p = parameters
     state = np.array([[-p.stem_stiffness, -p.stem_damping]])
     spring_share = p.spring_stiffness / p.stiffness  # 1 − α, without cancellation
@@ -292,9 +292,10 @@ def _factors(polynomial: FloatArray) -> list[tuple[Factor, Factor]]:
 
 
 def _refine_factors(polynomial: FloatArray, p: float, q: float) -> tuple[Factor, Factor] | None:
-    """Solve P q + p Q = a₁ and q Q = a₀ by Newton's method, from approximate p and q.
+    """Refine approximate factors of a quartic by Newton's method.
 
-    Returns ((P, Q), (p, q)), or None if the method fails or a factor is unstable.
+    The equations P q + p Q = a₁ and q Q = a₀ are solved. Returns ((P, Q), (p, q)), or None if the
+    method fails or a factor is unstable.
     """
     a3, a2, a1, a0 = polynomial.tolist()
     for _ in range(MAX_NEWTON_STEPS):

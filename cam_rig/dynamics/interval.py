@@ -213,9 +213,10 @@ class Interval:
         return self.speed + self.acceleration * time
 
     def time_at(self, angle: float) -> float:
-        """Return the time (s) since the start at which the cam reaches an angle (rad).
+        """Return the time (s) at which the cam reaches an angle (rad).
 
-        It is infinite if the cam never reaches the angle.
+        It is measured from the start of the interval, and infinite if the cam never reaches the
+        angle.
         """
         ahead = angle - self.angle
         square = self.speed**2 + 2.0 * self.acceleration * ahead

@@ -81,7 +81,10 @@ def loss_intervals(
 
 
 def state_at(law: Law, parameters: FollowerParameters, angle: float, speed: float) -> FollowerState:
-    """Return the state of a follower on the cam at an angle (rad) and a speed (rad/s)."""
+    """Return the state of a follower on the cam at an angle (rad) and a speed (rad/s).
+
+    The follower is rigid.
+    """
     p, (s, slope, curvature) = parameters, law.at(angle)
     v, a = slope * speed, curvature * speed**2
     force = p.spring_stiffness * s + p.damping * v + p.mass * a + p.preload

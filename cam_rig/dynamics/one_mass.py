@@ -57,7 +57,7 @@ NO_WEIGHTS = CamWeights(lift=0.0, velocity=0.0, acceleration=0.0, constant=0.0)
 
 
 class OneMassTrajectory(Trajectory):
-    """Trajectory of one mass through an interval at constant speed."""
+    """Trajectory of one mass through an interval at constant speed, with its flights."""
 
     max_events = 10_000
 

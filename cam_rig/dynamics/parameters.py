@@ -133,7 +133,7 @@ def check_times(values: object, last: float = MAX_NUMBER) -> FloatArray:
 
 
 def si_or_none(number: Quantity | None) -> float | None:
-    """Return a number of a rig file in SI, or None if the file does not contain it."""
+    """Return the SI value of a number of a rig file, None if the file lacks it."""
     return None if number is None else number.si
 
 
@@ -191,7 +191,7 @@ class FollowerParameters:
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> FollowerParameters:
-        """Return the parameters of a rig.
+        """Return the parameters of the follower of a rig, in SI.
 
         Numbers that only some models need may be None.
         """
@@ -239,7 +239,7 @@ class FollowerParameters:
 
     @property
     def contact_time(self) -> float:
-        """Duration of the force pulse of a landing, s.
+        """Duration of the force pulse of a landing on the stem, s.
 
         It is half a period of the mass on the stem, π √(m/k_stem).
         """

@@ -157,7 +157,7 @@ class StroboscopicMap:
 
     @property
     def scale(self) -> FloatArray:
-        """Magnitudes of the numbers of a state, ``(n,)``.
+        """Magnitudes of the numbers in a state of the map, ``(n,)``.
 
         The magnitude of the stem stretch is the stretch by the largest forces.
         """

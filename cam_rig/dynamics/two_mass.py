@@ -220,9 +220,10 @@ class Separation(Trajectory):
         return self.law.motion_at(angle) * (self.speed ** np.arange(3.0))[:, None]
 
     def force(self, state: FloatArray, cam: FloatArray) -> FloatArray:
-        """Return the contact force (N) of vibrations (η, η̇), ``(2, n)``.
+        """Return the contact force (N) of two masses in contact, ``(n,)``.
 
-        ``cam`` is the motion (s, ṡ, s̈) of the cam, ``(3, n)``.
+        ``state`` are the vibrations (η, η̇), ``(2, n)``, and ``cam`` is the motion (s, ṡ, s̈) of the
+        cam, ``(3, n)``.
         """
         out = self._force
         return np.asarray((out.state @ state + out.law @ cam + out.constant[:, None])[0])

@@ -47,7 +47,7 @@ class LowDwell:
 
     @property
     def middle(self) -> float:
-        """Cam angle of the middle in [0, 2π), rad."""
+        """Cam angle of the middle of the window, in [0, 2π), rad."""
         return (self.start + 0.5 * self.span) % TURN
 
     def contains(self, angle: FloatArray) -> NDArray[np.bool_]:
@@ -191,7 +191,10 @@ class SteadyTurn:
 
 
 def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyTurn:
-    """Return the samples of one turn in steady state at a speed (rad/s)."""
+    """Return the samples of a steady turn of the mass on its stem.
+
+    ``speed`` is the cam speed, rad/s.
+    """
     model, out = response(law, follower, speed), outputs(follower)
     rate = math.sqrt(-model.matrix[1, 0])
     count = max(MIN_SAMPLES, math.ceil(SAMPLES_PER_PERIOD * rate / speed))

@@ -1,4 +1,4 @@
-"""Motion laws: every family becomes one periodic Bernstein piecewise polynomial."""
+"""Motion laws, each as one periodic piecewise polynomial in Bernstein form."""
 
 from cam_rig.laws.cam import build_law
 from cam_rig.laws.law import Law

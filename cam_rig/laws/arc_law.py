@@ -42,7 +42,7 @@ JOINT_RTOL = 1e-9
 
 @dataclass(frozen=True)
 class ArcFollower:
-    """Follower on a contour of arcs.
+    """Follower on a contour of circular arcs.
 
     ``flat`` is True for a flat face. ``roller_radius`` is in m, 0 for a point.
     """
@@ -54,7 +54,9 @@ class ArcFollower:
 def arc_lift(
     chain: Chain, base_radius: float, follower: ArcFollower, angle: FloatArray
 ) -> FloatArray:
-    """Compute the lift at cam angles directly from the arcs, without a polynomial.
+    """Compute the lift of a follower at cam angles directly from the arcs.
+
+    No polynomial is used.
 
     Parameters
     ----------
@@ -82,7 +84,9 @@ def arc_lift(
 
 
 def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Pieces:
-    """Compute the lift over one turn from cam angle 0, as Bernstein pieces.
+    """Compute the lift of a follower on arcs over one turn, as Bernstein pieces.
+
+    The turn starts at cam angle 0.
 
     Parameters
     ----------
@@ -113,7 +117,10 @@ def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Piece
 
 
 def _curve(part: Part, base_radius: float, follower: ArcFollower) -> Curve:
-    """Return the lift (m) above the base circle while the follower is on a part."""
+    """Return a function for the lift (m) of the follower on a part of the contour.
+
+    The lift is that above the base circle.
+    """
     position: Curve
     if follower.flat:
         assert isinstance(part, Circle)
@@ -125,16 +132,16 @@ def _curve(part: Part, base_radius: float, follower: ArcFollower) -> Curve:
 
 
 def _project(centre: complex, angle: FloatArray, order: int) -> FloatArray:
-    """Return the coordinate of a point along the follower, or its derivative.
+    """Return the coordinate of a point along the follower (m), or its derivative.
 
-    The coordinate is Re(c·e^(−iθ)).
+    The coordinate is Re(c·e^(−iθ)) for the point c and the cam angle θ.
     """
     phase = angle - cmath.phase(centre) + 0.5 * math.pi * order
     return np.asarray(abs(centre) * np.cos(phase))
 
 
 def _flat_angles(chain: Chain) -> list[float]:
-    """Return the cam angles (rad) at which a flat face meets the next part.
+    """Return the cam angles (rad) at which a flat face meets each next part.
 
     The first angle is the start of the first part.
     """
@@ -149,7 +156,7 @@ def _flat_angles(chain: Chain) -> list[float]:
 
 
 def _pitch_angles(chain: Chain, roller: float) -> list[float]:
-    """Return the cam angles (rad) at which the roller meets the next part.
+    """Return the cam angles (rad) at which the roller meets each next part.
 
     The first angle is the start of the first part. At each joint the position of the roller's
     centre must agree with the polar radii of both parts.
@@ -175,7 +182,7 @@ def _pitch_angles(chain: Chain, roller: float) -> list[float]:
 
 
 def _unwrap(ends: list[float]) -> list[float]:
-    """Unwrap the end angles (rad) of all parts so that they increase over one turn.
+    """Return the end angles (rad) of all parts, so that they increase over one turn.
 
     The result starts with the start of the first part.
     """
@@ -201,7 +208,10 @@ def _fold_error(i: int) -> LawError:
 
 
 def _polar_radius(part: Part, roller: float) -> Curve:
-    """Return the polar radius (m) of a part, offset outwards by the roller's radius."""
+    """Return a function for the polar radius (m) of a part of a pitch curve.
+
+    The part is offset outwards by the roller's radius (m).
+    """
     if isinstance(part, StraightLine):
         return _secant(part.distance + roller, cmath.phase(part.normal))
     direction = cmath.phase(part.centre) if part.centre else 0.0
@@ -210,7 +220,10 @@ def _polar_radius(part: Part, roller: float) -> Curve:
 
 
 def _secant(distance: float, direction: float) -> Curve:
-    """Return the polar radius of a straight line, p/cos δ, with its derivatives."""
+    """Return a function for the polar radius (m) of a straight line, with derivatives.
+
+    The radius is p/cos δ with the line's distance p (m) and the angle δ to its normal.
+    """
 
     def curve(angle: FloatArray, order: int) -> FloatArray:
         secant = distance / np.cos(angle - direction)
@@ -228,7 +241,7 @@ LIFT_RTOL = 1e-6
 
 
 def concave_flank_cam(segment: TangentArcs, cam: CamConfig) -> ConcaveFlankCam:
-    """Return the circles of a tangent_arcs segment, on the pitch curve.
+    """Return the circles of a tangent_arcs segment, for the pitch curve.
 
     Raises
     ------
@@ -266,7 +279,7 @@ def arc_follower(cam: CamConfig) -> ArcFollower:
 
 
 def tangent_arcs(segment: TangentArcs, cam: CamConfig) -> Pieces:
-    """Compute rising flank, nose and falling flank of a tangent_arcs segment.
+    """Compute the pieces of a tangent_arcs segment: rising flank, nose, falling flank.
 
     The fall is the mirror image of the rise, bit for bit.
     """
@@ -282,7 +295,7 @@ def tangent_arcs(segment: TangentArcs, cam: CamConfig) -> Pieces:
 
 
 def arc_contour_pieces(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> Pieces:
-    """Compute the law of a contour given by radii or by centres.
+    """Compute the law's pieces for a contour that is given by radii or by centres.
 
     Raises
     ------
@@ -306,7 +319,7 @@ def arc_contour_pieces(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> 
 
 
 def _parts(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> list[Circle | Blend]:
-    """Return the circles and blends of a segment, by the cam angle."""
+    """Return the circles and blends of a segment in the order of the cam angle."""
     if isinstance(segment, ArcsByCentres):
         return [_part(arc) for arc in segment.arcs]
     base, nose = cam.follower.base_radius.si, segment.nose_radius.si

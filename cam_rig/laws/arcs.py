@@ -24,7 +24,7 @@ TANGENCY_RTOL = 1e-9
 
 @dataclass(frozen=True)
 class Circle:
-    """Circle of a contour: centre y + ix in the cam's frame and signed radius, m."""
+    """Circle of a contour: centre y + ix in the cam's frame and signed radius, in m."""
 
     centre: complex
     radius: float
@@ -63,7 +63,7 @@ class Chain:
 
 
 def close_chain(specs: list[Circle | Blend]) -> Chain:
-    """Fit each blend between its neighbours and compute the normals at the joints.
+    """Fit each blend between its neighbours, and return the closed contour.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ class Arc:
     concave: bool
 
     def __call__(self, angle: FloatArray, order: int) -> FloatArray:
-        """Return the polar radius (m) at cam angles (rad), or a derivative of it.
+        """Return the polar radius (m) at cam angles (rad), or one of its derivatives.
 
         ``order`` is 0 to 3, and the unit of the derivative is m/rad^order.
         """
@@ -222,7 +222,7 @@ class ConcaveFlankCam:
     nose_half_angle: float
 
     def radii(self) -> tuple[float, float]:
-        """Return the pitch radii (m) of flank and nose.
+        """Return the radii (m) of flank and nose of the pitch curve.
 
         Raises
         ------
@@ -257,7 +257,7 @@ class ConcaveFlankCam:
         )
 
     def arcs(self) -> tuple[Arc, Arc]:
-        """Return flank and nose as arcs.
+        """Return flank and nose of the pitch curve as arcs.
 
         The flank is that of the rising side. Directions are measured from the middle of the nose.
         """

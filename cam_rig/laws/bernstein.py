@@ -42,6 +42,8 @@ def binomials(degree: int) -> FloatArray:
 def basis(degree: int, u: FloatArray) -> FloatArray:
     """Return the Bernstein basis values B_i(u), ``(len(u), degree + 1)``.
 
+    i is the index of the column.
+
     References
     ----------
     Equation 1 of the paper.
@@ -60,18 +62,18 @@ def basis(degree: int, u: FloatArray) -> FloatArray:
 
 
 def evaluate(ordinates: FloatArray, u: FloatArray) -> FloatArray:
-    """Return the values at ``u``, ``(len(u),)`` or ``(len(u), n)``."""
+    """Return the values of polynomials at ``u``, ``(len(u),)`` or ``(len(u), n)``."""
     return np.asarray(basis(ordinates.shape[0] - 1, np.atleast_1d(u)) @ ordinates)
 
 
 def scalar(ordinates: FloatArray) -> Callable[[float], float]:
-    """Return the polynomial ``(p + 1,)`` as a function of one float."""
+    """Return a polynomial with the ordinates ``(p + 1,)`` as a function of one float."""
     size = ordinates.size
     return partial(weighted_value, weight_ordinates(ordinates, size), size)
 
 
 def derivative(ordinates: FloatArray) -> FloatArray:
-    """Return the ordinates of d/du, one degree lower.
+    """Return the ordinates of the derivative by u, one degree lower.
 
     The derivative of a constant is a constant zero.
     """
@@ -82,7 +84,7 @@ def derivative(ordinates: FloatArray) -> FloatArray:
 
 
 def antiderivative(ordinates: FloatArray, start: float = 0.0) -> FloatArray:
-    """Return the ordinates of the integral over u, one degree higher.
+    """Return the ordinates of the integral of a polynomial over u, one degree higher.
 
     The value of the integral at u = 0 is ``start``.
     """
@@ -93,7 +95,7 @@ def antiderivative(ordinates: FloatArray, start: float = 0.0) -> FloatArray:
 
 @lru_cache(maxsize=1024)
 def elevation_matrix(degree: int, target: int) -> FloatArray:
-    """Return the matrix that raises the degree to ``target``.
+    """Return the matrix that raises the degree of a polynomial to ``target``.
 
     Its shape is ``(target + 1, degree + 1)``.
     """
@@ -107,7 +109,7 @@ def elevation_matrix(degree: int, target: int) -> FloatArray:
 
 
 def elevate(ordinates: FloatArray, target: int) -> FloatArray:
-    """Return the same polynomial written with degree ``target``.
+    """Return the ordinates of the same polynomial, written with degree ``target``.
 
     The new ordinates are convex combinations of the old ones, so the conversion is stable.
     """
@@ -116,7 +118,7 @@ def elevate(ordinates: FloatArray, target: int) -> FloatArray:
 
 
 def taylor(ordinates: FloatArray) -> FloatArray:
-    """Return the matrices that map basis values at u to Taylor coefficients at u.
+    """Return the matrices from basis values at u to the Taylor coefficients at u.
 
     The shape is ``(n, p + 1, p + 1)``, one matrix per column. Coefficient r is f^(r)(u)/r!.
     """
@@ -131,9 +133,9 @@ def taylor(ordinates: FloatArray) -> FloatArray:
 
 
 def split(ordinates: FloatArray, u: float) -> tuple[FloatArray, FloatArray]:
-    """Return the ordinates on [0, u] and on [u, 1], by de Casteljau's algorithm.
+    """Return the ordinates of a polynomial on [0, u] and on [u, 1].
 
-    The ordinate at the joint is the same number in both.
+    De Casteljau's algorithm is used. The ordinate at the joint is the same number in both.
     """
     # Row i of the left half's matrix contains the basis of degree i at u. The right half's matrix
     # is its mirror image.
@@ -148,7 +150,7 @@ def split(ordinates: FloatArray, u: float) -> tuple[FloatArray, FloatArray]:
 
 @lru_cache(maxsize=128)
 def _pascal(degree: int) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Return the binomials C(i, j), zero for j > i, and the differences i − j."""
+    """Return matrices of the binomials C(i, j), zero for j > i, and of i − j."""
     order = np.arange(degree + 1)
     difference = np.maximum(order[:, None] - order, 0)
     pascal = [[float(math.comb(i, j)) for j in range(degree + 1)] for i in range(degree + 1)]
@@ -156,7 +158,7 @@ def _pascal(degree: int) -> tuple[FloatArray, NDArray[np.intp]]:
 
 
 def restrict(ordinates: FloatArray, start: float, stop: float) -> FloatArray:
-    """Return the ordinates of the polynomial on [start, stop] ⊂ [0, 1], start < 1."""
+    """Return the ordinates of a polynomial on [start, stop] ⊂ [0, 1], start < 1."""
     tail = split(ordinates, start)[1] if start > 0.0 else ordinates
     inner = (stop - start) / (1.0 - start)
     return split(tail, inner)[0] if inner < 1.0 else tail
@@ -164,7 +166,7 @@ def restrict(ordinates: FloatArray, start: float, stop: float) -> FloatArray:
 
 @lru_cache(maxsize=256)
 def parts(degree: int, count: int) -> FloatArray:
-    """Return the matrices that map ordinates to those of ``count`` equal parts.
+    """Return the matrices from ordinates on [0, 1] to those on ``count`` equal parts.
 
     The shape is ``(count, p + 1, p + 1)``.
     """
@@ -180,7 +182,7 @@ def parts(degree: int, count: int) -> FloatArray:
 def cut(
     ordinates: FloatArray, breaks: FloatArray, counts: NDArray[np.intp]
 ) -> tuple[FloatArray, FloatArray]:
-    """Subdivide each piece into equal parts.
+    """Divide each piece of a polynomial into equal parts.
 
     The parts of a constant piece, such as a dwell, keep its digits.
 
@@ -221,7 +223,7 @@ def _splits(degree: int, u: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def crossings(ordinates: FloatArray, low: float = 0.0, high: float = 1.0) -> list[float]:
-    """Return all u in (low, high) at which the polynomial changes sign, in order.
+    """Return all u in (low, high) at which a polynomial changes sign, in order.
 
     ``ordinates`` belong to [low, high]. No sign change is missed: a part is discarded only if its
     ordinates do not change sign.
@@ -242,7 +244,7 @@ def crossings(ordinates: FloatArray, low: float = 0.0, high: float = 1.0) -> lis
 
 
 def negative_intervals(ordinates: FloatArray) -> list[tuple[float, float]]:
-    """Return the intervals of [0, 1] in which the polynomial is negative, in order."""
+    """Return the intervals of [0, 1] in which a polynomial is negative, in order."""
     edges = np.array([0.0, *crossings(ordinates), 1.0])
     middles = evaluate(ordinates, 0.5 * (edges[:-1] + edges[1:]))
     spans = zip(edges[:-1], edges[1:], middles, strict=True)
@@ -253,7 +255,7 @@ def negative_intervals(ordinates: FloatArray) -> list[tuple[float, float]]:
 
 
 def product(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the ordinates of a product, ``(m + n + 1, k)``.
+    """Return the ordinates of the product of two polynomials, ``(m + n + 1, k)``.
 
     The factors have the shapes ``(m + 1,)`` and ``(n + 1, k)``.
     """
@@ -266,7 +268,7 @@ def product(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def compose(outer: FloatArray, inner: FloatArray) -> FloatArray:
-    """Return the ordinates of f(u(τ)), ``(2p + 1, k)``.
+    """Return the ordinates of a polynomial f of a quadratic u(τ), ``(2p + 1, k)``.
 
     f has the shape ``(p + 1, k)``, and u is a quadratic ``(3,)``. The result is a sum of products
     of powers of u and of 1 − u. If the ordinates of u are in [0, 1], the powers have no negative
@@ -318,9 +320,9 @@ def rotate_to_zero(pieces: Pieces, turn: float) -> Pieces:
 
 
 def join_pieces(columns: list[FloatArray]) -> FloatArray:
-    """Return the ordinates of n columns as one array, ``(p + 1, n)``.
+    """Join the ordinates of n pieces of different degrees, ``(p + 1, n)``.
 
-    p is the highest degree among the columns.
+    p is the highest degree among the pieces.
     """
     degree = max(column.size - 1 for column in columns)
     return np.stack([elevate(column, degree) for column in columns], axis=1)

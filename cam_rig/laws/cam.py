@@ -64,7 +64,10 @@ def segment_angles(cam: CamConfig) -> list[float]:
 
 
 def _require_no_step(cam: CamConfig, where: str, gap: float) -> None:
-    """Raise LawError if the level changes by ``gap`` (m) at a joint."""
+    """Raise LawError if the lift changes by ``gap`` (m) at a joint.
+
+    ``where`` describes the joint in the message.
+    """
     if abs(gap) > STEP_TOLERANCE * cam.lift.si:
         raise LawError(
             f"cam {cam.name!r}: {where} steps by {gap / cam.lift.si:.6g} of the lift; allowed: no "
@@ -93,7 +96,7 @@ def _require_declared_lift(cam: CamConfig, law: Law) -> None:
 
 
 def _start_level(cam: CamConfig, fixed_pieces: list[Pieces | None]) -> float:
-    """Return the level (m) at θ = 0.
+    """Return the lift (m) of the law at cam angle 0.
 
     It is the level at the end of the last segment, because the turn repeats.
     """
@@ -108,7 +111,10 @@ def _start_level(cam: CamConfig, fixed_pieces: list[Pieces | None]) -> float:
 
 
 def _relative_pieces(segment: Segment, level: float, lift: float) -> Pieces:
-    """Return the pieces of a dwell or of a named rise that starts at ``level`` (m)."""
+    """Return the pieces of a dwell or named rise that starts at a lift (m).
+
+    The lift is ``level``. ``lift`` is the lift of the cam, m.
+    """
     span = float(segment.span.si)
     if not isinstance(segment, Rise):
         return [0.0, span], [np.array([level])]
@@ -174,7 +180,7 @@ def require_sprung(path: Path | str, cam: CamConfig) -> None:
 
 
 def law_of(path: Path | str, cam: CamConfig) -> Law:
-    """Build the law of a cam, naming ``path`` in errors.
+    """Build the law of a cam, and name ``path`` in errors.
 
     Raises
     ------
@@ -191,7 +197,7 @@ def law_of(path: Path | str, cam: CamConfig) -> Law:
 
 @dataclass(frozen=True)
 class CamSet:
-    """Cams by name in order, their laws, and the rig that turns them."""
+    """Set of cams by name, in order, with their laws and the rig that turns them."""
 
     cams: dict[str, CamConfig]
     laws: dict[str, Law]
@@ -208,7 +214,7 @@ class CamSet:
         return [(self.cams[name], law) for name, law in self.laws.items()]
 
     def select(self, names: Iterable[str]) -> CamSet:
-        """Return the set with only the named cams."""
+        """Return the set with the named cams only."""
         laws = {name: self.laws[name] for name in names}
         return CamSet({name: self.cams[name] for name in laws}, laws, self.rig)
 

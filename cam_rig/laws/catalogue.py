@@ -43,7 +43,7 @@ def list_parametric_laws() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class RiseFamily:
-    """Rises that are compared in one figure: title and names."""
+    """Family of rises that are compared in one figure: its title and their names."""
 
     title: str
     rises: tuple[str, ...]
@@ -77,16 +77,17 @@ class Figures:
 
 @lru_cache(maxsize=len(NAMED_RISES))
 def rise_figures(name: str) -> Figures:
-    """Compute the peaks and the class of a named rise, from exact roots."""
+    """Compute the peaks and the continuity of a named rise, from exact roots."""
     law = between_lines(name)
     velocity, acceleration, jerk = (abs(peak(law, order).value) for order in (1, 2, 3))
     return Figures(velocity, acceleration, jerk, min(joint.continuity for joint in joints(law)[1:]))
 
 
 def between_lines(name: str) -> Law:
-    """Return a rise of unit lift from angle 1 to 2 rad between its neighbours.
+    """Return a law that contains a named rise of unit lift between its neighbours.
 
-    The neighbours are the dwells or straight lines for which the rise is made.
+    The rise is at the cam angles 1 to 2 rad. The neighbours are the dwells or straight lines for
+    which it is made.
     """
     before, after = NAMED_RISES[name].slopes
     breaks, columns = unit_rise(name)
@@ -129,9 +130,9 @@ class LawCurves:
 
 
 def sample_pieces(law: Law, order: int) -> tuple[FloatArray, FloatArray]:
-    """Return cam angles (rad) and values (m/rad^order), each ``(count, n)``.
+    """Return samples of a derivative of a law: angles (rad) and values (m/rad^order).
 
-    There is one column per piece, from its start to its end.
+    Each has the shape ``(count, n)``, with one column per piece, from its start to its end.
     """
     u = np.linspace(0.0, 1.0, max(MIN_PIECE_POINTS, CURVE_POINTS // law.spans.size))
     angles = law.breaks[:-1] + np.outer(u, law.spans)
@@ -139,7 +140,7 @@ def sample_pieces(law: Law, order: int) -> tuple[FloatArray, FloatArray]:
 
 
 def cam_curves(name: str, law: Law) -> LawCurves:
-    """Return the curves of a cam's law over one turn."""
+    """Return the curves of s to s''' of a cam's law over one turn."""
     angles = sample_pieces(law, 0)[0]
     motion = np.stack([sample_pieces(law, order)[1].T.ravel() for order in ORDERS])
     jumps = [joint for joint in joints(law) if joint.continuity == 0]
@@ -148,7 +149,10 @@ def cam_curves(name: str, law: Law) -> LawCurves:
 
 
 def rise_curves(name: str) -> LawCurves:
-    """Return the curves of a named rise over u from 0 to 1, without its neighbours."""
+    """Return the curves of s to s''' of a named rise over u from 0 to 1.
+
+    Its neighbours are left out.
+    """
     law = between_lines(name)
     u = sample_pieces(law, 0)[0][:, 1:-1].T.ravel() - RISE_START
     motion = [sample_pieces(law, order)[1][:, 1:-1].T.ravel() for order in ORDERS]
@@ -158,7 +162,7 @@ def rise_curves(name: str) -> LawCurves:
 
 
 def rise_values(name: str, u: FloatArray) -> FloatArray:
-    """Return s to s''' of a named rise, ``(4, len(u))``.
+    """Return s to s''' of a named rise at positions u, ``(4, len(u))``.
 
     Values are right limits, at u = 1 left limits.
     """
@@ -169,7 +173,7 @@ def rise_values(name: str, u: FloatArray) -> FloatArray:
 
 
 def common_unit(cams: Iterable[CamConfig]) -> tuple[str, float]:
-    """Return the unit of lift of all cams, and its factor to m.
+    """Return the unit of lift in the files of all cams, and its factor to m.
 
     The unit is mm if the cams have different units, or m.
     """

@@ -29,7 +29,7 @@ MAX_ANGLE = 1e12
 
 @dataclass(frozen=True)
 class Extreme:
-    """Value of a derivative (m/rad^order) and the cam angle (rad) at which it occurs."""
+    """Extreme value of a derivative (m/rad^order), and the cam angle (rad) of it."""
 
     value: float
     angle: float
@@ -71,7 +71,7 @@ ANGLES_PER_BLOCK = 1024
 
 
 class KnownMotion(NamedTuple):
-    """Properties of a law that are not derived from s, see `Law.substitute`."""
+    """Properties of a law that are given instead of derived, see `Law.substitute`."""
 
     motion: FloatArray
     lift: float
@@ -143,14 +143,14 @@ class Law:
             object.__setattr__(self, field, array)
 
     def __repr__(self) -> str:
-        """Return name, size and lift in one line."""
+        """Return name, size and range of the ordinates in one line."""
         pieces, lift = self.spans.size, float(np.ptp(self.ordinates))
         size = f"{pieces} piece{'s' * (pieces > 1)} of degree {self.degree}"
         return f"Law({self.name!r}: {size}, ordinates over {lift:.4g})"
 
     @classmethod
     def from_bpoly(cls, bpoly: BPoly, name: str = "bpoly") -> Law:
-        """Return the law of scipy's polynomials, in m over one turn from 0 to 2π rad.
+        """Return the law of a scipy `BPoly`, in m over one turn from 0 to 2π rad.
 
         Raises
         ------
@@ -174,7 +174,7 @@ class Law:
         return cls(name, bpoly.x, bpoly.c)
 
     def to_bpoly(self) -> BPoly:
-        """Return the law as scipy's periodic Bernstein polynomials.
+        """Return the law as a periodic `BPoly` of scipy.
 
         Examples
         --------
@@ -187,7 +187,7 @@ class Law:
         return BPoly(self.ordinates.copy(), self.breaks.copy(), extrapolate="periodic")
 
     def derivative(self, order: int = 1) -> Law:
-        """Return a derivative in the cam angle as a law, m/rad^order, right limits.
+        """Return a derivative by the cam angle as a law, m/rad^order, right limits.
 
         Raises
         ------
@@ -205,7 +205,7 @@ class Law:
 
     @property
     def degree(self) -> int:
-        """Degree p, the same for all pieces."""
+        """Degree p of the polynomials, the same for all pieces."""
         return int(self.ordinates.shape[0] - 1)
 
     @cached_property
@@ -214,7 +214,7 @@ class Law:
         return np.diff(self.breaks)
 
     def __call__(self, angle: FloatArray | float, order: int = 0) -> FloatArray:
-        """Return the displacement (m) or a derivative (m/rad^order) at angles in rad.
+        """Return the displacement (m) at cam angles (rad), or a derivative (m/rad^order).
 
         The values at joints are right limits.
         """
@@ -223,7 +223,10 @@ class Law:
         return np.asarray(self._evaluate(ordinates, angles.ravel())[0].reshape(angles.shape))
 
     def _order(self, order: int) -> int:
-        """Return the order as an integer, at most the first one whose derivative is zero."""
+        """Return the order of a derivative as an integer, after a check.
+
+        It is at most the first order whose derivative is zero.
+        """
         if not (isinstance(order, Real) and 0 <= order < math.inf and int(order) == order):
             raise LawError(f"law {self.name!r}: order is {order!r}; allowed: 0, 1, 2, …")
         return min(int(order), self.degree + 1)
@@ -251,7 +254,10 @@ class Law:
         return self._evaluate(self.motion, angle)
 
     def _evaluate(self, ordinates: FloatArray, angle: FloatArray) -> FloatArray:
-        """Return the values of ordinates ``(k, p + 1, n)``, ``(k, len(angle))``."""
+        """Return the values of polynomials on the law's pieces, ``(k, len(angle))``.
+
+        ``ordinates`` are ``(k, p + 1, n)``, and ``angle`` is in rad.
+        """
         inside = angle - np.floor(angle / TURN) * TURN
         pieces = np.searchsorted(self.breaks[1:-1], inside, side="right")
         out = np.empty((ordinates.shape[0], inside.size))
@@ -264,7 +270,7 @@ class Law:
         return out
 
     def at(self, angle: float) -> tuple[float, float, float]:
-        """Return s (m), s' (m/rad) and s'' (m/rad²) at one angle in rad, right limits."""
+        """Return s (m), s' (m/rad) and s'' (m/rad²) at one cam angle (rad), right limits."""
         inside = angle - math.floor(angle / TURN) * TURN
         piece = self.piece(inside)
         u = (inside - self.joints[piece]) / float(self.spans[piece])
@@ -282,12 +288,12 @@ class Law:
         return {}  # s, s' and s'' of a piece, as functions of u ∈ [0, 1]
 
     def piece(self, inside: float) -> int:
-        """Return the index of the piece at an angle of the first turn, rad."""
+        """Return the index of the piece at a cam angle (rad) of the first turn."""
         return min(max(bisect_right(self.joints, inside) - 1, 0), self.spans.size - 1)
 
     @cached_property
     def joints(self) -> list[float]:
-        """`breaks` as Python floats."""
+        """Cam angles `breaks` (rad) as Python floats."""
         return [float(angle) for angle in self.breaks]
 
     @cached_property
@@ -299,7 +305,7 @@ class Law:
         return self.motion[order] if order < 3 else self.derivative_ordinates(order)
 
     def derivative_ordinates(self, order: int) -> FloatArray:
-        """Return the ordinates of a derivative in θ, ``(p + 1, n)``, degree p as of s."""
+        """Return the ordinates of a derivative by θ, ``(p + 1, n)``, of the degree of s."""
         ordinates = self.ordinates
         for _ in range(order):
             ordinates = bernstein.derivative(ordinates) / self.spans
@@ -316,7 +322,7 @@ class Law:
 
     @cached_property
     def taylor(self) -> FloatArray:
-        """Matrices that map basis values at u to Taylor coefficients of s in u.
+        """Matrices from basis values at u to the Taylor coefficients of s in u.
 
         The shape is ``(n, p + 1, p + 1)``, and coefficient r is s^(r)(u)/r!.
         """
@@ -338,14 +344,14 @@ class Law:
 
     @cached_property
     def bounds(self) -> tuple[float, float, float]:
-        """Upper bounds of |s| (m), |s'| (m/rad) and |s''| (m/rad²)."""
+        """Upper bounds of |s| (m), |s'| (m/rad) and |s''| (m/rad²) over the turn."""
         s, slope, curvature = np.abs(self.motion).max(axis=(1, 2)).tolist()
         return s, slope, curvature
 
     def substitute(
         self, breaks: FloatArray, motion: FloatArray, velocity_jumps: dict[int, float]
     ) -> Law:
-        """Return a law that does not repeat, from separate ordinates of s, s' and s''.
+        """Return a law that does not repeat, with separate ordinates of s, s' and s''.
 
         In short pieces, differences of s would lose the digits of s''. ``motion`` is ``(3, p + 1,
         m)``. ``velocity_jumps`` (m/rad) are by the index of the piece that follows them. The new
@@ -356,14 +362,17 @@ class Law:
         return Law(self.name, breaks, motion[0], repeats=False, known=known)
 
     def jumps(self, order: int) -> FloatArray:
-        """Return right minus left limits of a derivative at the piece starts, ``(n,)``."""
+        """Return the jump of a derivative at the start of each piece, ``(n,)``.
+
+        It is the right minus the left limit, in m/rad^order.
+        """
         first, last = self._ordinates_of(order)[[0, -1]]
         before = last[-1:] if self.repeats else first[:1]
         return np.asarray(first - np.append(before, last[:-1]))
 
     @cached_property
     def velocity_jumps(self) -> dict[int, float]:
-        """Changes of s' (m/rad) at its jumps, in order.
+        """Jumps of s' (m/rad) over the turn, in order.
 
         The keys are the indices of the pieces that follow the jumps.
         """
@@ -380,7 +389,7 @@ class Law:
 
     @cached_property
     def largest_step(self) -> float:
-        """Largest step of s at a joint in m, caused by rounding if the cam has no cliff."""
+        """Largest step of s at a joint in m, which is rounding if the lift does not jump."""
         return float(np.abs(self.jumps(0)).max())
 
 
@@ -411,7 +420,7 @@ class Joint:
 
 
 def joints(law: Law) -> tuple[Joint, ...]:
-    """Return every joint of the law with its class, in order from cam angle 0."""
+    """Return every joint of the law with its continuity, in order from cam angle 0."""
     jumps = np.stack([law.jumps(order) for order in range(MAX_CONTINUITY + 1)])
     broken = np.abs(jumps) > np.stack([_limits(law, order) for order in range(MAX_CONTINUITY + 1)])
     first = np.where(broken.any(axis=0), np.argmax(broken, axis=0), MAX_CONTINUITY + 1)
@@ -421,7 +430,10 @@ def joints(law: Law) -> tuple[Joint, ...]:
 
 
 def continuity(law: Law) -> int:
-    """Return the class of the law, which is that of its roughest joint."""
+    """Return the continuity of the law, which is that of its roughest joint.
+
+    It is the highest derivative without a jump.
+    """
     return min(joint.continuity for joint in joints(law))
 
 
@@ -442,6 +454,6 @@ def _limits(law: Law, order: int) -> FloatArray:
 
 
 def format_continuity(law: Law) -> str:
-    """Return the class of a law as text, such as "C3"."""
+    """Return the continuity of a law as text, such as "C3"."""
     order = continuity(law)
     return f"C{order}" if order < MAX_CONTINUITY else f"C{MAX_CONTINUITY} or smoother"

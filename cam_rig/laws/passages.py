@@ -23,7 +23,7 @@ SIDE_ANGLE = 1e-5
 
 @dataclass(frozen=True)
 class Passage:
-    """Passage of a law through a height.
+    """Passage of a law through a height, in rising or falling direction.
 
     `level` is the height above the lowest lift as a fraction of the cam's lift, and `angle` is the
     cam angle in rad. `rising` is True if the lift increases there.
@@ -35,7 +35,10 @@ class Passage:
 
 
 def passages(law: Law, lift: float, levels: Iterable[float] = LEVELS) -> tuple[Passage, ...]:
-    """Return every passage of one turn through `levels` of `lift` (m), by cam angle."""
+    """Return every passage of a law through heights in one turn, by cam angle.
+
+    The heights are `levels` times `lift` (m), above the lowest lift.
+    """
     low = extremes(law, 0)[0].value
     result = []
     for level in levels:

@@ -1,7 +1,8 @@
-"""Polynomials in Bernstein form on u ∈ [0, 1]: kernels for single polynomials.
+"""Functions for single polynomials in Bernstein form on u ∈ [0, 1].
 
-A vector of n + 1 ordinates bᵢ is the polynomial Σ bᵢ C(n, i) uⁱ(1 − u)ⁿ⁻ⁱ. Weighted ordinates are
-bᵢ C(n, i). Numbers in brackets are the inequalities of docs/proofs.md, part 1.
+Compiled code uses them too. A vector of n + 1 ordinates bᵢ is the polynomial Σ bᵢ C(n, i) uⁱ(1 −
+u)ⁿ⁻ⁱ. Weighted ordinates are bᵢ C(n, i). Numbers in brackets are the inequalities of
+docs/proofs.md, part 1.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ NO_ROOT = -1.0
 
 
 def restrict(ordinates: Vector, size: int, first: float, last: float) -> Vector:
-    """Return the first ``size`` ordinates on [first, last] ⊂ [0, 1], first < 1.
+    """Return the ordinates of a polynomial on [first, last] ⊂ [0, 1], first < 1.
 
-    The algorithm is de Casteljau's.
+    The polynomial is that of the first ``size`` ordinates. The algorithm is de Casteljau's.
     """
     inner = last
     out = np.zeros(size)
@@ -53,7 +54,7 @@ def restrict(ordinates: Vector, size: int, first: float, last: float) -> Vector:
 
 
 def elevate(ordinates: Vector, size: int) -> Vector:
-    """Return the same polynomial with ``size`` ordinates.
+    """Return the ordinates of the same polynomial with a higher degree, ``(size,)``.
 
     They are convex combinations of the given ones, so the conversion is stable.
     """
@@ -72,9 +73,9 @@ def elevate(ordinates: Vector, size: int) -> Vector:
 
 
 def integrate(ordinates: Vector, length: float, start: float) -> Vector:
-    """Return the integral over an interval of ``length``, one degree higher.
+    """Return the ordinates of the integral of a polynomial, one degree higher.
 
-    Its value at u = 0 is ``start``.
+    The interval has the length ``length``. The value of the integral at u = 0 is ``start``.
     """
     size = len(ordinates)
     out, step, total = np.zeros(size + 1), length / size, 0.0
@@ -86,7 +87,7 @@ def integrate(ordinates: Vector, length: float, start: float) -> Vector:
 
 
 def horner(weighted: Vector, slopes: Vector, degree: int, u: float) -> tuple[float, float, float]:
-    """Return v, w and r: the value at u is v rⁿ and the derivative w rⁿ⁻¹.
+    """Return v, w and r, so that the value at u is v rⁿ and the derivative w rⁿ⁻¹.
 
     n is ``degree``. ``weighted`` and ``slopes`` are the weighted ordinates of both. Horner's rule
     is applied in u/(1 − u), or in its inverse beyond the middle, so that no power grows.
@@ -106,7 +107,7 @@ def horner(weighted: Vector, slopes: Vector, degree: int, u: float) -> tuple[flo
 
 
 def weighted_value(weighted: Vector, size: int, u: float) -> float:
-    """Return the value at u of ``size`` weighted ordinates."""
+    """Return the value at u of the polynomial with ``size`` weighted ordinates."""
     total, remainder, power = 0.0, 1.0 - u, 1.0
     if u < 0.5:
         ratio = u / remainder
@@ -130,7 +131,7 @@ def weight_ordinates(ordinates: Vector, size: int) -> Vector:
 
 
 def value_at(ordinates: Vector, size: int, u: float) -> float:
-    """Return the value at u of the first ``size`` ordinates."""
+    """Return the value at u of the polynomial with the first ``size`` ordinates."""
     return weighted_value(weight_ordinates(ordinates, size), size, u)
 
 
@@ -200,11 +201,12 @@ def have_opposite_signs(a: float, b: float) -> bool:
 
 
 def find_crossing(ordinates: Vector, limit: float, last: bool) -> float:
-    """Return the first or the last sign change in (0, 1) up to ``limit``.
+    """Return the first or the last u in (0, 1) at which a polynomial changes sign.
 
-    The result is `NO_ROOT` without a sign change. Invariant: each part of [0, 1] that is not on the
-    stack does not contain a sign change that counts, because its ordinates do not change sign (7),
-    or its sign change is in ``result``. A zero that is touched without crossing does not count.
+    Sign changes beyond ``limit`` do not count. The result is `NO_ROOT` without a sign change.
+    Invariant: each part of [0, 1] that is not on the stack does not contain a sign change that
+    counts, because its ordinates do not change sign (7), or its sign change is in ``result``. A
+    zero that is touched without crossing does not count.
     """
     parts = np.zeros((MAX_DEPTH, len(ordinates)))
     starts, widths = np.zeros(MAX_DEPTH), np.zeros(MAX_DEPTH)
@@ -248,7 +250,7 @@ def halve(right: Vector, left: Vector) -> None:
 
 
 def halve_at_root(parts: Matrix, top: int) -> bool:
-    """Replace part ``top`` by its right half and the next part by its left half.
+    """Halve the part ``top``: its right half replaces it, its left half the next part.
 
     Returns True if the polynomial changes sign exactly in the middle.
     """

@@ -68,7 +68,7 @@ def sample(
     offsets: FloatArray,
     out: FloatArray | None = None,
 ) -> FloatArray:
-    """Compute combinations of s, s', s'' at the angles ``start + j·step`` (rad).
+    """Compute weighted sums of s, s', s'' at the angles ``start + j·step`` (rad).
 
     Parameters
     ----------
@@ -116,10 +116,10 @@ def sample(
 
 
 class SampleRun(NamedTuple):
-    """Run of samples in one piece, at u = ``first`` and ``width`` apart.
+    """Run of equally spaced samples in one piece of a law.
 
-    ``begin`` and ``end`` are sample indices. ``chunk`` is the number of samples per chunk, 0
-    without chunks.
+    The first sample is at u = ``first``, and the samples are ``width`` apart. ``begin`` and ``end``
+    are sample indices. ``chunk`` is the number of samples per chunk, 0 without chunks.
     """
 
     begin: int
@@ -130,30 +130,30 @@ class SampleRun(NamedTuple):
 
     @classmethod
     def of(cls, begin: int, end: int, first: float, width: float) -> SampleRun:
-        """Return the run with the longest chunks that lose no digits."""
+        """Return a run of samples with the longest chunks that lose no digits."""
         max_chunk = min((end - begin) / MIN_CHUNKS, MAX_CHUNK_FRACTION / width)
         chunk = next((chunk for chunk in CHUNK_SIZES if chunk <= max_chunk), 0)
         return cls(begin, end, first, width, chunk)
 
     @property
     def length(self) -> int:
-        """Number of samples."""
+        """Number of samples in the run."""
         return self.end - self.begin
 
     @property
     def chunks(self) -> int:
-        """Number of chunks. The last chunk may extend beyond the run."""
+        """Number of chunks in the run. The last chunk may extend beyond it."""
         return -(-self.length // self.chunk)
 
     def at(self) -> FloatArray:
-        """Return u of each sample, ``(length,)``."""
+        """Return the position u of each sample in the piece, ``(length,)``."""
         return self.first + self.width * np.arange(self.length, dtype=np.float64)
 
 
 def group_repeated_runs(runs: list[SampleRun]) -> list[list[SampleRun]]:
-    """Group the equal and evenly spaced runs of one piece, as of successive turns.
+    """Group runs of samples of one piece that are equal and evenly spaced.
 
-    The runs are in order, and so are the groups.
+    Such are the runs of successive turns. The runs are in order, and so are the groups.
     """
     groups: list[list[SampleRun]] = []
     for run in runs:
@@ -169,7 +169,7 @@ def group_repeated_runs(runs: list[SampleRun]) -> list[list[SampleRun]]:
 
 @dataclass(frozen=True, eq=False)
 class ChunkSeries:
-    """Map from basis values at the middle of a chunk to k Taylor series.
+    """Map from basis values at the middle of a chunk of samples to k Taylor series.
 
     Parameters
     ----------
@@ -184,7 +184,10 @@ class ChunkSeries:
 
     @classmethod
     def of(cls, taylor: FloatArray, width: float, chunk: int) -> ChunkSeries:
-        """Return the series of polynomials with the Taylor maps ``(k, p + 1, p + 1)``."""
+        """Return the series for polynomials with the Taylor maps ``(k, p + 1, p + 1)``.
+
+        ``width`` is the distance of two samples in u, and ``chunk`` the number of samples.
+        """
         scaled = taylor * (0.5 * width * (chunk - 1)) ** np.arange(taylor.shape[2])
         sizes = np.abs(scaled).max(axis=1)  # a basis averages: no coefficient is larger
         needed = np.cumsum(sizes[:, ::-1], axis=1)[:, ::-1] > POWER_RTOL * sizes[:, :1]
@@ -193,7 +196,7 @@ class ChunkSeries:
         return cls(table, chunk_powers(count - 1, chunk), width)
 
     def at(self, runs: list[SampleRun]) -> FloatArray:
-        """Return the series of all chunks of the runs, ``(k, chunks, q)``."""
+        """Return the Taylor series of all chunks of the runs, ``(k, chunks, q)``."""
         counts = np.array([run.chunks for run in runs])
         chunk_index = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         firsts = np.repeat([run.first for run in runs], counts)
@@ -206,7 +209,7 @@ class ChunkSeries:
 def _fill_without_chunks(
     runs: list[SampleRun], degree: int, rows: FloatArray, offsets: FloatArray, out: FloatArray
 ) -> None:
-    """Write the samples of runs of one piece into ``out`` without chunks.
+    """Write the samples of runs in one piece to ``out``, without chunks.
 
     ``rows`` are ordinates, ``(k, p + 1)``.
     """
@@ -251,7 +254,7 @@ def fill_in_chunks(
 
 @lru_cache(maxsize=1024)
 def _piece_series(law: Law, index: int, width: float, chunk: int, weights: bytes) -> ChunkSeries:
-    """Return the series of combinations of s, s', s'' in a piece.
+    """Return the Taylor series of weighted sums of s, s', s'' in a piece of a law.
 
     ``weights`` are the bytes of the weights of `sample`.
     """
@@ -283,7 +286,10 @@ Section = tuple[float, float, Curve]
 
 @lru_cache(maxsize=4)
 def _nodes(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Return Chebyshev nodes on [0, 1], and the Bernstein collocation matrix at them."""
+    """Return Chebyshev nodes on [0, 1], and the Bernstein basis values at them.
+
+    The shapes are ``(degree + 1,)`` and ``(degree + 1, degree + 1)``.
+    """
     nodes = 0.5 - 0.5 * np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
     return nodes, bernstein.basis(degree, nodes)
 
@@ -295,7 +301,7 @@ def fit_curve(
     degree: int = THIRD_DEGREE,
     accepted_tail: float = TAIL_RTOL,
 ) -> Pieces:
-    """Fit Bernstein pieces to a curve on [start, stop].
+    """Fit pieces in Bernstein form to a curve on [start, stop].
 
     The third derivative is interpolated, and integrated from exact values at the start of the
     piece. Differences of an interpolant of s would lose six digits of the third derivative. A piece
@@ -340,7 +346,7 @@ def fit_curve(
 
 
 def fit_sections(sections: list[Section]) -> Pieces:
-    """Fit Bernstein pieces to consecutive curves, as `fit_curve`."""
+    """Fit pieces in Bernstein form to consecutive curves, each as by `fit_curve`."""
     breaks, pieces = [sections[0][0]], []
     for start, stop, curve in sections:
         section_breaks, section_pieces = fit_curve(curve, start, stop)
@@ -352,7 +358,7 @@ def fit_sections(sections: list[Section]) -> Pieces:
 def _third_derivative(
     curve: Curve, a: float, b: float, degree: int, accepted_tail: float
 ) -> FloatArray | None:
-    """Return the ordinates of the third derivative on [a, b].
+    """Return the ordinates of a curve's third derivative on [a, b].
 
     The result is None if the degree is too low.
     """

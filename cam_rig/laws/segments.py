@@ -1,4 +1,4 @@
-"""Bernstein pieces of the segments of a cam, and the rises known by a name."""
+"""Bernstein pieces of the segments of a cam, and the rises with a name."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from cam_rig.units import TURN, FloatArray
 
 
 def polynomial_through(u: list[float], order: list[int], value: list[float]) -> FloatArray:
-    """Return the Bernstein ordinates of the polynomial that meets m conditions.
+    """Return the ordinates of the polynomial that satisfies m conditions, ``(m,)``.
 
     Condition i is that the derivative ``order[i]`` at ``u[i]`` in [0, 1] is ``value[i]``. The
     degree is m − 1.
@@ -56,7 +56,10 @@ def polynomial_through(u: list[float], order: list[int], value: list[float]) -> 
 
 
 def _condition_row(degree: int, u: Fraction, order: int) -> list[Fraction]:
-    """Return the derivative of each Bernstein polynomial at u, as fractions."""
+    """Return a derivative of each Bernstein polynomial at u, as fractions.
+
+    ``order`` is that of the derivative, and ``degree`` that of the polynomials.
+    """
     row = [Fraction(0)] * (degree + 1)
     lower = degree - order
     values = [comb(lower, i) * u**i * (1 - u) ** (lower - i) for i in range(lower + 1)]
@@ -68,9 +71,10 @@ def _condition_row(degree: int, u: Fraction, order: int) -> list[Fraction]:
 
 
 def _solve_exactly(rows: list[list[Fraction]]) -> list[Fraction]:
-    """Solve linear equations by Gauss-Jordan elimination.
+    """Solve linear equations by Gauss-Jordan elimination with fractions.
 
-    Raises ZeroDivisionError if the system is singular.
+    ``rows`` are those of the matrix with the right side as last column. Raises ZeroDivisionError if
+    the system is singular.
     """
     n = len(rows)
     for i in range(n):
@@ -89,7 +93,7 @@ def _solve_exactly(rows: list[list[Fraction]]) -> list[Fraction]:
 
 
 def trigonometric(mean: float, cosine: list[float], sine: list[float]) -> Curve:
-    """Return s(θ) = c₀ + Σ cᵢ cos iθ + sᵢ sin iθ with its derivatives.
+    """Return the function s(θ) = c₀ + Σ cᵢ cos iθ + sᵢ sin iθ, with its derivatives.
 
     i starts at 1, θ is in rad, and ``mean`` is c₀ (equation 2.2 of the profile thesis).
     """
@@ -117,7 +121,7 @@ MAX_LIFT_TOLERANCES = 8.0
 
 
 def segment_pieces(segment: kinds.Segment, cam: CamConfig) -> Pieces | None:
-    """Return the pieces (rad, m) of a segment that sets its level.
+    """Return the pieces (rad, m) of a segment with a fixed level.
 
     The pieces start at angle 0. The result is None for a dwell or a named rise, which continue from
     the level before them.
@@ -157,7 +161,7 @@ def segment_pieces(segment: kinds.Segment, cam: CamConfig) -> Pieces | None:
 
 
 def smooth_table(segment: Table, cam: CamConfig) -> Smoothed:
-    """Return the spline through the points of a table, and its distance from them.
+    """Return the spline through a table's points, and its distance from them.
 
     Raises
     ------
@@ -184,26 +188,27 @@ def smooth_table(segment: Table, cam: CamConfig) -> Smoothed:
 
 
 def full_rise(degree: int) -> FloatArray:
-    """Return the ordinates {0…0, 1…1}, half each, of an odd degree.
+    """Return the ordinates {0…0, 1…1} of a rise between dwells, of an odd degree.
 
-    The rise joins dwells with class C^((degree − 1)/2) (eq. 3.1-3.3).
+    One half is 0, the other 1. The rise joins dwells with class C^((degree − 1)/2) (eq. 3.1-3.3).
     """
     return np.repeat([0.0, 1.0], (degree + 1) // 2)
 
 
 def half_rise_start(degree: int) -> FloatArray:
-    """Return the ordinates from rest to constant velocity 2, of an even degree.
+    """Return the ordinates of a rise from rest to velocity 2, of an even degree.
 
-    The rise joins its neighbours with class C^(degree/2) (eq. 3.4-3.6).
+    The final velocity is constant. The rise joins its neighbours with class C^(degree/2) (eq.
+    3.4-3.6).
     """
     half = degree // 2
     return np.concatenate([np.zeros(half), np.linspace(0.0, 1.0, half + 1)])
 
 
 def half_rise_end(degree: int) -> FloatArray:
-    """Return the ordinates from constant velocity 2 to rest, of an even degree.
+    """Return the ordinates of a rise from velocity 2 to rest, of an even degree.
 
-    It is the point reflection of `half_rise_start` (eq. 3.7-3.9).
+    The initial velocity is constant. It is the point reflection of `half_rise_start` (eq. 3.7-3.9).
     """
     return np.asarray(1.0 - half_rise_start(degree)[::-1])
 
@@ -212,7 +217,10 @@ def half_rise_end(degree: int) -> FloatArray:
 
 
 def simple_harmonic(u: FloatArray, order: int) -> FloatArray:
-    """Return the rise ½(1 − cos πu) or its derivative in u of order 1 to 3."""
+    """Return the simple harmonic rise ½(1 − cos πu), or a derivative of it.
+
+    ``order`` is 0 to 3.
+    """
     if order == 0:
         return np.asarray(np.sin(0.5 * np.pi * u) ** 2)  # without cancellation near 0
     half = 0.5 * np.pi**order * (-1.0 if order == 3 else 1.0)
@@ -220,7 +228,10 @@ def simple_harmonic(u: FloatArray, order: int) -> FloatArray:
 
 
 def cycloidal(u: FloatArray, order: int) -> FloatArray:
-    """Return the rise u − sin(2πu)/2π or its derivative in u of order 1 to 3."""
+    """Return the cycloidal rise u − sin(2πu)/2π, or a derivative of it.
+
+    ``order`` is 0 to 3.
+    """
     turn = 2.0 * np.pi * u
     sine, cosine = np.sin(turn), np.cos(turn)
     level, slope = u - sine / (2.0 * np.pi), 1.0 - cosine
@@ -241,7 +252,10 @@ MIDDLE_SLOPE = TRAPEZOID * (2.0 + 2.0 * PI)
 
 
 def _wave(constant: float, slope: float, size: float, frequency: float, phase: float) -> Curve:
-    """Return constant + slope·u − size·sin(frequency·u + phase) with its derivatives."""
+    """Return the function constant + slope·u − size·sin(frequency·u + phase).
+
+    The function also returns its derivatives.
+    """
 
     def curve(u: FloatArray, order: int) -> FloatArray:
         sine = size * frequency**order * np.sin(frequency * u + phase + 0.5 * PI * order)
@@ -252,7 +266,10 @@ def _wave(constant: float, slope: float, size: float, frequency: float, phase: f
 
 
 def _constant_acceleration(u: FloatArray, order: int) -> FloatArray:
-    """Return the parabola of the modified trapezoid from u = 1/8 to 3/8."""
+    """Return the parabola of the modified trapezoid rise from u = 1/8 to 3/8.
+
+    ``order`` is the order of the derivative.
+    """
     lift, slope, curvature = MOTION_AT_EIGHTH
     v = u - 0.125
     terms = (lift + slope * v + 0.5 * curvature * v**2, slope + curvature * v, curvature + 0.0 * v)
@@ -266,7 +283,7 @@ def _mirror_rise(curve: Curve, u: FloatArray, order: int) -> FloatArray:
 
 
 def _complete_rise(first: list[Section], middle: Section) -> list[Section]:
-    """Return all sections of a rise from those before its middle section."""
+    """Return all sections of a symmetric rise from those before its middle section."""
     last = [(1.0 - b, 1.0 - a, partial(_mirror_rise, curve)) for a, b, curve in reversed(first)]
     return [*first, middle, *last]
 
@@ -293,7 +310,7 @@ MODIFIED_TRAPEZOID = _complete_rise(
 
 @dataclass(frozen=True)
 class NamedRise:
-    """Rise from 0 to 1 over u ∈ [0, 1]: Bernstein ordinates, or analytic sections.
+    """Rise from 0 to 1 over u ∈ [0, 1] with a name: ordinates, or analytic sections.
 
     ``slopes`` are those of the neighbours before and after it, 0 for a dwell. Equations 3.x in
     ``source`` are those of the laws thesis.

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def greville(knots: FloatArray, degree: int) -> FloatArray:
-    """Return the Greville abscissae of m control points, ``(m,)``.
+    """Return the Greville abscissae of the m control points of a B-spline, ``(m,)``.
 
     They are ξᵢ = (uᵢ + … + uᵢ₊ₙ₋₁)/n (eq. 2.8 of the profile thesis).
     """
@@ -41,9 +41,9 @@ def greville(knots: FloatArray, degree: int) -> FloatArray:
 
 
 def pieces(knots: FloatArray, ordinates: FloatArray, degree: int) -> Pieces:
-    """Return the Bézier pieces of a B-spline with the knots of the profile thesis.
+    """Return the Bézier pieces of a B-spline.
 
-    The end knots have multiplicity ``degree``.
+    The knots are those of the profile thesis: the end knots have multiplicity ``degree``.
     """
     from scipy.interpolate import BSpline
 
@@ -89,7 +89,7 @@ END_ATOL = 1e-9
 
 
 class Rest(NamedTuple):
-    """Dwell: start and span in rad, level in m."""
+    """Dwell of a law: start and span in rad, lift (level) in m."""
 
     start: float
     span: float
@@ -98,9 +98,9 @@ class Rest(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Smoothed:
-    """Pieces of a law through points.
+    """Pieces of a law through points, and their distances from the points.
 
-    ``rms`` and ``largest`` are the distances (m) from the points. ``knots`` is the number of knots.
+    ``rms`` and ``largest`` are the distances (m). ``knots`` is the number of knots.
     """
 
     pieces: Pieces
@@ -141,7 +141,10 @@ def smooth(
 
 
 def _fit_periodic(angles: FloatArray, lifts: FloatArray, tolerance: float) -> BSpline[np.float64]:
-    """Return FITPACK's periodic smoothing spline, at tolerance 0 an interpolant."""
+    """Fit FITPACK's periodic smoothing spline to points of one turn.
+
+    At tolerance 0 the result is an interpolant.
+    """
     from scipy.interpolate import BSpline, make_interp_spline, splrep
 
     x, y = np.append(angles, angles[0] + TURN), np.append(lifts, lifts[0])
@@ -162,7 +165,7 @@ def _fit_periodic(angles: FloatArray, lifts: FloatArray, tolerance: float) -> BS
 def _between_dwells(
     angles: FloatArray, lifts: FloatArray, tolerance: float, dwells: Sequence[Rest]
 ) -> Smoothed:
-    """Return the dwells, and a spline from each dwell to the next."""
+    """Fit a spline from each dwell to the next, and return it with the dwells."""
     breaks, columns = [dwells[0].start], []
     errors = np.empty(angles.size)
     for i, dwell in enumerate(dwells):
@@ -189,9 +192,10 @@ def _between_dwells(
 def _fit_event(
     x: FloatArray, y: FloatArray, ends: tuple[float, float], levels: tuple[float, float], t: float
 ) -> BSpline[np.float64]:
-    """Return the spline between two dwells with the fewest equal intervals.
+    """Fit a spline between two dwells with the fewest equal intervals.
 
-    Its r.m.s. distance from the points is at most ``t`` (m).
+    Its r.m.s. distance from the points is at most ``t`` (m). ``ends`` are the angles (rad) and
+    ``levels`` the lifts (m) at its ends.
     """
     for count in (n for n in INTERVAL_COUNTS if n <= max(1.0, INTERVALS_PER_POINT * x.size)):
         inner = np.linspace(*ends, count + 1)[1:-1]
@@ -211,8 +215,8 @@ def _fit_on_knots(
 ) -> tuple[BSpline[np.float64], bool]:
     """Return the smoothest spline on given knots within ``t`` (m) of the points.
 
-    The flag is True if the tolerance is reached, otherwise the spline is the nearest one. The end
-    ordinates of the least-squares problem are fixed. The weight of the jumps of the fifth
+    The second result is True if the tolerance is reached, otherwise the spline is the nearest one.
+    The end ordinates of the least-squares problem are fixed. The weight of the jumps of the fifth
     derivative is increased until the r.m.s. distance is ``t``.
     """
     from scipy.interpolate import BSpline
@@ -256,7 +260,7 @@ def _fit_on_knots(
 
 
 def _fifth_derivative_jumps(knots: FloatArray) -> FloatArray:
-    """Return the jumps of the fifth derivative, ``(inner knots, ordinates)``.
+    """Return the jumps of a spline's fifth derivative, ``(inner knots, ordinates)``.
 
     Entry (i, j) is the jump at inner knot i for a unit ordinate j.
     """
@@ -333,7 +337,7 @@ def scatter(angles: FloatArray, lifts: FloatArray) -> float:
 
 
 def scatter_error(count: int) -> float:
-    """Return the relative standard error of the scatter of ``count`` readings."""
+    """Return the relative standard error of a scatter from ``count`` readings."""
     return ERROR_FACTOR / math.sqrt(count)
 
 

@@ -1,4 +1,4 @@
-"""Vectors and matrices of the kernels, in plain Python and compiled by numba."""
+"""Vectors and matrices of the kernels, in plain Python or compiled by numba."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def index_at(ascending: Vector, value: float) -> int:
 
 
 def binomials(degree: int) -> Vector:
-    """Return C(degree, i) for i from 0 to ``degree``."""
+    """Return the binomial coefficients C(degree, i) for i from 0 to ``degree``."""
     if degree < len(PASCAL):
         return without_refcount(PASCAL[degree, : degree + 1])
     out, term = np.zeros(degree + 1), 1.0
@@ -47,7 +47,7 @@ def binomials(degree: int) -> Vector:
 
 
 def without_refcount(table: T) -> T:
-    """Return the table. Compiled code does not count references to its arrays.
+    """Return the table, whose references compiled code does not count.
 
     Counting takes a third of the time. The caller of a kernel keeps the table alive.
     """
@@ -55,7 +55,7 @@ def without_refcount(table: T) -> T:
 
 
 def dot(left: Vector, right: Vector) -> float:
-    """Return the scalar product, summed in order."""
+    """Return the scalar product of two vectors, summed in order."""
     total = 0.0
     for i in range(len(left)):
         total += left[i] * right[i]
@@ -63,7 +63,7 @@ def dot(left: Vector, right: Vector) -> float:
 
 
 def max_abs(vector: Vector) -> float:
-    """Return the largest absolute value."""
+    """Return the largest absolute value of a vector, 0 if it is empty."""
     largest = 0.0
     for value in vector:
         largest = max(largest, abs(value))
@@ -71,7 +71,7 @@ def max_abs(vector: Vector) -> float:
 
 
 def min_of(vector: Vector) -> float:
-    """Return the smallest value, infinite without one."""
+    """Return the smallest value of a vector, infinite if it is empty."""
     smallest = math.inf
     for value in vector:
         smallest = min(smallest, value)

@@ -1,4 +1,4 @@
-"""Conversion of laws, blocks and cam states to and from messages.
+"""Conversion of laws, blocks of samples and cam states to and from messages.
 
 The module does not depend on message classes. Nodes (rclpy) and analysis (rosbags) share it.
 """
@@ -48,19 +48,25 @@ MAX_VALUE = 1e12
 
 
 def array_of(message: Any) -> tuple[Dimensions, FloatArray]:
-    """Return dimensions and data of a Float64MultiArray of rclpy or rosbags."""
+    """Return the dimensions and the data of a Float64MultiArray message.
+
+    The message is one of rclpy or rosbags. A dimension is a label and a size.
+    """
     dimensions = [(str(d.label), int(d.size)) for d in message.layout.dim]
     return dimensions, np.frombuffer(message.data, dtype=np.float64)
 
 
 def encode_law(law: Law) -> tuple[Dimensions, FloatArray]:
-    """Return a law as a labelled array, shape (n, p + 2), one row per piece."""
+    """Return a law as a labelled array with one row per piece, shape (n, p + 2).
+
+    The first result are the labels and sizes of the dimensions.
+    """
     rows = np.column_stack([law.breaks[:-1], law.ordinates.T])
     return [(law.name, rows.shape[0]), (PIECE_LABEL, rows.shape[1])], rows
 
 
 def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
-    """Return the law of an array made by `encode_law`.
+    """Return the law that a labelled array of `encode_law` contains.
 
     Raises
     ------
@@ -92,12 +98,16 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
 
 
 def encode_block(rows: FloatArray) -> tuple[Dimensions, FloatArray]:
-    """Return a block, shape (6, n), as a labelled array with rows `COLUMNS`."""
+    """Return a block, shape (6, n), as a labelled array with rows `COLUMNS`.
+
+    The block contains the samples of a tick. The first result are the labels and sizes of the
+    dimensions.
+    """
     return [(BLOCK_LABEL, rows.shape[0]), (SAMPLE_LABEL, rows.shape[1])], rows
 
 
 def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
-    """Return the rows, shape (6, n), of an array made by `encode_block`.
+    """Return the samples, shape (6, n), in a labelled array of `encode_block`.
 
     Raises
     ------
@@ -119,14 +129,17 @@ def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
 
 
 def block_of(message: Any) -> FloatArray:
-    """Return the rows, shape (6, n), of a message of /follower/samples."""
+    """Return the samples, shape (6, n), in a message of /follower/samples."""
     return decode_block(*array_of(message))
 
 
 def rig_time(seconds: int, nanoseconds: int) -> int:
-    """Return a stamp as rig time in ns.
+    """Convert a time stamp to rig time in ns.
 
-    An invalid stamp raises RefusedError.
+    Raises
+    ------
+    RefusedError
+        If the stamp is invalid.
     """
     if seconds < 0 or nanoseconds >= NS:
         raise RefusedError(f"a stamp must be 0 or later, got {seconds} s and {nanoseconds} ns")
@@ -134,12 +147,21 @@ def rig_time(seconds: int, nanoseconds: int) -> int:
 
 
 def stamp_ns(stamp: Any) -> int:
-    """Return a builtin_interfaces/Time of rclpy or rosbags as rig time in ns."""
+    """Convert a builtin_interfaces/Time message to rig time in ns.
+
+    The message is one of rclpy or rosbags.
+    """
     return rig_time(int(stamp.sec), int(stamp.nanosec))
 
 
 def real_time_factor(value: float) -> float:
-    """Check and return the value of /rig/real_time_factor, 0 for a free run."""
+    """Return the value of /rig/real_time_factor after a check, 0 for a free run.
+
+    Raises
+    ------
+    RefusedError
+        If the value is not allowed.
+    """
     if value != 0.0 and not MIN_FACTOR <= value <= MAX_FACTOR:
         raise RefusedError(
             f"real-time factor must be 0, or between {MIN_FACTOR:g} and {MAX_FACTOR:g}, got "
@@ -149,7 +171,7 @@ def real_time_factor(value: float) -> float:
 
 
 def cam_state_of(message: Any) -> CamState:
-    """Return the cam state of a JointState, whose frame is the cam's name.
+    """Return the cam state in a JointState message, whose frame is the cam's name.
 
     Raises
     ------
@@ -170,7 +192,7 @@ def cam_state_of(message: Any) -> CamState:
 
 
 def _within_turn(state: CamState, angle: float) -> CamState:
-    """Return a state with the exact angle within the turn (rad)."""
+    """Return a cam state with the exact angle within the turn (rad)."""
     if not 0.0 <= angle < TURN:
         raise RefusedError(
             f"cam state: the angle within the turn must be from 0 to below 2π rad, got {angle!r}"
@@ -187,7 +209,7 @@ def _within_turn(state: CamState, angle: float) -> CamState:
 
 
 def _shaped(dimensions: Dimensions, data: FloatArray, name: str) -> FloatArray:
-    """Return the data in the shape of the dimensions.
+    """Return the data of a labelled array in the shape of its dimensions.
 
     `name` is the content in error messages.
     """

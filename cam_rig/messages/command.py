@@ -1,4 +1,4 @@
-"""Command cam-rig urdf, for robot_state_publisher and RViz."""
+"""Command ``cam-rig urdf``: the rig as URDF for robot_state_publisher and RViz."""
 
 from __future__ import annotations
 

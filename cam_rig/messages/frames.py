@@ -70,7 +70,10 @@ class RobotJoint:
     follows: float | None = None
 
     def pose(self, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return x, y (m) and yaw (rad) of a moving child at positions, each shape (n,)."""
+        """Return x, y (m) and yaw (rad) of the joint's child at positions, (n,) each.
+
+        A position is in rad or m, depending on the kind of the joint.
+        """
         (x, y, _), yaw = self.xyz, self.rpy[2]
         if self.kind != "prismatic":
             zero = np.zeros_like(position)
@@ -85,7 +88,7 @@ def _mount(parent: str, child: str, xyz: Vector = (0, 0, 0), rpy: Vector = (0, 0
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """Rig of a scene as a robot: a link per cam, the mounted cam, the follower."""
+    """Rig of a scene as a robot: a link per cam, the mounted cam, and the follower."""
 
     loaded: LoadedScene
     mounted: CamConfig
@@ -93,7 +96,7 @@ class Robot:
 
     @classmethod
     def of(cls, loaded: LoadedScene, cam: str | None = None) -> Robot:
-        """Return the robot of a scene with a mounted cam (default: the first)."""
+        """Return the rig of a scene as a robot, with a mounted cam (default: the first)."""
         name = loaded.scene.cams[0] if cam is None else cam
         law = loaded.law_of(name)
         return cls(loaded, loaded.cams[name], follower_shape(loaded.cams[name], law))
@@ -130,7 +133,7 @@ class Robot:
 
     @property
     def fixed(self) -> list[RobotJoint]:
-        """Joints of /tf_static."""
+        """Joints of the rig that do not move, published on /tf_static."""
         return [
             _mount(BASE, GUIDE, rpy=GUIDE_RPY),
             _mount(BASE, MOTOR, (-0.75 * self.size, 0.0, 0.0)),
@@ -140,7 +143,7 @@ class Robot:
 
     @property
     def moving(self) -> list[RobotJoint]:
-        """Joints of /tf, in the order of their names."""
+        """Joints of the rig that move, published on /tf, in the order of their names."""
         # the largest lift of all cams, because they share the follower's joint
         lift = max(extremes(self.loaded.laws[cam], 0)[1].value for cam in self.cams)
         limits = 0.0, (1.0 + LIFT_OFF_TRAVEL) * lift
@@ -155,7 +158,10 @@ class Robot:
         return [cam, replace(slide, child=ARC), arm]
 
     def body(self, points: FloatArray) -> FloatArray:
-        """Return points of the follower's outline, shape (n, 2), in the link ``follower``."""
+        """Convert points of the follower's outline to its link, shape (n, 2), m.
+
+        The link is ``follower``.
+        """
         if isinstance(self.shape.element, Swung):
             return points
         return points + self.shape.origin(np.zeros(1))

@@ -40,7 +40,7 @@ def point(x: float, y: float, z: float = 0.0) -> Any:
 
 
 def colour(rgba: int, opacity: float = 1.0) -> Any:
-    """Return a colour 0xRRGGBBAA as std_msgs/ColorRGBA, with another opacity."""
+    """Convert a colour 0xRRGGBBAA to std_msgs/ColorRGBA, with another opacity."""
     red, green, blue = (((rgba >> shift) & 0xFF) / 255.0 for shift in (24, 16, 8))
     return new("std_msgs/ColorRGBA", red, green, blue, opacity)
 
@@ -57,9 +57,9 @@ def marker(
     text: str = "",
     frame_locked: bool = False,
 ) -> Any:
-    """Return a visualization_msgs/Marker.
+    """Return a visualization_msgs/Marker of a namespace and number.
 
-    A viewer moves a marker with `frame_locked` whenever its frame moves.
+    A viewer moves a marker with `frame_locked` whenever its frame moves. ``scale`` is in m.
     """
     no_image = new("sensor_msgs/CompressedImage", header(0, ""), "", np.zeros(0, np.uint8))
     no_mesh = new("visualization_msgs/MeshFile", "", np.zeros(0, np.uint8))
@@ -111,7 +111,7 @@ class FollowerMarkers:
     def messages(
         self, stamps: NDArray[np.int64], angle: FloatArray, lift: FloatArray, force: FloatArray
     ) -> list[bytes]:
-        """Return a message for each stamp (ns).
+        """Return the serialized markers of the follower for each stamp (ns).
 
         Cam angle (rad), lift (m) and contact force (N) have shape (n,). The force is 0 in flight.
         """
@@ -174,7 +174,7 @@ def cam_markers(robot: Robot) -> bytes:
 
 
 def _solid(outline: FloatArray, half: float) -> FloatArray:
-    """Return the corners of the triangles of faces and rim, shape (m, 3).
+    """Return the corners of the triangles of a cam's faces and rim, shape (m, 3), m.
 
     Each face is a fan of triangles about the shaft, at a distance `half` (m) from the middle.
     """

@@ -1,4 +1,4 @@
-"""Motion of the rig as standard messages for RViz, Foxglove and other viewers.
+"""Messages on the rig's motion in standard types, for RViz, Foxglove and others.
 
 The messages are derived from other messages, at selected instants of each tick. The follower
 publishes them while they have subscribers. The recorder generates the same bytes itself.
@@ -133,14 +133,17 @@ def select_samples(lift: FloatArray, force: FloatArray, count: int) -> Indices:
 
 
 class Transforms:
-    """Serialized /tf and /tf_static, as of robot_state_publisher."""
+    """Transforms of a robot as serialized messages of /tf and /tf_static.
+
+    They are those of robot_state_publisher.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self._joints, self._fixed = robot.moving, robot.fixed
         self._template = CdrTemplate("tf2_msgs/msg/TFMessage", self._example, 4 * len(self._joints))
 
     def moving(self, stamps: Indices, angle: FloatArray, lift: FloatArray) -> list[bytes]:
-        """Return a message of /tf for each stamp (ns).
+        """Return a serialized message of /tf for each stamp (ns).
 
         Cam angle (rad) and lift (m) have shape (n,).
         """
@@ -153,7 +156,7 @@ class Transforms:
         return self._template.fill(stamps, *columns)
 
     def fixed(self, stamp_ns: int) -> bytes:
-        """Return the message of /tf_static at a rig time in ns."""
+        """Return the serialized message of /tf_static at a rig time (ns)."""
         transforms = [
             _transform(
                 header(stamp_ns, joint.parent), joint.child, joint.xyz, quaternion(joint.rpy)
@@ -171,7 +174,7 @@ class Transforms:
 
 
 def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
-    """Return the quaternion x, y, z, w of roll, pitch and yaw (rad).
+    """Convert roll, pitch and yaw (rad) to a quaternion x, y, z, w.
 
     The rotations are about the parent's axes, in this order.
     """
@@ -199,7 +202,7 @@ InstantMaker = Callable[[Instants], list[bytes]]
 
 
 def joint_states(_robot: Robot) -> InstantMaker:
-    """Return the maker of /joint_states.
+    """Return a function that makes the messages of /joint_states.
 
     The joint ``cam`` has angle with all turns, speed and shaft torque. The joint ``follower`` has
     lift, velocity and contact force.
@@ -216,7 +219,7 @@ def joint_states(_robot: Robot) -> InstantMaker:
 
 
 def contact_force(_robot: Robot) -> InstantMaker:
-    """Return the maker of /follower/contact.
+    """Return a function that makes the messages of /follower/contact.
 
     The force is that of the cam on the follower, along its travel.
     """
@@ -231,13 +234,13 @@ def contact_force(_robot: Robot) -> InstantMaker:
 
 
 def follower_markers(robot: Robot) -> InstantMaker:
-    """Return the maker of /follower/markers."""
+    """Return a function that makes the messages of /follower/markers."""
     markers = FollowerMarkers(robot)
     return lambda i: markers.messages(i.time_ns, i.angle_in_turn, i.lift, i.force)
 
 
 def transforms(robot: Robot) -> InstantMaker:
-    """Return the maker of /tf."""
+    """Return a function that makes the messages of /tf."""
     robot_transforms = Transforms(robot)
     return lambda i: robot_transforms.moving(i.time_ns, i.angle_in_turn, i.lift)
 
@@ -265,7 +268,10 @@ LAW_SERVER_TOPICS = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
 
 
 class DerivedMessage(NamedTuple):
-    """Serialized message that is derived from others, and its rig time (ns)."""
+    """Serialized message that is derived from messages of other topics.
+
+    ``time_ns`` is its rig time.
+    """
 
     topic: Topic
     time_ns: int
@@ -273,7 +279,7 @@ class DerivedMessage(NamedTuple):
 
 
 class MotionMessages:
-    """Derived messages of a run.
+    """Generator of the derived messages of a run.
 
     Parameters
     ----------
@@ -298,7 +304,7 @@ class MotionMessages:
         self._maker = cache(lambda topic, cam: INSTANT_MAKERS[topic](self._robot(cam)))
 
     def of_cam(self, cam: str, time_ns: int = 0) -> list[DerivedMessage]:
-        """Return the messages of a cam that is mounted from a rig time (ns) on."""
+        """Return the derived messages of a cam that is mounted from a rig time (ns) on."""
         if cam not in self._loaded.laws:
             return []
         return [
@@ -315,7 +321,7 @@ class MotionMessages:
         wanted: Set[Topic] | None = None,
         selection: Indices | None = None,
     ) -> list[DerivedMessage]:
-        """Return the messages of a tick in the order of time.
+        """Return the derived messages of a tick in the order of time.
 
         Parameters
         ----------

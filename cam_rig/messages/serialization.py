@@ -26,9 +26,10 @@ MALFORMED = (SerdeError, struct.error, *_INVALID_CONTENT)
 
 
 def read_message(topic: Topic, cdr: bytes) -> tuple[Any, bytes]:
-    """Return a message, and its bytes with zeros as padding.
+    """Deserialize a message of a topic, and return it with its bytes.
 
-    The padding of messages from the middleware is undefined.
+    The bytes have zeros as padding, because the padding of messages from the middleware is
+    undefined.
 
     Raises
     ------
@@ -43,29 +44,29 @@ def read_message(topic: Topic, cdr: bytes) -> tuple[Any, bytes]:
 
 
 def new(kind: str, *fields: Any) -> Any:
-    """Return a message of a type such as ``std_msgs/Header`` with its fields."""
+    """Create a message of a type such as ``std_msgs/Header`` from its fields."""
     return TYPES.types[kind.replace("/", "/msg/")](*fields)
 
 
 def serialize(message: Any) -> bytes:
-    """Return the bytes of a message."""
+    """Return the serialized bytes of a message."""
     return bytes(TYPES.serialize_cdr(message, message.__msgtype__))
 
 
 def header(stamp_ns: int, frame: str) -> Any:
-    """Return a std_msgs/Header with a rig time in ns."""
+    """Return a std_msgs/Header with a rig time in ns and a frame."""
     return new("std_msgs/Header", new("builtin_interfaces/Time", *divmod(stamp_ns, NS)), frame)
 
 
 def cam_of(message: Any) -> str:
-    """Return the cam of a law or profile, or "" if the message names no cam."""
+    """Return the name of the cam in a message of a law or profile, else an empty text."""
     if hasattr(message, "header"):
         return str(message.header.frame_id)
     return str(message.layout.dim[0].label) if message.layout.dim else ""
 
 
 def diagnosed_node(message: Any) -> str:
-    """Return the node whose status a message of /diagnostics contains."""
+    """Return the name of the node whose status a message of /diagnostics contains."""
     return " ".join(str(status.name) for status in message.status)
 
 
@@ -115,9 +116,9 @@ class CdrTemplate:
             raise ValueError(f"an example of {kind} lacks one of its {count} numbers")
 
     def fill(self, time_ns: NDArray[np.int64], *columns: FloatArray) -> list[bytes]:
-        """Return a message for each stamp (ns).
+        """Return a serialized message for each stamp (ns).
 
-        Each column, shape (n,), has a number for each message.
+        ``columns`` are the numbers of the messages, one array per number, shape (n,).
         """
         out = np.tile(self._example, (time_ns.size, 1))
         stamps = np.stack(np.divmod(time_ns, NS), axis=1).astype("<u4").view(np.uint8)

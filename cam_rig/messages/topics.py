@@ -1,4 +1,4 @@
-"""Table of topics: name, type, quality of service, publisher and rate.
+"""Table of the rig's topics: name, type, quality of service, publisher and rate.
 
 The names are those of the root namespace. A rig in another namespace has it as a prefix.
 """
@@ -25,7 +25,7 @@ GLOBAL_TOPICS = ("/parameter_events", "/tf", "/tf_static")
 
 @dataclass(frozen=True)
 class Topic:
-    """Reliable topic of the rig.
+    """Topic of the rig with reliable quality of service.
 
     Parameters
     ----------
@@ -67,11 +67,14 @@ class Topic:
 
     @property
     def relative(self) -> str:
-        """Name relative to a node's namespace, or the absolute name of a global topic."""
+        """Name of the topic relative to a node's namespace.
+
+        It is the absolute name for a global topic.
+        """
         return self.name if self.name in GLOBAL_TOPICS else self.name.lstrip("/")
 
     def within(self, namespace: str) -> str:
-        """Return the name in a namespace such as "/rig1", or "" for the root namespace."""
+        """Return the name of the topic in a namespace such as "/rig1", or "" for the root."""
         return self.name if self.name in GLOBAL_TOPICS else namespace + self.name
 
 
@@ -161,7 +164,7 @@ TOPICS = tuple(value for value in vars().values() if isinstance(value, Topic))
 
 
 def motion_depth(samples_per_turn: int) -> int:
-    """Return the history of a topic with a message per instant: four turns.
+    """Return the history depth of a topic with a message per instant: four turns.
 
     The messages of a tick are published together in a free run, and a tick may be a whole turn.
     """
@@ -170,12 +173,12 @@ def motion_depth(samples_per_turn: int) -> int:
 
 @lru_cache(maxsize=1024)
 def recorded_topic(name: str) -> Topic | None:
-    """Return the topic of a recorded name in any namespace, or None."""
+    """Return the topic with a recorded name, in any namespace, or None."""
     return next((t for t in RECORDING if name == t.name or name.endswith(t.name)), None)
 
 
 def occasions(before: CamState | None, state: CamState) -> set[str]:
-    """Return the values of `Topic.per` that apply at the time of a state.
+    """Return the values of `Topic.per` for which a message is due at a cam state.
 
     `before` is the previous state, None for the first.
     """
@@ -196,8 +199,9 @@ def occasions(before: CamState | None, state: CamState) -> set[str]:
 class Publishers:
     """Publishers of the messages of each node, identified by their gid.
 
-    A gid is compared as a whole. It is unique per publisher with every RMW. Only RTPS defines the
-    meaning of its parts, and some RMWs report another gid in the graph than with a message.
+    A gid is the identifier of a publisher in the middleware. It is compared as a whole. It is
+    unique per publisher with every RMW. Only RTPS defines the meaning of its parts, and some RMWs
+    report another gid in the graph than with a message.
 
     Parameters
     ----------
@@ -214,7 +218,7 @@ class Publishers:
     def require(self, node: str, topic: Topic, gid: bytes) -> None:
         """Raise RunError if a topic of a node has a second publisher.
 
-        An empty `gid` is the recorder itself.
+        `gid` is that of the publisher of a message. An empty `gid` is the recorder itself.
         """
         if not gid:
             return

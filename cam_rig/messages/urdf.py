@@ -37,7 +37,7 @@ PRISM_SIDES = 72
 
 
 class Material(NamedTuple):
-    """Colour (0xRRGGBBAA) and assumed density in kg/m³."""
+    """Material of a body: colour (0xRRGGBBAA) and assumed density in kg/m³."""
 
     rgba: int
     density: float
@@ -53,9 +53,10 @@ MATERIALS = {
 
 @dataclass(frozen=True)
 class Body:
-    """Box (lengths along x, y and z) or cylinder (radius, length along z).
+    """Body of a link: a box (lengths along x, y and z) or a cylinder (radius, length).
 
-    Sizes and the position `xyz` in the link are in m, `rpy` is roll, pitch and yaw in rad.
+    A cylinder is along z. Sizes and the position `xyz` in the link are in m, `rpy` is roll, pitch
+    and yaw in rad.
     """
 
     size: tuple[float, ...]
@@ -73,7 +74,7 @@ class Body:
 
     @property
     def inertia(self) -> FloatArray:
-        """Inertia about the centre, along the link's axes, shape (3, 3), kg m²."""
+        """Inertia of the body about its centre, along the link's axes, (3, 3), kg m²."""
         if len(self.size) == 3:
             x, y, z = np.square(self.size) / 12.0
             principal = np.array([y + z, x + z, x + y])
@@ -90,7 +91,10 @@ class Body:
         return np.asarray(self.mass * rotation @ np.diag(principal) @ rotation.T)
 
     def elements(self) -> tuple[Element, Element]:
-        """Return the elements for display and for collision, which have the same geometry."""
+        """Return the URDF elements of the body for display and for collision.
+
+        Both have the same geometry.
+        """
         visual, collision = Element("visual"), Element("collision")
         for element in (visual, collision):
             SubElement(
@@ -107,7 +111,7 @@ class Body:
 
 
 def inertial(bodies: Sequence[Body], mass: float | None = None) -> Element:
-    """Return the element with mass, centre and inertia of solid bodies.
+    """Return the URDF element with mass, centre and inertia of solid bodies.
 
     A `mass` (kg) replaces the total mass of the bodies, and is distributed in proportion to their
     masses. Without bodies the mass is 1 g, because every link needs a mass.
@@ -132,7 +136,7 @@ def inertial(bodies: Sequence[Body], mass: float | None = None) -> Element:
 
 
 def prism(outline: FloatArray, radius: float, thickness: float, material: str) -> list[Body]:
-    """Return boxes that approximate a cam with a clockwise contour, shape (n, 2).
+    """Return boxes that approximate a cam with a clockwise contour, shape (n, 2), m.
 
     One face of each box is on a chord of the contour. The boxes reach inwards to the base circle of
     `radius` (m), which a cylinder fills. URDF does not support polygons, and a mesh would be a file
@@ -198,7 +202,7 @@ def urdf(robot: Robot) -> str:
 
 
 def _link(root: Element, robot: Robot, name: str, bodies: list[Body]) -> None:
-    """Add a link with bodies, mass, inertia and a comment on the assumptions."""
+    """Add a URDF link with bodies, mass, inertia and a comment on the assumptions."""
     element, mass = SubElement(root, "link", name=name), None
     comment = "mass and inertia assumed: of solid bodies" if bodies else "1 g assumed: no body"
     if name == FOLLOWER:
@@ -234,7 +238,7 @@ def _joint(root: Element, robot: Robot, joint: RobotJoint) -> None:
 
 
 def _bodies(robot: Robot) -> dict[str, list[Body]]:
-    """Return the bodies of each link that has bodies."""
+    """Return the bodies of each link of the rig that has bodies, by name."""
     size, bench, cam, shape = robot.size, BENCH_SIZE, robot.mounted, robot.shape
     disc, line = DISC_THICKNESS * size, LINE_THICKNESS * size
     radius = cam.follower.base_radius.si
@@ -262,7 +266,10 @@ def _bodies(robot: Robot) -> dict[str, list[Body]]:
 
 
 def _strip(strip: FloatArray, depth: float, line: float, material: str) -> Body:
-    """Return the body of an outline: a line, a circle, or the bounding box."""
+    """Return the body of a polyline: a line, a circle, or the bounding box.
+
+    Lengths are in m.
+    """
     low, high = strip.min(axis=0), strip.max(axis=0)
     (x, y), (width, height) = 0.5 * (low + high), high - low
     centre = float(x), float(y), 0.0

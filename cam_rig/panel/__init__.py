@@ -1,4 +1,4 @@
-"""The rig in a browser: drawing board for motion laws, live bench, lab sheets."""
+"""Panel: the rig in a browser, with drawing board, live bench and lab sheets."""
 
 from __future__ import annotations
 

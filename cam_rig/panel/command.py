@@ -1,4 +1,4 @@
-"""cam-rig panel: drawing board, bench and lab sheet in a browser."""
+"""Command ``cam-rig panel``: drawing board, bench and lab sheets in a browser."""
 
 from __future__ import annotations
 
@@ -214,14 +214,14 @@ def panel(
 
 
 class ClassRoom(NamedTuple):
-    """Lab, seeds of its groups, and the address on which it is served."""
+    """Class of students: its lab, the seeds of its groups, and the server's address."""
 
     lab: str
     seeds: tuple[str, ...]
     host: str | None
 
     def pages(self, cams: list[CamConfig], rig: RigConfig, out: Path) -> dict[str, LabPages]:
-        """Return the pages of the groups by path.
+        """Return the pages of each group of the class, by path.
 
         With one seed or none, there is a single sheet at `LAB`. Raises ConfigError for a repeated
         seed.

@@ -44,7 +44,10 @@ Handler = Callable[[Message], Message | Response | Awaitable[Message | Response]
 
 
 def page_file(path: str, folder: str, on_open: Callable[[], None] = lambda: None) -> Route:
-    """Return the route of a page's HTML file. `on_open` is called at each request."""
+    """Return the route of a page's HTML file.
+
+    `on_open` is called at each request.
+    """
 
     async def respond(_: Request) -> Response:
         on_open()
@@ -228,7 +231,7 @@ SEND_TIMEOUT_S = 30.0
 
 
 class LivePage:
-    """Websocket of a page, with a queue that never blocks the sender.
+    """Websocket of an open page, with a queue that never blocks the sender.
 
     Only the newest message of each kind is queued.
     """
@@ -239,7 +242,7 @@ class LivePage:
         self._has_queued = asyncio.Event()
 
     def queue(self, kind: str, message: Callable[[], Message]) -> None:
-        """Queue a message in place of an older one of its kind.
+        """Queue a message for the page in place of an older message of its kind.
 
         `message` is called when the message is sent. An empty message is not sent.
         """
@@ -247,11 +250,17 @@ class LivePage:
         self._has_queued.set()
 
     def refusal(self, number: Any, reason: str) -> Message:
-        """Return the answer to a refused message. `number` is None if the message has no number."""
+        """Return the answer to a refused message of the page.
+
+        `number` is None if the message has no number.
+        """
         return {"type": "refused", "number": number, "message": reason}
 
     async def serve(self, obey: Callable[[Message], Awaitable[Message]]) -> None:
-        """Execute the page's commands by `obey` and send queued messages until it closes."""
+        """Execute the page's commands and send queued messages, until the page closes.
+
+        `obey` executes a command and returns the answer.
+        """
         try:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._obey(obey))
@@ -266,7 +275,10 @@ class LivePage:
         return [self._send_queued()]
 
     async def send(self, message: Message | bytes) -> None:
-        """Send a message, or raise TimeoutError if the page does not read."""
+        """Send a message to the page.
+
+        Raises TimeoutError if the page does not read.
+        """
         async with asyncio.timeout(SEND_TIMEOUT_S):
             if isinstance(message, bytes):
                 await self.socket.send_bytes(message)

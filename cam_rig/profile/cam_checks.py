@@ -31,10 +31,10 @@ BREADTH_RTOL = 1e-9
 
 
 def breadth_check(law: Law) -> Check:
-    """Return the check that s(θ) + s(θ + π) = s_max.
+    """Return the check that a cam has constant breadth or constant diameter.
 
-    It is the condition for constant breadth and constant diameter. s_max is the distance for which
-    the two elements are made.
+    The condition is s(θ) + s(θ + π) = s_max. s_max is the distance for which the two elements of
+    the follower are made.
     """
     max_lift = stroke(law)
 
@@ -66,7 +66,7 @@ def max_pressure_angle(follower: Follower, element: Element) -> float:
 
 
 def pressure_check(scan: Scan, follower: Follower) -> Check:
-    """Return the check of the greatest pressure angle, of either sign."""
+    """Return the check of the greatest pressure angle over the turn, of either sign."""
     steepest = scan.greatest(lambda touch: np.abs(touch.pressure))
     limit = max_pressure_angle(follower, scan.element)
     remedy = "let base_radius be larger, the spans longer, or set most_pressure_angle"
@@ -126,7 +126,10 @@ def check_cam(cam: CamConfig, law: Law) -> list[Check]:
 def _disc_checks(
     disc: Disc, follower: Follower, law: Law, min_base: float | None
 ) -> Iterator[Check]:
-    """Yield the checks of one disc."""
+    """Yield the checks of one disc of a cam.
+
+    ``find_min_base_radius`` is the minimum base radius (m), None if it is not known.
+    """
     scan = Scan(law, disc.element)
     yield from reach_checks(scan)
     curvature = list(curvature_checks(scan, follower, min_base))
@@ -137,7 +140,10 @@ def _disc_checks(
 
 
 def require_profile(cam: CamConfig, law: Law) -> None:
-    """Raise a `ProfileError` with the first failed fatal check of a cam."""
+    """Raise a `ProfileError` if a cam cannot exist.
+
+    The message is that of the first failed fatal check.
+    """
     for check in check_cam(cam, law):
         if check.is_fatal and not check.passed:
             raise ProfileError(f"cam {cam.name!r}: {check}")
@@ -148,7 +154,7 @@ USUAL_LIFTS = 1e-4, 0.1
 
 
 def warn_of_unusual_lift(lift: float) -> list[str]:
-    """Return a warning about a lift (m) outside of `USUAL_LIFTS`.
+    """Return a warning if a lift (m) is outside of `USUAL_LIFTS`.
 
     The list is empty for a usual lift.
     """
@@ -163,7 +169,7 @@ def warn_of_unusual_lift(lift: float) -> list[str]:
 
 @dataclass(frozen=True)
 class CheckedCam:
-    """A cam with its law and all checks of its contour.
+    """Cam with its law and all checks of its contour.
 
     Parameters
     ----------
@@ -181,7 +187,7 @@ class CheckedCam:
 
     @classmethod
     def of(cls, cam: CamConfig, law: Law) -> CheckedCam:
-        """Return a cam with its law and its checks."""
+        """Check a cam, and return it with its law and its checks."""
         return cls(cam, law, check_cam(cam, law))
 
     @property
@@ -190,7 +196,7 @@ class CheckedCam:
         return [check for check in self.checks if not check.passed]
 
     def worst(self, name: str) -> float | None:
-        """Return the value nearest to its limit among the checks of one name.
+        """Return the value nearest to its limit among the checks with a name.
 
         Conjugate cams have two checks of one name. The result is None without a finite value.
         """
@@ -201,5 +207,5 @@ class CheckedCam:
 
     @property
     def least_base_radius(self) -> float | None:
-        """Minimum base radius in m, None if it is not known."""
+        """Minimum base radius of the cam in m, None if it is not known."""
         return next((check.limit for check in self.checks if check.name == "base radius"), None)

@@ -74,7 +74,7 @@ class Check:
     def at(
         cls, name: str, worst: Extreme, relation: str, limit: float, unit: str, remedy: str
     ) -> Check:
-        """Return a fatal check of an extreme value at its cam angle."""
+        """Return the fatal check of an extreme value, with its cam angle."""
         return cls(name, worst.value, relation, limit, unit, worst.angle, remedy)
 
     @property
@@ -84,7 +84,7 @@ class Check:
 
     @property
     def title(self) -> str:
-        """Name of the check, with the name of the disc for conjugate cams."""
+        """Name of the check, for conjugate cams with the name of the disc."""
         return f"{self.disc} cam, {self.name}" if self.disc else self.name
 
     @property
@@ -98,17 +98,17 @@ class Check:
         return None if self.angle is None else float(np.degrees(self.angle)) % 360.0
 
     def format_value(self, value: float) -> str:
-        """Return the text of a value in the display unit."""
+        """Return a value of the check as text in its display unit."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         return f"{value * FACTORS[self.unit]:.5g}{unit}".replace(" °", "°")
 
     @property
     def allowed(self) -> str:
-        """Relation and limit as text."""
+        """Required relation and limit as text."""
         return f"{self.relation} {self.format_value(self.limit)}"
 
     def __str__(self) -> str:
-        """Return one line with angle, value, limit and remedy."""
+        """Return the check as one line with angle, value, limit and remedy."""
         where = "" if self.degrees is None else f" at {self.degrees:.4g}°"
         return (
             f"{self.title} is {self.format_value(self.value)}{where}; allowed: {self.allowed}; "
@@ -121,7 +121,7 @@ CROSSING_POINTS = 3600
 
 
 def reach_checks(scan: Scan) -> Iterator[Check]:
-    """Yield the checks of the positions that the follower can reach."""
+    """Yield the checks of the distances and angles that the follower must reach."""
     element, law = scan.element, scan.law
     nearest = min_clearance(element, law)
     remedy = "the cam would not hold its shaft: let base_radius be larger"
@@ -147,7 +147,7 @@ def min_clearance(element: Element, law: Law) -> Extreme:
 
 
 def _arm_checks(element: Swung, law: Law) -> Iterator[Check]:
-    """Yield the checks of the arm's angle at the lowest and the highest lift.
+    """Yield the checks of an arm's angle at the lowest and the highest lift.
 
     Beyond these angles the arm would have to follow the cam backwards.
     """
@@ -168,9 +168,9 @@ def pivot_checks(scan: Scan) -> Iterator[Check]:
 
 
 def crossing_check(disc: Disc, law: Law) -> Check:
-    """Return the check that the contour does not cross itself.
+    """Return the check that the contour of a disc does not cross itself.
 
-    It does at a neck that is narrower than the roller.
+    A contour crosses itself at a neck that is narrower than the roller.
     """
     with friendly_import_errors():
         from shapely import LinearRing, Polygon, is_valid_reason
@@ -222,10 +222,11 @@ def sharpest_concave(scan: Scan) -> Extreme | None:
 
 
 def curvature_checks(scan: Scan, follower: Follower, min_base: float | None) -> Iterator[Check]:
-    """Yield the checks of the radius of curvature.
+    """Yield the checks of the contour's radius of curvature.
 
     Convex parts are checked for undercut and for the least radius that the cam file requires.
-    Concave parts are compared with the radius of the roller.
+    Concave parts are compared with the radius of the roller. ``find_min_base_radius`` is the minimum base
+    radius (m), None if it is not known.
     """
     base, required = follower.base_radius.si, follower.least_curvature_radius
     convex = sharpest_convex(scan)
@@ -244,7 +245,11 @@ def curvature_checks(scan: Scan, follower: Follower, min_base: float | None) -> 
 
 
 def corner_check(law: Law, tolerance: float) -> Check:
-    """Return the check for corners: a jump of s' gives the contour a corner."""
+    """Return the check that the contour has no corner.
+
+    A jump of s' gives the contour a corner. ``tolerance`` is the allowed jump as a fraction of the
+    lift.
+    """
     jumps = np.abs(law.jumps(1))
     worst = int(np.argmax(jumps))
     step, limit = Extreme(float(jumps[worst]), float(law.breaks[worst])), tolerance * law.lift
@@ -301,9 +306,10 @@ def find_min_base_radius(follower: Follower, law: Law) -> float | None:
 
 
 def search_base_radius(margin: Callable[[float], float], base_radius: float) -> float | None:
-    """Find the base radius (m) next to `base_radius` at which a margin is 0.
+    """Find the base radius (m) at which the margin of a check is 0.
 
-    The margin is finite and increases with the base radius.
+    The margin is finite and increases with the base radius. The base radius next to `base_radius`
+    is returned.
 
     Parameters
     ----------
@@ -330,12 +336,12 @@ def search_base_radius(margin: Callable[[float], float], base_radius: float) -> 
 
 
 def _min_convex_radius(plates: tuple[Disc, ...], law: Law) -> float:
-    """Return the least convex radius of curvature of several discs, m."""
+    """Return the least convex radius of curvature of a cam's discs, m."""
     return min(sharpest_convex(Scan(law, disc.element)).value for disc in plates)
 
 
 def discs_on(follower: Follower, law: Law, base: float) -> tuple[Disc, ...]:
-    """Return the discs with another base radius (m).
+    """Return the discs of a cam with another base radius (m).
 
     The result is empty if the follower does not reach the base circle, or crosses the axis.
     """

@@ -25,7 +25,10 @@ from cam_rig.units import TURN, ComplexArray, FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Cam angles (rad) with s (m), s' (m/rad), s'' (m/rad²): four arrays of one shape."""
+    """Motion of a follower at some cam angles: four arrays of one shape.
+
+    They are the angle (rad), s (m), s' (m/rad) and s'' (m/rad²).
+    """
 
     angle: FloatArray
     s: FloatArray
@@ -34,13 +37,16 @@ class Motion:
 
     @classmethod
     def uniform(cls, law: Law, count: int) -> Motion:
-        """Return the motion at `count` equal steps over one turn, its end excluded."""
+        """Return the motion of a law at `count` equal steps over one turn.
+
+        The end of the turn is left out.
+        """
         motion = sample(law, 0.0, TURN / count, count, np.eye(3), np.zeros(3))
         return cls(turn_angles(count), *motion)
 
     @classmethod
     def at(cls, law: Law, angle: FloatArray) -> Motion:
-        """Return the motion at any cam angles (rad).
+        """Return the motion of a law at any cam angles (rad).
 
         A joint of the law belongs to the piece that starts there.
         """
@@ -48,16 +54,20 @@ class Motion:
 
     @classmethod
     def on_pieces(cls, law: Law, u: FloatArray) -> Motion:
-        """Return the motion at `u` ∈ [0, 1] of each piece, in arrays ``(len(u), n)``.
+        """Return the motion of a law at `u` ∈ [0, 1] of each of its n pieces.
 
-        A joint is in both of its pieces, so a jump has both of its limits.
+        The arrays are ``(len(u), n)``. A joint is in both of its pieces, so a jump has both of its
+        limits.
         """
         values = np.tensordot(bernstein.basis(law.degree, u), law.motion, axes=([1], [1]))
         return cls(law.breaks[:-1] + u[:, None] * law.spans, *np.moveaxis(values, 1, 0))
 
     @classmethod
     def on_piece(cls, law: Law, piece: int, u: FloatArray) -> Motion:
-        """Return the motion at `u` ∈ [0, 1] of one piece, in arrays ``(len(u),)``."""
+        """Return the motion of a law at `u` ∈ [0, 1] of one piece.
+
+        The arrays are ``(len(u),)``.
+        """
         values = law.motion[:, :, piece] @ bernstein.basis(law.degree, u).T
         return cls(law.breaks[piece] + u * law.spans[piece], *values)
 
@@ -107,7 +117,7 @@ class Touch:
 
 
 class Element(ABC):
-    """Part of a follower that touches one cam.
+    """Element of a follower: the part that touches one cam.
 
     Its position (m) increases as the follower moves outwards. It is the height in the guide, or the
     arc length at the end of the arm. `place_on` measures it on a finished contour without the law.
@@ -117,29 +127,30 @@ class Element(ABC):
 
     @abstractmethod
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact of a follower that moves by the law."""
+        """Return the contact with the cam of a follower that moves by the law."""
 
     @abstractmethod
     def place_on(self, points: ComplexArray) -> FloatArray:
         """Return the position (m) at which the element just touches each point.
 
-        The points are in the guide's frame. The position is −∞ for points that it never touches.
+        The points are those of a contour in the guide's frame, m. The position
+        is −∞ for points that it never touches.
         """
 
     @abstractmethod
     def lift_at(self, position: FloatArray) -> FloatArray:
-        """Return the displacement s (m) at a position (m)."""
+        """Return the displacement s (m) of the follower at a position of the element (m)."""
 
     @abstractmethod
     def clearance(self, s: FloatArray) -> FloatArray:
-        """Return the distance (m) of roller, point or face from the cam's axis at s (m).
+        """Return the distance (m) of the element from the cam's axis.
 
-        At a distance of 0 there is no room for a shaft.
+        ``s`` is the displacement, m. At a distance of 0 there is no room for a shaft.
         """
 
     @abstractmethod
     def stand(self, s: FloatArray) -> ComplexArray:
-        """Return the reference point of the element in m at s (m).
+        """Return the reference point of the element at a displacement s (m), in m.
 
         It is the roller's centre, the point, or the point of the face at its guide or at the end of
         the arm.
@@ -147,7 +158,10 @@ class Element(ABC):
 
     @abstractmethod
     def moves(self, points: ComplexArray) -> ComplexArray:
-        """Return the velocity of the follower's material at `points`, divided by ṡ."""
+        """Return the velocity of the follower's material at some points, divided by ṡ.
+
+        The points are in the guide's frame, in m.
+        """
 
 
 def offset_contact(
@@ -157,11 +171,12 @@ def offset_contact(
     roller: float,
     pressure: FloatArray,
 ) -> Touch:
-    """Return the contact on the contour inside a pitch curve.
+    """Return the contact on the contour that lies inside a pitch curve.
 
-    The equations are 2.22-2.25 and 2.43-2.46. `tangent` and `second` are the first and second
-    derivative of the pitch curve by θ in the cam frame, expressed in the guide's frame. A curvature
-    below `STRAIGHT_CURVATURE` counts as 0.
+    The equations are 2.22-2.25 and 2.43-2.46. `centre` are the points of the pitch curve (m),
+    `roller` is the radius of the roller (m), and `pressure` are the pressure angles (rad).
+    `tangent` and `second` are the first and second derivative of the pitch curve by θ in the cam
+    frame, expressed in the guide's frame. A curvature below `STRAIGHT_CURVATURE` counts as 0.
     """
     speed = np.abs(tangent)
     normal = 1j * tangent / speed
@@ -190,7 +205,7 @@ Curve = Callable[[FloatArray], FloatArray]
 
 
 def zoom(curve: Curve, middle: float, width: float) -> tuple[float, float]:
-    """Return the position in [0, 1] and the value of a curve's maximum.
+    """Return the position in [0, 1] and the value of the maximum of a function.
 
     The search covers `width` on each side of `middle`.
     """
@@ -209,31 +224,34 @@ def _samples(pieces: int) -> FloatArray:
 
 @lru_cache(maxsize=4)
 def _dense(law: Law) -> Motion:
-    """Return dense samples of all pieces of a law, joints with both limits.
+    """Return the motion of a law at dense samples of all its pieces.
 
-    The cache serves searches that scan one law many times.
+    A joint has both of its limits. The cache serves searches that scan one law many times.
     """
     return Motion.on_pieces(law, _samples(law.spans.size))
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Contact of an element over the whole turn, scanned for extreme values."""
+    """Scan of the contact of an element over the whole turn, for extreme values."""
 
     law: Law
     element: Element
 
     @cached_property
     def touch(self) -> Touch:
-        """Contact at m samples of each of the law's n pieces, arrays of shape ``(m, n)``."""
+        """Contact at the samples of the scan, arrays of shape ``(m, n)``.
+
+        There are m samples of each of the law's n pieces.
+        """
         return self.element.touch(_dense(self.law))
 
     def greatest(self, quantity: Callable[[Touch], FloatArray]) -> Extreme:
-        """Return the greatest value over the turn of a quantity of the contact."""
+        """Return the greatest value of a quantity of the contact over the turn."""
         return self.greatest_of(lambda _, touch: quantity(touch))
 
     def greatest_of(self, quantity: Callable[[Motion, Touch], FloatArray]) -> Extreme:
-        """Return the greatest value of a quantity of the motion and the contact."""
+        """Return the greatest value of a quantity of motion and contact over the turn."""
         u, values = _samples(self.law.spans.size), quantity(_dense(self.law), self.touch)
         row, piece = np.unravel_index(np.argmax(values), values.shape)
 
@@ -245,13 +263,13 @@ class Scan:
         return Extreme(value, float(self.law.breaks[piece] + u_max * self.law.spans[piece]))
 
     def least(self, quantity: Callable[[Touch], FloatArray]) -> Extreme:
-        """Return the least value over the turn of a quantity of the contact."""
+        """Return the least value of a quantity of the contact over the turn."""
         greatest = self.greatest(lambda touch: -quantity(touch))
         return Extreme(-greatest.value, greatest.angle)
 
 
 def greatest_between(curve: Curve, edges: FloatArray) -> Extreme:
-    """Return the greatest value of a function of the cam angle.
+    """Return the greatest value of a function of the cam angle, and its angle.
 
     The function is continuous, and smooth between `edges` (rad).
     """
@@ -265,7 +283,7 @@ def greatest_between(curve: Curve, edges: FloatArray) -> Extreme:
 
 @lru_cache(maxsize=32)
 def stroke(law: Law) -> float:
-    """Return the sum of the least and the greatest displacement in m.
+    """Return the sum of the least and the greatest displacement of a law, m.
 
     It is s_max of a law that starts at 0.
     """

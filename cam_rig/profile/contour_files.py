@@ -29,7 +29,7 @@ MAX_HEIGHT = 1e-6
 
 @dataclass(frozen=True)
 class Placement:
-    """Position of the coordinates of a file in the frame of the cam.
+    """Position of the coordinates of a contour file in the frame of the cam.
 
     In this frame the axis of the cam is the origin, and the follower of cam angle 0 is on +y.
 
@@ -51,7 +51,7 @@ class Placement:
     is_mirrored: bool = False
 
     def note(self) -> str:
-        """Return a sentence with the placement that is used."""
+        """Sentence that describes the placement."""
         x, y = (1e3 * coordinate for coordinate in self.axis)
         mirrored = ", seen from the other side" if self.is_mirrored else ""
         return (
@@ -60,7 +60,7 @@ class Placement:
         )
 
     def place(self, points: FloatArray) -> FloatArray:
-        """Return points `(2, n)` (m) of a file in the frame of the cam."""
+        """Convert points `(2, n)` (m) from the frame of a file to the frame of the cam."""
         x, y = points - np.array(self.axis)[:, None]
         turned = (x + 1j * y) * np.exp(1j * (0.25 * TURN - self.zero))
         if self.is_mirrored:
@@ -68,7 +68,7 @@ class Placement:
         return np.array([turned.real, turned.imag])
 
     def in_file(self, points: FloatArray) -> FloatArray:
-        """Return points `(2, n)` (m) of the frame of the cam in the frame of the file."""
+        """Convert points `(2, n)` (m) from the frame of the cam to the frame of the file."""
         z = points[0] + 1j * points[1]
         turned = -z.conj() if self.is_mirrored else z
         x, y = self.axis
@@ -82,9 +82,10 @@ UNPLACED = Placement()
 
 @dataclass(frozen=True)
 class ContourFile:
-    """Contours of a file: `(2, n)` points in m each, and notes on how it was read.
+    """Contours that were read from a file, and notes on how it was read.
 
-    `are_points` is True if they are points of a table, between which the contour is unknown.
+    A contour is an array of points `(2, n)` in m. `are_points` is True if they are points of a
+    table, between which the contour is unknown.
     """
 
     curves: list[FloatArray]
@@ -93,14 +94,20 @@ class ContourFile:
 
 
 def encloses_axis(points: FloatArray) -> bool:
-    """Return True if a closed contour `(2, n)` in the frame of the cam turns around its axis."""
+    """Return True if a closed contour `(2, n)` turns around the axis of the cam.
+
+    The contour is in the frame of the cam.
+    """
     z = points[0] + 1j * points[1]
     turned = np.sum(np.angle(np.roll(z, -1) * z.conj()))
     return bool(abs(turned) > 0.5 * TURN)
 
 
 def require_size(path: Path, curve: FloatArray) -> None:
-    """Refuse a contour that is not finite, or is larger or smaller than a cam."""
+    """Raise `ProfileError` if a contour does not have the size of a cam.
+
+    A contour that is not finite is rejected too. `path` is the file in the message.
+    """
     size = float(np.abs(curve).max(initial=0.0)) if np.isfinite(curve).all() else math.inf
     if not MIN_SIZE <= size <= MAX_SIZE:
         raise ProfileError(
@@ -148,10 +155,16 @@ def read_contour_table(path: Path, placement: Placement = UNPLACED) -> ContourFi
 
 
 class _ContourTable(CellTable):
-    """A file of points of contours."""
+    """Reader of a table of points of contours."""
 
     def headings_of_numbers(self) -> list[Heading]:
-        """Return the headings, which must be there."""
+        """Return the headings of the table.
+
+        Raises
+        ------
+        ConfigError
+            If the table has no headings.
+        """
         if self.first is None or self.first == 0:
             raise self.error(
                 "has no heading above numbers; allowed: a heading such as x_mm, y_mm or "
@@ -160,7 +173,10 @@ class _ContourTable(CellTable):
         return self.headings(len(self.rows[self.first][1]))
 
     def coordinates(self, headings: list[Heading]) -> tuple[int, int, bool]:
-        """Return the columns of x and y, or of angle and radius, and True for the latter."""
+        """Return the indices of the columns of x and y, or of angle and radius.
+
+        The third result is True for angle and radius.
+        """
         first = {heading.quantity: i for i, heading in reversed(list(enumerate(headings)))}
         if "x" in first and "y" in first:
             x, y = first["x"], first["y"]
@@ -179,7 +195,10 @@ class _ContourTable(CellTable):
         )
 
     def points(self, headings: list[Heading], used: list[int]) -> FloatArray:
-        """Return the numbers `(2, n)` of two columns, without the factor of their unit."""
+        """Return the numbers of two columns of the table, `(2, n)`.
+
+        They are not multiplied with the factor of their unit.
+        """
         rows = []
         for line, cells in self.rows[self.first :]:
             texts = self.numbers(line, cells, headings, used)
@@ -191,7 +210,7 @@ class _ContourTable(CellTable):
         return np.array(rows).reshape(-1, 2).T
 
     def length_factor(self, heading: Heading, unit: str | None) -> tuple[float, list[str]]:
-        """Return the factor of lengths to m, and a note if it is assumed."""
+        """Return the factor from lengths in the table to m, and a note if it is assumed."""
         if heading.factor is None:
             notes = [f"no unit of length in {heading.text!r}: mm assumed"] if unit is None else []
             return UNITS["length"][unit or "mm"], notes
@@ -203,7 +222,7 @@ class _ContourTable(CellTable):
         return heading.factor, []
 
     def angle_factor(self, heading: Heading, angles: list[float]) -> tuple[float, list[str]]:
-        """Return the factor of angles to the cam angle in rad, and notes."""
+        """Return the factor from angles in the table to the cam angle in rad, and notes."""
         factor, notes = heading.factor, []
         if factor is None:
             factor, unit = self.guess_angle_unit(heading, angles)
@@ -217,10 +236,10 @@ class _ContourTable(CellTable):
         return factor, notes
 
     def order(self, angle: FloatArray, radius: FloatArray, discs: list[str]) -> list[int]:
-        """Return the order of the rows around the cam.
+        """Return the order of the table's rows around the cam, as indices.
 
-        The rows of a disc whose angles (rad) rise and fall several times are sorted by angle.
-        Raise ConfigError if they cover more than a turn, or have several radii (m) at an angle.
+        The rows of a disc whose angles (rad) rise and fall several times are sorted by angle. Raise
+        ConfigError if they cover more than a turn, or have several radii (m) at an angle.
         """
         rows = list(range(angle.size))
         for disc in dict.fromkeys(discs):
@@ -247,7 +266,10 @@ class _ContourTable(CellTable):
         return rows
 
     def require_plane(self, headings: list[Heading], factor: float) -> None:
-        """Raise ConfigError if z varies within a disc. `factor` is the unit of x and y in m."""
+        """Raise ConfigError if the coordinate z varies within a disc.
+
+        `factor` is the unit of x and y in m.
+        """
         column = next((i for i, heading in enumerate(headings) if heading.quantity == "z"), None)
         if column is None:
             return
@@ -263,6 +285,6 @@ class _ContourTable(CellTable):
                 )
 
     def discs(self, headings: list[Heading]) -> list[str]:
-        """Return the name of the disc of each row, empty without such a column."""
+        """Return the name of the disc of each row, empty if the table has no such column."""
         column = next((i for i, heading in enumerate(headings) if heading.text == "disc"), None)
         return ["" if column is None else cells[column] for _, cells in self.rows[self.first :]]

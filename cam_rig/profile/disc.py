@@ -1,4 +1,4 @@
-"""The discs of a cam with their followers: one disc, or two for conjugate cams."""
+"""Discs of a cam with their followers: one disc, or two for conjugate cams."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cam_rig.units import ComplexArray, FloatArray
 
 @dataclass(frozen=True)
 class Disc:
-    """One cam plate.
+    """Plate of a cam, with the elements of the follower that touch it.
 
     Parameters
     ----------
@@ -97,9 +97,9 @@ def _si(quantity: Quantity | None) -> float:
 
 
 def _rocker(follower: kinds.OscillatingConjugate, law: Law, base: float) -> list[Disc]:
-    """Return the discs of a rocker with two arms.
+    """Return the two discs of a rocker with two arms.
 
-    The second roller sinks as the first roller rises.
+    The second roller sinks as the first roller rises. `base` is the base radius, m.
     """
     roller, arm, pivot = follower.roller, follower.arm.si, follower.pivot_distance.si
     first = SwungCentre.on_base(base, roller, arm, pivot)
@@ -114,7 +114,9 @@ def _rocker(follower: kinds.OscillatingConjugate, law: Law, base: float) -> list
 
 @dataclass(frozen=True, eq=False)
 class Contour:
-    """Contour of one disc in the cam frame. Point i is touched at cam angle i.
+    """Contour of one disc in the cam frame, by the cam angle of its contact.
+
+    Point i is touched at cam angle i.
 
     Parameters
     ----------
@@ -152,7 +154,7 @@ class Contour:
 
     @classmethod
     def of(cls, disc: Disc, motion: Motion) -> Contour:
-        """Return the contour of a disc at the cam angles of a motion."""
+        """Return the contour of a disc, sampled at the cam angles of a motion."""
         touch: Touch = disc.element.touch(motion)
         turn = np.exp(-1j * motion.angle)
         return cls(
@@ -199,5 +201,5 @@ def _contours(follower: Follower, law: Law, motion: Motion) -> tuple[Contour, ..
 
 
 def plane(values: ComplexArray) -> FloatArray:
-    """Return x and y of complex numbers, shape ``(2, n)``."""
+    """Convert complex numbers to x and y, shape ``(2, n)``."""
     return np.stack([values.real, values.imag])

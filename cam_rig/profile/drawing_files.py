@@ -1,4 +1,4 @@
-"""DXF and SVG drawings of closed polylines in mm, true to scale, and CSV tables."""
+"""Drawings of closed polylines in mm, true to scale (DXF, SVG), and CSV tables."""
 
 from __future__ import annotations
 

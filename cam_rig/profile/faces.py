@@ -1,4 +1,4 @@
-"""Follower elements with a circle, a point (a circle of radius 0) or a face."""
+"""Elements of followers: a circle, a point (a circle of radius 0) or a face."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from cam_rig.units import ComplexArray, FloatArray
 
 
 class Guided(Element):
-    """Element in a guide that passes the cam's axis at a distance of `eccentricity`.
+    """Element of a follower in a straight guide.
 
-    Its position is its height.
+    The guide passes the cam's axis at a distance of `eccentricity`. The element's position is its
+    height.
     """
 
     eccentricity: float
@@ -22,20 +23,26 @@ class Guided(Element):
     side: int
 
     def lift_at(self, position: FloatArray) -> FloatArray:
-        """Return the displacement s (m) at a height (m)."""
+        """Return the displacement s (m) of the follower at a height of the element (m)."""
         return self.side * (position - self.start)
 
     def stand(self, s: FloatArray) -> ComplexArray:
-        """Return the centre, or the point of the face at its guide, in m at s (m)."""
+        """Return the centre, or the face's point at its guide, at a displacement s (m).
+
+        The result is in m.
+        """
         return self.side * (self.eccentricity + 1j * (self.start + self.side * s))
 
     def moves(self, points: ComplexArray) -> ComplexArray:
-        """Return the direction of the guide, on either side of the cam."""
+        """Return the direction of the guide at each point, a unit vector.
+
+        It is the same on either side of the cam.
+        """
         return np.full_like(points, 1j)
 
 
 class Swung(Element):
-    """Element that an arm carries around its pivot.
+    """Element of a follower that an arm carries around its pivot.
 
     Its position is the arc length at the end of the arm.
     """
@@ -46,18 +53,18 @@ class Swung(Element):
     side: int
 
     def arm_angle(self, s: FloatArray) -> FloatArray:
-        """Return the angle at the pivot (rad) at s (m).
+        """Return the angle of the arm at the pivot (rad) at a displacement s (m).
 
         It is measured from the line through the pivot and the axis, on the side of the arm.
         """
         return self.start + self.side * s / self.arm
 
     def lift_at(self, position: FloatArray) -> FloatArray:
-        """Return the displacement s (m) at an arc length (m)."""
+        """Return the displacement s (m) of the follower at an arc length (m)."""
         return self.side * (position - self.arm * self.start)
 
     def moves(self, points: ComplexArray) -> ComplexArray:
-        """Return the velocity of the material at `points`, divided by ṡ.
+        """Return the velocity of the follower's material at some points, divided by ṡ.
 
         The rotation about the pivot is clockwise as s increases, on both sides of the cam.
         """
@@ -87,7 +94,15 @@ class GuidedCentre(Guided):
 
     @classmethod
     def on_base(cls, base_radius: float, roller: float, eccentricity: float) -> GuidedCentre:
-        """Return the element with s = 0 on the base circle (eq. 2.19)."""
+        """Return the element whose displacement is 0 on the base circle (eq. 2.19).
+
+        Lengths are in m.
+
+        Raises
+        ------
+        ReachError
+            If the eccentricity is too large.
+        """
         prime = base_radius + roller
         if abs(eccentricity) >= prime:
             raise ReachError(
@@ -97,11 +112,11 @@ class GuidedCentre(Guided):
         return cls(roller, eccentricity, float(np.sqrt(prime**2 - eccentricity**2)))
 
     def height(self, s: FloatArray) -> FloatArray:
-        """Return the height (m) of the centre above the cam's axis at s (m)."""
+        """Return the height (m) of the centre above the axis at a displacement s (m)."""
         return self.start + self.side * s
 
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact of a follower that moves by the law."""
+        """Return the contact with the cam of a follower that moves by the law."""
         side, height = self.side, self.height(motion.s)
         up = side * motion.slope - self.eccentricity
         centre = side * (self.eccentricity + 1j * height)
@@ -110,19 +125,22 @@ class GuidedCentre(Guided):
         return offset_contact(centre, tangent, second, self.roller, np.arctan2(up, height))
 
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Return the height (m) of the centre at which it just touches each point."""
+        """Return the height (m) of the centre at which it just touches each point.
+
+        It is the centre of roller or point. The points are those of a contour, m.
+        """
         square = self.roller**2 - self.offset_from_path(points) ** 2
         height = self.side * points.imag + np.sqrt(np.maximum(square, 0.0))
         return np.asarray(np.where(square >= 0.0, height, -np.inf) if self.roller else height)
 
     def offset_from_path(self, points: ComplexArray) -> FloatArray:
-        """Return the distance (m) of points to the right of the centre's path."""
+        """Return the distance (m) of points to the right of the path of the centre."""
         return np.asarray(self.side * points.real - self.eccentricity)
 
     def clearance(self, s: FloatArray) -> FloatArray:
-        """Return the distance (m) of roller or point from the cam's axis at s (m).
+        """Return the distance (m) of roller or point from the cam's axis.
 
-        It is negative if the centre is below the axis.
+        ``s`` is the displacement in m. The distance is negative if the centre is below the axis.
         """
         distance = np.hypot(self.eccentricity, self.height(s))
         return np.asarray(np.copysign(distance, self.height(s)) - self.roller)
@@ -155,7 +173,15 @@ class SwungCentre(Swung):
 
     @classmethod
     def on_base(cls, base_radius: float, roller: float, arm: float, pivot: float) -> SwungCentre:
-        """Return the element with s = 0 on the base circle (eq. 2.34)."""
+        """Return the element whose displacement is 0 on the base circle (eq. 2.34).
+
+        Lengths are in m.
+
+        Raises
+        ------
+        ReachError
+            If the arm does not reach the base circle.
+        """
         prime, shortest, longest = base_radius + roller, abs(pivot - arm), pivot + arm
         if not shortest < prime < longest:
             raise ReachError(
@@ -167,7 +193,7 @@ class SwungCentre(Swung):
         return cls(roller, arm, pivot, float(np.arccos(cosine)))
 
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact of a follower that moves by the law."""
+        """Return the contact with the cam of a follower that moves by the law."""
         slope, curvature = motion.slope / self.arm, motion.curvature / self.arm
         out = self.arm * np.exp(-1j * self.side * self.arm_angle(motion.s))
         centre = self.pivot - out
@@ -177,7 +203,10 @@ class SwungCentre(Swung):
         return offset_contact(centre, tangent, second, self.roller, pressure)
 
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Return the arc length (m) at which the element just touches each point."""
+        """Return the arc length (m) at which the element just touches each point.
+
+        The points are those of a contour, m.
+        """
         arm = self.pivot - points
         arm_angle = -self.side * np.angle(arm)
         if self.roller == 0.0:
@@ -192,11 +221,14 @@ class SwungCentre(Swung):
         return np.asarray(self.arm - np.abs(self.pivot - points), dtype=np.float64)
 
     def clearance(self, s: FloatArray) -> FloatArray:
-        """Return the distance (m) of roller or point from the cam's axis at s (m)."""
+        """Return the distance (m) of roller or point from the cam's axis.
+
+        ``s`` is the displacement, m.
+        """
         return np.asarray(np.abs(self.stand(s)) - self.roller)
 
     def stand(self, s: FloatArray) -> ComplexArray:
-        """Return the centre in m at s (m)."""
+        """Return the centre of roller or point in m at a displacement s (m)."""
         return np.asarray(self.pivot - self.arm * np.exp(-1j * self.side * self.arm_angle(s)))
 
 
@@ -228,18 +260,21 @@ class GuidedFace(Guided):
 
     @classmethod
     def on_base(cls, base_radius: float, inclination: float, eccentricity: float) -> GuidedFace:
-        """Return the element with s = 0 on the base circle."""
+        """Return the element whose displacement is 0 on the base circle.
+
+        Lengths are in m, and the inclination is in rad.
+        """
         start = (base_radius + eccentricity * np.sin(inclination)) / np.cos(inclination)
         return cls(inclination, eccentricity, float(start))
 
     @property
     def base_radius(self) -> float:
-        """Distance of the face from the cam's axis at s = 0, m."""
+        """Distance of the face from the cam's axis at a displacement of 0, m."""
         sine, cosine = np.sin(self.inclination), np.cos(self.inclination)
         return float(self.start * cosine - self.eccentricity * sine)
 
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact of a follower that moves by the law."""
+        """Return the contact with the cam of a follower that moves by the law."""
         cosine = self.side * np.cos(self.inclination)
         along = self.side * np.exp(1j * self.inclination)
         distance = self.clearance(motion.s)
@@ -253,12 +288,15 @@ class GuidedFace(Guided):
         )
 
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Return the height (m) in the guide at which the face contains each point."""
+        """Return the height (m) in the guide at which the face contains each point.
+
+        The points are those of a contour, m.
+        """
         slant = float(np.tan(self.inclination))
         return self.side * (points.imag - slant * points.real) + slant * self.eccentricity
 
     def clearance(self, s: FloatArray) -> FloatArray:
-        """Return the distance (m) of the face from the cam's axis at s (m)."""
+        """Return the distance (m) of the face from the cam's axis at a displacement s (m)."""
         return np.asarray(self.base_radius + self.side * np.cos(self.inclination) * s)
 
 
@@ -287,7 +325,15 @@ class SwungFace(Swung):
 
     @classmethod
     def on_base(cls, base_radius: float, arm: float, offset: float, pivot: float) -> SwungFace:
-        """Return the element with s = 0 on the base circle (eq. 2.27)."""
+        """Return the element whose displacement is 0 on the base circle (eq. 2.27).
+
+        Lengths are in m.
+
+        Raises
+        ------
+        ReachError
+            If the face does not reach the base circle.
+        """
         reach = base_radius - offset
         if abs(reach) >= pivot:
             raise ReachError(
@@ -298,7 +344,7 @@ class SwungFace(Swung):
         return cls(arm, offset, pivot, float(np.arcsin(reach / pivot)))
 
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact of a follower that moves by the law."""
+        """Return the contact with the cam of a follower that moves by the law."""
         arm_angle, turn = self.arm_angle(motion.s), 1.0 + motion.slope / self.arm  # dψ/dθ
         slope, curvature = turn - 1.0, motion.curvature / self.arm
         along = np.exp(-1j * arm_angle)
@@ -316,7 +362,10 @@ class SwungFace(Swung):
         )
 
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Return the arc length (m) at which the face contains each point."""
+        """Return the arc length (m) at which the face contains each point.
+
+        The points are those of a contour, m.
+        """
         arm = self.pivot - points
         reach = np.abs(arm)
         reaches = reach >= abs(self.offset)
@@ -325,10 +374,10 @@ class SwungFace(Swung):
         return np.asarray(self.arm * np.where(reaches, arm_angle, -np.inf), dtype=np.float64)
 
     def clearance(self, s: FloatArray) -> FloatArray:
-        """Return the distance (m) of the face from the cam's axis at s (m)."""
+        """Return the distance (m) of the face from the cam's axis at a displacement s (m)."""
         return np.asarray(self.pivot * np.sin(self.arm_angle(s)) + self.offset)
 
     def stand(self, s: FloatArray) -> ComplexArray:
-        """Return the point of the face at the end of the arm, in m at s (m)."""
+        """Return the face's point at the end of the arm, in m, at a displacement s (m)."""
         face = (self.arm - 1j * self.offset) * np.exp(-1j * self.arm_angle(s))
         return np.asarray(self.pivot - face)

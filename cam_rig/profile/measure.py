@@ -1,4 +1,4 @@
-"""Measurement of a finished contour: position of a follower that rests on it.
+"""Measurement of a finished contour by a follower that rests on it.
 
 The measurement does not use the law. A face or a roller rests on the point of the contour that
 lifts it farthest. A point rests where its path crosses the contour.
@@ -114,7 +114,11 @@ def rest_on_contour(element: Element, curve: Curve, angle: FloatArray) -> FloatA
 def _find_highest(
     element: Element, curve: Curve, outline: ComplexArray, turn: ComplexArray
 ) -> FloatArray:
-    """Return the position on the point that lifts the follower farthest, ``(k,)``."""
+    """Return the position (m) of the element at the point that lifts it farthest.
+
+    The shape is ``(k,)`` for the k turned positions ``turn`` of the contour. ``outline`` are coarse
+    points of the contour.
+    """
     best = np.argmax(element.place_on(outline * turn), axis=1)
     step = TURN / COARSE_POINTS
     middle, rows = best * step, np.arange(turn.size)
@@ -129,7 +133,11 @@ def _find_highest(
 def _find_crossing(
     element: GuidedCentre | SwungCentre, curve: Curve, outline: ComplexArray, turn: ComplexArray
 ) -> FloatArray:
-    """Return the position at the farthest crossing of path and contour, ``(k,)``."""
+    """Return the position (m) at which the element's path crosses the contour.
+
+    The farthest crossing counts. The shape is ``(k,)`` for the k turned positions ``turn`` of the
+    contour. The position is −∞ without a crossing. ``outline`` are coarse points of the contour.
+    """
     points = outline * turn
     right = element.offset_from_path(points) >= 0.0
     crosses = right != np.roll(right, -1, axis=1)
@@ -210,7 +218,7 @@ def require_axis_inside(points: FloatArray, placement: Placement) -> None:
 
 
 def contour_warnings(points: FloatArray, is_table: bool) -> list[str]:
-    """Return warnings about the points ``(2, n)`` (m) of a contour.
+    """Return warnings about the points of a contour ``(2, n)`` (m).
 
     A contour must not cross itself. The points of a table must have no gaps, and there must be at
     least `MIN_POINTS` of them, because the spline between them is a guess.
@@ -246,9 +254,10 @@ READINGS = 360
 def backlash(
     elements: tuple[Element, Element], curves: tuple[Curve, Curve], angle: FloatArray
 ) -> FloatArray:
-    """Return the play (m of s) of a follower between its two contacts.
+    """Return the backlash (m of s) of a follower between its two contacts, ``(n,)``.
 
-    It is negative if the follower does not fit between them.
+    ``angle`` are cam angles (rad), ``(n,)``. The backlash is negative if the follower does not fit
+    between the contacts.
     """
     low, high = (rest_on_contour(*pair, angle) for pair in zip(elements, curves, strict=True))
     return high - low
@@ -265,10 +274,10 @@ def both_elements(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
 
 
 def closure(follower: Follower, law: Law) -> FloatArray:
-    """Return the backlash (m) over the turn, shape ``(360,)``.
+    """Return the backlash (m) of a follower that its cam moves both ways, ``(360,)``.
 
-    It is computed at `READINGS` cam angles. The contours are splines through `CONTOUR_POINTS`
-    points.
+    It is computed at `READINGS` cam angles over the turn. The contours are splines through
+    `CONTOUR_POINTS` points.
     """
     cam_contours = contours(follower, law, CONTOUR_POINTS)
     curves = [closed_curve(contour.points) for contour in cam_contours]

@@ -1,4 +1,4 @@
-"""Outlines of the follower for drawings, and its position at each lift.
+"""Outlines of the follower for drawings, and the follower's position at each lift.
 
 The frame is that of the rig, which is also that of the follower's guide in
 `cam_rig.profile.contact`. The cam's axis is the origin. A translating follower moves along +y, an
@@ -31,7 +31,7 @@ STEM_END = 0.04
 
 @dataclass(frozen=True)
 class FollowerShape:
-    """A follower in the plane: lengths in m, angles in rad, arrays of shape ``(n,)``.
+    """Follower in the plane of a drawing: lengths in m, angles in rad, ``(n,)``.
 
     A follower in a guide along y does not rotate. The lift of an arm is the arc length at its end.
 
@@ -52,28 +52,31 @@ class FollowerShape:
         return float(np.hypot(*self.place(np.array([self.max_lift]))[0]))
 
     def place(self, lift: FloatArray) -> FloatArray:
-        """Return the roller's centre, the point or the middle of the face, ``(n, 2)``."""
+        """Return the roller's centre, the point or the middle of the face, ``(n, 2)``, m.
+
+        ``lift`` are the lifts of the follower (m), ``(n,)``.
+        """
         return plane(self.element.stand(lift)).T
 
     def contact(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
-        """Return the points of contact and the unit normals on the law, ``(n, 2)`` each.
+        """Return the points of contact (m) and the unit normals there, ``(n, 2)`` each.
 
-        The normals point from the cam to the follower.
+        The follower moves by the law. The normals point from the cam to the follower.
         """
         touch = self.element.touch(motion)
         return plane(touch.contact).T, plane(touch.normal).T
 
     def turn(self, lift: FloatArray) -> FloatArray:
-        """Return the rotation of the outline about its origin, ``(n,)``.
+        """Return the rotation (rad) of the outline about its origin, ``(n,)``.
 
-        The outline of an arm points along −x.
+        ``lift`` are the lifts of the follower (m), ``(n,)``. The outline of an arm points along −x.
         """
         if isinstance(self.element, Swung):
             return -self.element.arm_angle(lift)
         return np.zeros_like(lift)
 
     def origin(self, lift: FloatArray) -> FloatArray:
-        """Return the position of the outline's origin, ``(n, 2)``.
+        """Return the position (m) of the outline's origin at each lift, ``(n, 2)``.
 
         It is the pivot of an arm, otherwise the result of `place`.
         """
@@ -89,14 +92,14 @@ class FollowerShape:
         return plane(1j * np.exp(1j * self.turn(lift))).T
 
     def carried(self, points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-        """Return points ``(n, 2)`` moved with the follower from one lift to another."""
+        """Move points ``(n, 2)`` (m) with the follower from one lift to another."""
         angle = self.turn(end) - self.turn(start)
         (x, y), cosine, sine = (points - self.origin(start)).T, np.cos(angle), np.sin(angle)
         turned: FloatArray = np.column_stack([x * cosine - y * sine, x * sine + y * cosine])
         return self.origin(end) + turned
 
     def outline(self) -> list[FloatArray]:
-        """Return polylines about the outline's origin.
+        """Return the polylines of the follower's outline, relative to its origin, m.
 
         They show roller, point or face, and the stem or the arm.
         """
@@ -118,7 +121,7 @@ class FollowerShape:
         return [tip(half, 2.0 * half), stem(half, 2.0 * half, top)]
 
     def in_guide(self) -> list[FloatArray]:
-        """Return the outline with a stem that ends slightly above its bearing."""
+        """Return the follower's outline with a stem that ends slightly above its bearing."""
         if isinstance(self.element, Swung):
             return self.outline()
         bearing_top = max(float(strip[:, 1].max()) for strip in self.support())
@@ -126,7 +129,7 @@ class FollowerShape:
         return [np.column_stack([x, np.minimum(y, end)]) for x, y in (s.T for s in self.outline())]
 
     def support(self) -> list[FloatArray]:
-        """Return polylines of the stationary parts.
+        """Return the polylines of the stationary parts, m.
 
         They are the pin of the pivot, or the bearing above all moving parts.
         """
@@ -147,7 +150,7 @@ class FollowerShape:
 
 
 def follower_shape(cam: CamConfig, law: Law) -> FollowerShape:
-    """Return the shape of a cam's follower."""
+    """Return the shape of a cam's follower for drawings."""
     element = discs(cam.follower, law)[0].element
     assert isinstance(element, Guided | Swung)
     return FollowerShape(element, extremes(law, 0)[1].value)

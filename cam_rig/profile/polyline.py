@@ -24,7 +24,7 @@ from cam_rig.units import TURN, FloatArray
 
 @dataclass(frozen=True, eq=False)
 class ContourPath:
-    """Closed curve at a distance `offset` (m) outside a disc's contour.
+    """Closed curve at a distance `offset` (m) outside the contour of a disc.
 
     It is the contour, the pitch curve or the path of a cutter.
     """
@@ -35,14 +35,14 @@ class ContourPath:
     offset: float = 0.0
 
     def at(self, angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the path at cam angles (rad).
+        """Return the path's points at cam angles (rad), its radii and pressure angles.
 
         The results are points ``(2, n)`` in m, radii of curvature in m and pressure angles in rad.
         """
         return self.of(Motion.at(self.law, angle))
 
     def of(self, motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the same as `at` for the cam angles of a motion."""
+        """Return points, radii and pressure angles as `at`, for the angles of a motion."""
         contour = Contour.of(self.disc, motion)
         points = contour.points + self.offset * contour.normal
         return points, contour.radius + self.offset, contour.pressure
@@ -61,9 +61,10 @@ class ContourPath:
 def contour_paths(
     follower: Follower, law: Law, kind: str = "CAM", offset: float = 0.0
 ) -> list[ContourPath]:
-    """Return the contours, or paths `offset` (m) outside of them, one per disc.
+    """Return closed paths `offset` (m) outside a cam's contours, one per disc.
 
-    An offset of the cutter's radius gives the path of a cutter.
+    An offset of 0 gives the contours, an offset of the cutter's radius the path of a cutter. The
+    name of a path starts with `kind`.
     """
     return [
         ContourPath(f"{kind}_{disc.name.upper()}" if disc.name else kind, disc, law, offset)
@@ -72,7 +73,10 @@ def contour_paths(
 
 
 def pitch_paths(follower: Follower, law: Law) -> list[ContourPath]:
-    """Return the pitch curves. Those of a point follower are the contours."""
+    """Return the pitch curves of a cam, one per disc.
+
+    Those of a point follower are the contours.
+    """
     paths = contour_paths(follower, law, "PITCH", follower.roller)
     if isinstance(paths[0].disc.element, GuidedFace | SwungFace):
         raise ConfigError(
@@ -99,7 +103,7 @@ Samples = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def polyline(path: ContourPath, tolerance: float) -> FloatArray:
-    """Return points ``(2, n)`` on a path in m, connected by chords within a tolerance.
+    """Return points ``(2, n)`` (m) on a path, whose chords are within a tolerance.
 
     Parameters
     ----------
@@ -129,9 +133,10 @@ def polyline(path: ContourPath, tolerance: float) -> FloatArray:
 
 
 def _samples(path: ContourPath, low: float, high: float) -> Samples:
-    """Return samples of a smooth stretch from `low` to just before `high` (rad).
+    """Return samples of a smooth stretch of a path from `low` to just before `high`.
 
-    At `high` the law can already be that of the next stretch.
+    Both limits are cam angles in rad. The samples are angles (rad), distances of neighbours (m) and
+    curvatures (1/m). At `high` the law can already be that of the next stretch.
     """
     count = max(CHORD_SAMPLES, round(PATH_SAMPLES * (high - low) / TURN))
     angle = np.linspace(low, np.nextafter(high, low), count + 1)
@@ -142,7 +147,11 @@ def _samples(path: ContourPath, low: float, high: float) -> Samples:
 
 
 def _line(path: ContourPath, samples: Samples, longest: float, tolerance: float) -> FloatArray:
-    """Return the points of a smooth stretch, both ends included."""
+    """Return the points of the polyline on a smooth stretch, both ends included.
+
+    `longest` is the greatest length of a chord, `tolerance` its greatest distance from the path,
+    both in m.
+    """
     angle, step, curvature = samples
     chords = step * np.maximum(np.sqrt(curvature / (8.0 * tolerance)), 1.0 / longest)
     cumulative = np.append(0.0, np.cumsum(chords))
@@ -161,7 +170,11 @@ def _line(path: ContourPath, samples: Samples, longest: float, tolerance: float)
 
 
 def _chord_error(path: ContourPath, nodes: FloatArray) -> tuple[FloatArray, float]:
-    """Return the points at the nodes, and the chord error between them (m)."""
+    """Return the points of a path at some cam angles, and the chord error (m).
+
+    `nodes` are the angles, rad. The error is the largest distance of the path from the chords
+    between the points.
+    """
     fraction = np.arange(CHORD_SAMPLES) / CHORD_SAMPLES
     angle = nodes[:-1, None] + fraction * np.diff(nodes)[:, None]
     all_points = path.at(np.append(angle.ravel(), nodes[-1]))[0]

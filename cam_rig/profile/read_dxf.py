@@ -1,4 +1,4 @@
-"""Closed curves of DXF drawings that other programs write."""
+"""Reader of closed curves from DXF drawings of other programs."""
 
 from __future__ import annotations
 
@@ -74,10 +74,11 @@ MIN_LINES = 12
 
 @dataclass
 class _Curve:
-    """Points `(n, 2)` of one or several joined entities, in m of the drawing.
+    """Curve of one entity of a drawing, or of several joined entities.
 
-    `is_exact` is True if there are arcs or splines in it, so that its lines are straight.
-    `tilted` names an entity of it that is not in a plane of constant z, or is empty.
+    `points` are `(n, 2)` in m of the drawing. `is_exact` is True if there are arcs or splines in
+    it, so that its lines are straight. `tilted` names an entity of it that is not in a plane of
+    constant z, or is empty.
     """
 
     points: FloatArray
@@ -91,7 +92,7 @@ class _Curve:
         return len(self.points) > 2 and gap <= JOIN_DISTANCE
 
     def outline(self) -> FloatArray:
-        """Return the points `(2, n)` of a closed curve, the first not repeated."""
+        """Return the points `(2, n)` of a closed curve, without a repeated first point."""
         points = self.points
         if self.is_exact:
             length = float(np.hypot(*np.diff(points, axis=0).T).sum())
@@ -178,7 +179,10 @@ def read_dxf(
 
 
 def _is_centred(points: FloatArray) -> bool:
-    """Return True if points `(2, n)` are on a circle around the axis, a cam without lift."""
+    """Return True if points `(2, n)` are on a circle around the axis.
+
+    Such a contour is that of a cam without lift.
+    """
     return bool(np.ptp(np.hypot(*points)) <= MAX_ECCENTRICITY)
 
 
@@ -204,7 +208,7 @@ logging.getLogger("ezdxf").addHandler(logging.NullHandler())
 
 
 def _read_drawing(path: Path) -> tuple[Drawing, list[DXFEntity]]:
-    """Return a drawing and the entities of its model space, those of blocks among them."""
+    """Return a drawing and the entities of its model space, including those of blocks."""
     try:
         data = read_bytes(path, MAX_BYTES)  # rejects large files, pipes and devices
         document = ezdxf.readfile(path)
@@ -229,9 +233,10 @@ def _read_drawing(path: Path) -> tuple[Drawing, list[DXFEntity]]:
 def _count_entities(
     document: Drawing, entities: Iterable[DXFEntity], of_blocks: dict[str, int]
 ) -> int:
-    """Return the number of entities, those of blocks among them, without drawing the blocks.
+    """Return the number of entities, including those of blocks.
 
-    An empty block counts as an entity. `of_blocks` has the numbers of the blocks that were counted.
+    The blocks are not drawn. An empty block counts as an entity. `of_blocks` has the numbers of the
+    blocks that were counted.
     """
     total = 0
     for entity in entities:
@@ -265,7 +270,7 @@ def _find_unit(path: Path, document: Drawing, placement: Placement) -> str:
 
 
 def _select_visible(document: Drawing, entities: list[DXFEntity]) -> list[DXFEntity]:
-    """Return the entities that a CAD program shows."""
+    """Return the entities that are visible in a CAD program."""
     off = {layer.dxf.name.lower() for layer in document.layers if layer.is_off()}
     frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
 
@@ -370,7 +375,7 @@ def _flatten(path: Path, entity: Spline, factor: float) -> FloatArray:
 
 
 def _evaluate(spline: BSpline, parameters: FloatArray) -> FloatArray:
-    """Return points `(n, 2)` of a spline with homogeneous coordinates."""
+    """Return points `(n, 2)` of a spline with homogeneous coordinates at parameters."""
     x, y, weight = spline(parameters).T
     return np.column_stack([x / weight, y / weight])
 
@@ -383,7 +388,10 @@ def _no_points_error(path: Path, entity: DXFEntity) -> ProfileError:
 
 
 def _describe_tilt(entity: DXFEntity, z: FloatArray) -> str:
-    """Return the name of an entity whose z (m) varies, and by how much, or an empty text."""
+    """Return a text on an entity whose coordinate z (m) varies, else an empty text.
+
+    The text contains the name of the entity and the range of z.
+    """
     height = float(np.ptp(z))
     if height <= MAX_HEIGHT:
         return ""
@@ -395,7 +403,10 @@ def _name(entity: DXFEntity) -> str:
 
 
 def _join_chains(loose: list[_Curve]) -> tuple[list[_Curve], str]:
-    """Return closed chains of curves whose ends meet, and words on the ends that do not."""
+    """Join curves whose ends meet to closed chains.
+
+    Returns the chains, and a text on the ends that do not meet.
+    """
     if not loose:
         return [], ""
     # end 2i is the start of curve i, end 2i + 1 its end
@@ -425,7 +436,10 @@ def _join_chains(loose: list[_Curve]) -> tuple[list[_Curve], str]:
 
 
 def _walk(tip: int, meeting: Sequence[list[int]], free: set[int]) -> list[int]:
-    """Return the ends at which free curves are entered from an end on; they are free no more."""
+    """Walk along curves whose ends meet, from the end `tip` on.
+
+    Returns the ends at which the curves are entered. These curves are removed from `free`.
+    """
     entered = []
     while (end := next((e for e in meeting[tip] if e // 2 in free), None)) is not None:
         free.remove(end // 2)
@@ -435,7 +449,7 @@ def _walk(tip: int, meeting: Sequence[list[int]], free: set[int]) -> list[int]:
 
 
 def _select_outer(every: list[_Curve]) -> list[_Curve]:
-    """Return the curves that are not inside of another, and are not frames."""
+    """Return the curves that are not inside of another curve, without frames."""
     shaped = [curve for curve in every if curve.is_exact or len(curve.points) > MIN_LINES]
     curves = shaped or every
     boxes = [np.array([c.points.min(axis=0), c.points.max(axis=0)]) for c in curves]
@@ -447,7 +461,10 @@ def _select_outer(every: list[_Curve]) -> list[_Curve]:
 
 
 def _describe_contents(document: Drawing, layer: str | None) -> str:
-    """Return the number of entities of each kind, and what is needed."""
+    """Return the number of entities of each kind in a drawing as text.
+
+    The text also states what is needed.
+    """
     counts = Counter(entity.dxftype() for entity in document.modelspace())
     listed = ", ".join(f"{count} {kind}" for kind, count in counts.most_common(8)) or "nothing"
     where = "" if layer is None else f" on layer {layer!r}"

@@ -31,14 +31,14 @@ def tip(half: float, height: float) -> FloatArray:
 
 
 def bearing(centre: float, inner: float, outer: float, low: float, high: float) -> list[FloatArray]:
-    """Return the two boxes of a guide on either side of x = `centre`, in any unit."""
+    """Return the two boxes of a bearing on either side of x = `centre`, in any unit."""
     right = np.array([[inner, low], [outer, low], [outer, high], [inner, high], [inner, low]])
     middle = np.array([centre, 0.0])
     return [middle + right, middle + right * (-1.0, 1.0)]
 
 
 def rotate(points: FloatArray, angle: float) -> FloatArray:
-    """Return points ``(n, 2)`` of the cam frame in the rig's frame.
+    """Convert points ``(n, 2)`` of the cam frame to the rig's frame.
 
     The cam angle is in rad, and the follower is on +y.
     """
@@ -77,7 +77,10 @@ BARB_RATIO = 0.28
 
 
 def ring(radius: float) -> list[FloatArray]:
-    """Return the polylines of a ring with ticks every 10°, longer every 30°."""
+    """Return the polylines of the ring of degrees, with ticks every 10°.
+
+    The ticks are longer every 30°.
+    """
     ticks = []
     for degrees in range(0, 360, TICK_STEP):
         outer = SHORT_TICK if degrees % NUMBER_STEP else LONG_TICK
@@ -86,9 +89,9 @@ def ring(radius: float) -> list[FloatArray]:
 
 
 def ring_numbers(radius: float) -> tuple[FloatArray, list[str]]:
-    """Return the centres ``(11, 2)`` of the ring's numbers, and the numbers.
+    """Return the positions ``(11, 2)`` of the ring's numbers, and the numbers.
 
-    The number 0 is left out, because the follower is there.
+    The ring shows degrees. The number 0 is left out, because the follower is there.
     """
     degrees = range(NUMBER_STEP, 360, NUMBER_STEP)
     centres = np.array([_direction(number) for number in degrees]) * NUMBER_RADIUS * radius
@@ -96,7 +99,7 @@ def ring_numbers(radius: float) -> tuple[FloatArray, list[str]]:
 
 
 def rotation_arrow(radius: float) -> list[FloatArray]:
-    """Return the polylines of an arrow along an arc.
+    """Return the polylines of an arrow along an arc about the shaft.
 
     The arrow is counterclockwise, as the cam turns.
     """
@@ -109,9 +112,9 @@ def rotation_arrow(radius: float) -> list[FloatArray]:
 
 
 def body(outline: FloatArray) -> tuple[list[FloatArray], float]:
-    """Return closed polylines ``(n, 2)`` that fill an outline, and half their width.
+    """Return polylines ``(n, 2)`` whose strokes fill an outline, and half their width.
 
-    The outline surrounds the origin.
+    The polylines are closed. The outline surrounds the origin.
     """
     outline = outline[np.linspace(0, len(outline) - 1, SHELL_POINTS + 1).astype(int)]
     radii = np.hypot(*outline.T)
@@ -121,6 +124,6 @@ def body(outline: FloatArray) -> tuple[list[FloatArray], float]:
 
 
 def _direction(degrees: float) -> FloatArray:
-    """Return the direction of an angle of the ring: 0° up, then counterclockwise."""
+    """Return the unit vector of an angle of the ring: 0° up, then counterclockwise."""
     angle = math.radians(degrees)
     return np.array([-math.sin(angle), math.cos(angle)])

@@ -205,7 +205,7 @@ class SpeedRows:
         )
 
     def rows(self, levels: dict[str, dict[float, float]]) -> tuple[SpeedRow, ...]:
-        """Return the rows at the end of the run, sorted by cam and speed.
+        """Return the table rows at the end of the run, sorted by cam and speed.
 
         `levels` contains the level in dB by cam and speed (rad/s), see `step_levels`.
         """

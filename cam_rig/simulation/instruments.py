@@ -22,7 +22,7 @@ STEADY_RTOL = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """Readings of one measured quantity."""
+    """Readings of one measured quantity over time."""
 
     time: FloatArray  #: s, rising, ``(n,)``
     value: FloatArray  #: SI, ``(n,)``

@@ -29,7 +29,7 @@ class MeterSimulator:
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> MeterSimulator:
-        """Return the meter of a scene."""
+        """Return the simulator of the sound-level meter in a scene."""
         return cls(SoundSource(loaded.radiation, int(loaded.scene.sample_rate.si)))
 
     @property

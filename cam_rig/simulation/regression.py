@@ -56,7 +56,7 @@ def cubic_projection(rpm: FloatArray) -> FloatArray:
 
 
 def real_roots(coefficients: FloatArray) -> FloatArray:
-    """Return the real roots of c0 + c1 x + …, for x of the order of 1.
+    """Return the real roots of the polynomial c0 + c1 x + …, for x of the order of 1.
 
     Leading coefficients that are rounding are treated as zero.
     """

@@ -1,4 +1,4 @@
-"""Scene with the files that it names: cams, rig and published curves."""
+"""Scene together with the files that it names: cams, rig and published curves."""
 
 from __future__ import annotations
 
@@ -251,7 +251,7 @@ class LoadedScene:
 
     @property
     def follower(self) -> FollowerParameters:
-        """Parameters of the follower."""
+        """Parameters of the follower of the rig."""
         return FollowerParameters.from_rig(self.rig)
 
     @property
@@ -276,7 +276,7 @@ class LoadedScene:
 
     @property
     def files(self) -> list[Path]:
-        """All files of the scene, with the scene file first."""
+        """Paths of all files of the scene, with the scene file first."""
         published = [] if self.published_file is None else [self.published_file]
         points = [
             path.parent / name

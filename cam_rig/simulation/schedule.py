@@ -147,7 +147,7 @@ def _ramp_ticks(scene: SceneConfig, previous_speed: float, speed: float) -> list
 
 
 def ticks_per_step(scene: SceneConfig) -> int:
-    """Return the number of ticks at each speed of each cam, without the ramp."""
+    """Return the number of ticks at each speed of each cam, without those of the ramp."""
     return int(scene.schedule.turns.si) * scene.schedule.ticks_per_turn
 
 

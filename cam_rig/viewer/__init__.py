@@ -1,4 +1,4 @@
-"""A run in the Rerun viewer, from a bag or live, and the web server of the pages."""
+"""Display of a run in the Rerun viewer, from a bag or live, and its web server."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Layout(StrEnum):
 
 @dataclass(frozen=True)
 class ViewOptions:
-    """Options of a recording.
+    """Options of a Rerun recording.
 
     Parameters
     ----------

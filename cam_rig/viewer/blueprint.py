@@ -1,4 +1,4 @@
-"""Blueprints of recordings: a run, cams side by side, and a report."""
+"""Blueprints, which define the views of a recording: run, comparison, report."""
 
 from __future__ import annotations
 
@@ -113,9 +113,10 @@ def playback_start(loaded: LoadedScene, duration: float) -> float:
 
 
 def _time_panel(loaded: LoadedScene, duration: float, window: float | None) -> rrb.TimePanel:
-    """Return the time panel.
+    """Return the time panel of a recording.
 
-    It follows a live run, and plays a bag from its first settled turn.
+    It follows a live run. A recorded run is played from its first settled turn on. `duration` is in
+    s, and `window` is None for a recorded run.
     """
     if window is not None:
         return rrb.TimePanel(state="collapsed", timeline=RIG_TIME, play_state="following")
@@ -140,7 +141,7 @@ def _run(
 
 
 def _bounces(loaded: LoadedScene, ranges: Ranges) -> rrb.Spatial2DView:
-    """Return the view of the bounces, which shows all points up to the time cursor."""
+    """Return the view of the bounce chart, with all points up to the time cursor."""
     gap, landing = bounce_axes(loaded, ranges)
     x, _ = gap.bounds()
     first, cursor = rr.TimeRangeBoundary.infinite(), rr.TimeRangeBoundary.cursor_relative()
@@ -167,7 +168,7 @@ def _texts() -> rrb.Container:
 def _over_time(
     loaded: LoadedScene, bucket: int, ranges: Ranges, time_axis: rrb.TimeAxis
 ) -> rrb.Container:
-    """Return the plots over rig time.
+    """Return the plots of all quantities over rig time.
 
     They are in two rows, because Rerun labels only high axes with numbers.
     """
@@ -257,7 +258,7 @@ def _bands(loaded: LoadedScene, view: str) -> rrb.Spatial2DView:
 def _plot(
     origin: str, name: str, axis: rrb.TimeAxis, limits: Range | None = None
 ) -> rrb.TimeSeriesView:
-    """Return the view of a curve over time.
+    """Return the view of one curve over time.
 
     `limits` are those of the y axis (default: fitted to the data).
     """
@@ -267,9 +268,9 @@ def _plot(
 
 
 def _axis_around_cursor(window: float | None) -> rrb.TimeAxis:
-    """Return a time axis of a few turns around or before the cursor.
+    """Return a time axis that shows a few turns around or before the time cursor.
 
-    It resolves single landings.
+    It resolves single landings. `window` is in s, None for a recorded run.
     """
     around = (-AROUND_CURSOR_S, AROUND_CURSOR_S) if window is None else (-window, 0.0)
     ends = [rr.TimeRangeBoundary.cursor_relative(seconds=s) for s in around]

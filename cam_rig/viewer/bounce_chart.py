@@ -72,9 +72,9 @@ def gaps_at_zero(law: Law, samples: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 class BounceChart:
-    """Chart with one point per turn and one point per landing.
+    """Chart of bounces with one point per turn and one point per landing.
 
-    `flush` sends the points.
+    `flush` sends the points to the recording.
     """
 
     def __init__(self, canvas: Canvas, loaded: LoadedScene, ranges: Ranges) -> None:
@@ -96,7 +96,7 @@ class BounceChart:
                 canvas.set_style(f"{entity}/{cam}", rr.Points2D, colors=of_cam(cam), radii=POINT)
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
-        """Add the points of one tick.
+        """Add the points of one tick to the chart.
 
         The parameters are those of `RunView.tick`.
         """
@@ -118,7 +118,7 @@ class BounceChart:
         self._add(f"{LANDINGS}/{start.cam}", time_angle, self._landing.place(rpm, degrees))
 
     def flush(self) -> None:
-        """Send the points added since the last call."""
+        """Send the points that were added since the last call to the recording."""
         for entity, rows in self._rows.items():
             ends, points = zip(*rows, strict=True)
             columns = rr.Points2D.columns(positions=np.concatenate(points))

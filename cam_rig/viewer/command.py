@@ -1,4 +1,4 @@
-"""cam-rig view: display of a recorded run in the Rerun viewer."""
+"""Command ``cam-rig view``: display of a recorded run in the Rerun viewer."""
 
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ def delay_report(
 ) -> Iterator[Callable[[float, str], str]]:
     """Yield a function that appends the delay of the page to a status text.
 
-    The longest delay is printed when the context ends.
+    Its arguments are the rig time (s) of the drive and the text. The longest delay is printed when
+    the context ends.
     """
     printed = clock()
 
@@ -75,10 +76,10 @@ def delay_report(
 
 @contextmanager
 def open_screen(view: bool, web: bool, wait_for_client: bool = False) -> Iterator[Screen]:
-    """Open the requested display.
+    """Open the requested display of a live run: a browser page or a window.
 
-    The browser takes precedence over the window.
-    With `wait_for_client` the context starts once a browser has opened the page.
+    The browser takes precedence over the window. With `wait_for_client` the context starts once a
+    browser has opened the page.
     """
     if wait_for_client and not (view or web):
         raise ConfigError("--wait-for-client requires a viewer; add --web or --view")
@@ -102,7 +103,7 @@ def open_screen(view: bool, web: bool, wait_for_client: bool = False) -> Iterato
 
 
 def stay_until_interrupted() -> None:
-    """Block until Ctrl-C, which is the intended way to stop the server."""
+    """Block until Ctrl-C, which ends the server."""
     console.print("Ctrl-C ends the viewer")
     Event().wait()
 

@@ -1,4 +1,4 @@
-"""Chart of the sound level over the cam speed, published and simulated.
+"""Chart of the published and the simulated sound level over the cam speed.
 
 The recording of a finished run shows small points at every time. Larger points appear over them as
 the time cursor advances.
@@ -54,7 +54,10 @@ def speed_ends(loaded: LoadedScene) -> tuple[float, float]:
 
 
 def level_axes(loaded: LoadedScene) -> Axes:
-    """Return the axes of the scene's speeds and, with a margin, the published levels."""
+    """Return the axes of the level chart: the scene's speeds, the published levels.
+
+    The levels have a margin.
+    """
     low, high = speed_ends(loaded)
     if loaded.published is None:
         return Axes((low, high), LEVELS, WIDTH)
@@ -65,7 +68,7 @@ def level_axes(loaded: LoadedScene) -> Axes:
 
 
 def displayed_titles(loaded: LoadedScene) -> dict[str, str]:
-    """Return the shortened titles of the scene's cams, then of cams only published."""
+    """Return the shortened titles of the scene's cams, then of other published cams."""
     published_cams = () if loaded.published is None else loaded.published.regression_db
     published_titles = {cam: in_words(cam) for cam in published_cams if cam not in loaded.cams}
     titles = {name: cam.title for name, cam in loaded.cams.items()} | published_titles
@@ -89,7 +92,7 @@ def spread_apart(positions: FloatArray, step: float) -> FloatArray:
 
 
 class LevelChart:
-    """Chart of the published curves and the levels measured so far."""
+    """Chart of the published level curves and the levels measured so far."""
 
     def __init__(self, canvas: Canvas, loaded: LoadedScene) -> None:
         self._canvas, self._loaded, self._axes = canvas, loaded, level_axes(loaded)
@@ -110,7 +113,7 @@ class LevelChart:
             self._draw_names(None)
 
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
-        """Add a tick that ends at an angle (rad), and return the mean level (dB).
+        """Add a tick that ends at a cam angle (rad), and return the mean level (dB).
 
         Returns None until the sound has settled.
         """
@@ -120,7 +123,7 @@ class LevelChart:
         return level
 
     def flush(self) -> None:
-        """Draw the points measured since the last call."""
+        """Draw the points of the levels that were measured since the last call."""
         for cam, (time_ns, angle) in self._new.items():
             entity = f"{VIEW}/measured/{cam}"
             if cam not in self._drawn:
@@ -134,7 +137,7 @@ class LevelChart:
         self._new = {}
 
     def finish(self) -> None:
-        """Draw all points for every time and every timeline."""
+        """Draw the points of all levels for every time and every timeline."""
         for cam in self._measured.levels:
             points = rr.Points2D(self._points(cam), colors=of_cam(cam), radii=FINAL)
             self._canvas.log_static(f"{VIEW}/final/{cam}", points)
@@ -151,7 +154,7 @@ class LevelChart:
         return ends
 
     def _draw_names(self, start: tuple[int, float] | None) -> None:
-        """Draw each cam's name next to its last point.
+        """Draw the name of each cam next to its last point.
 
         With `start`, a time (ns) and a cam angle (rad), the names appear from there on. None draws
         them for every time.
@@ -174,7 +177,7 @@ class LevelChart:
             )
 
     def _points(self, cam: str) -> FloatArray:
-        """Return the positions of a cam's points measured so far, shape (n, 2)."""
+        """Return the positions of a cam's points in the chart, shape (n, 2)."""
         steps = self._measured.levels[cam]
         return self._axes.place(np.array(list(steps)) * RPM_PER_RAD_S, np.array([*steps.values()]))
 
@@ -188,7 +191,10 @@ SILENCE = 4e-10
 
 
 def band_numbers(sample_rate: float) -> FloatArray:
-    """Return the numbers 10 lg(f/Hz) of all bands up to half the sample rate (Hz)."""
+    """Return the numbers 10 lg(f/Hz) of the third-octave bands of a sample rate.
+
+    The bands are those up to half the rate. The sample rate is in Hz.
+    """
     highest = int(np.floor(10.0 * np.log10(sample_rate / 2.0)))
     return np.arange(LOWEST_BAND, highest + 1, dtype=np.float64)
 
@@ -196,7 +202,7 @@ def band_numbers(sample_rate: float) -> FloatArray:
 def third_octaves(
     parameters: RadiationParameters, force: FloatArray, impulse: FloatArray, sample_rate: float
 ) -> FloatArray:
-    """Return the level in each band (dB re 20 µPa, at least 0).
+    """Return the level in each third-octave band (dB re 20 µPa, at least 0).
 
     The parameters are those of `band_power`.
     """
@@ -207,7 +213,7 @@ def third_octaves(
 def band_power(
     parameters: RadiationParameters, force: FloatArray, impulse: FloatArray, sample_rate: float
 ) -> FloatArray:
-    """Return the mean square sound pressure (Pa²) in each band.
+    """Return the mean square sound pressure (Pa²) of a turn in each third-octave band.
 
     Their sum is that of the turn.
 
@@ -252,9 +258,9 @@ BAND_LABELS = {10.0: "10 Hz", 20.0: "100 Hz", 30.0: "1 kHz", 40.0: "10 kHz"}
 
 
 def band_axes(sample_rate: float) -> Axes:
-    """Return the axes of bands up to half the sample rate (Hz), and of levels (dB).
+    """Return the axes of a band chart: bands up to half the sample rate, and levels.
 
-    All bands have the same width.
+    The levels are in dB. All bands have the same width.
     """
     numbers = band_numbers(sample_rate)
     ends = float(numbers[0]) - 0.5, float(numbers[-1]) + 0.5
@@ -262,9 +268,9 @@ def band_axes(sample_rate: float) -> Axes:
 
 
 class BandChart:
-    """Bar chart of third-octave bands in a view.
+    """Bar chart of the levels in third-octave bands in a view.
 
-    `flush` sends the bars.
+    `flush` sends the bars to the recording.
     """
 
     def __init__(self, canvas: Canvas, view: str, rate: float, colour: int) -> None:
@@ -277,14 +283,14 @@ class BandChart:
         canvas.set_style(self._entity, rr.LineStrips2D, colors=colour, radii=BAND_LINE)
 
     def add(self, time: float, angle: float, levels: FloatArray) -> None:
-        """Add bars of the levels (dB).
+        """Add bars for the levels (dB) of all bands.
 
         They appear from a rig time (s) and an unwrapped cam angle (rad) on.
         """
         self._waiting.append((time, angle, levels))
 
     def flush(self) -> None:
-        """Send the bars added since the last call."""
+        """Send the bars that were added since the last call to the recording."""
         if not self._waiting:
             return
         time, angle, levels = zip(*self._waiting, strict=True)
@@ -296,7 +302,7 @@ class BandChart:
         self._canvas.rows(self._entity, times, columns)
 
     def draw_once(self, levels: FloatArray) -> None:
-        """Draw bars for every time."""
+        """Draw bars for the levels (dB) of all bands, for every time."""
         self._canvas.set_style(self._entity, rr.LineStrips2D, strips=[self._skyline(levels)])
 
     def _skyline(self, levels: FloatArray) -> FloatArray:
@@ -325,17 +331,20 @@ STROKE = -0.9
 
 
 def compared_of(loaded: LoadedScene) -> tuple[PlotRow, ...]:
-    """Return the quantities whose curves are overlaid."""
+    """Return the quantities whose curves are overlaid for all cams."""
     return tuple(row for row in plot_rows(loaded.scene.model) if row not in (VELOCITY, GAP, TWIST))
 
 
 def at_speed(rpm: float, quantity: str) -> str:
-    """Return the entity path of the view with the curves of all cams at a speed."""
+    """Return the entity path of the view of all cams' curves at a speed.
+
+    `rpm` is the speed, and `quantity` the key of the drawn quantity.
+    """
     return f"{TURNS}/{rpm:.6g}_rpm/{quantity}"
 
 
 def turn_axes(row: PlotRow, ranges: Ranges) -> TurnAxes:
-    """Return the axes of the curves of all cams for one quantity."""
+    """Return the axes of all cams' overlaid curves of one quantity."""
     return TurnAxes([row], ranges, ROW)
 
 
@@ -345,7 +354,10 @@ def names_height(loaded: LoadedScene) -> float:
 
 
 def draw_turn_axes(canvas: Canvas, loaded: LoadedScene, rpm: float, ranges: Ranges) -> None:
-    """Draw the axes, their cursor over the degrees of the turn, and the cams' names."""
+    """Draw the axes of the overlaid turns, their cursor, and the cams' names.
+
+    The cursor moves over the degrees of the turn.
+    """
     degrees = np.arange(360.0)
     for row in compared_of(loaded):
         view = at_speed(rpm, row.key)
@@ -363,7 +375,7 @@ def draw_turn_axes(canvas: Canvas, loaded: LoadedScene, rpm: float, ranges: Rang
 
 
 def draw_turn(canvas: Canvas, loaded: LoadedScene, turn: Turn, ranges: Ranges) -> None:
-    """Draw the curves of one turn over the angle in the turn."""
+    """Draw the curves of one turn over the angle within the turn, one per quantity."""
     for row in compared_of(loaded):
         values = getattr(turn, row.key) * row.line.factor
         points = curve(turn_axes(row, ranges), row.key, turn.angle, values)
@@ -372,7 +384,10 @@ def draw_turn(canvas: Canvas, loaded: LoadedScene, turn: Turn, ranges: Ranges) -
 
 
 def draw_side_by_side(canvas: Canvas, loaded: LoadedScene, turn: Turn, profile: FloatArray) -> None:
-    """Draw cam and follower, and third-octave bands, of one turn in a separate view."""
+    """Draw one turn in a separate view: cam and follower, and third-octave bands.
+
+    ``profile`` is the contour of the cam in m.
+    """
     view, rate = f"{COMPARE}/{turn.cam}", loaded.scene.sample_rate.si
     scale = force_scale(loaded, turn.speed)
     turn_canvas = Canvas(canvas.stream, within_turn)

@@ -1,4 +1,4 @@
-"""Script of the viewer's page, delay of the page, and folder of a live recording.
+"""Script of the viewer's page, delay of the page, and files of a live recording.
 
 The script reports the displayed rig time to the server and sets the initial time cursor. Rerun's
 page returns its state and accepts requests as protobuf messages (its Viewer Control API).
@@ -90,7 +90,7 @@ const waiting = setInterval(async () => {
 
 
 def page_script(begin: float = 0.0) -> str:
-    """Return the script element of the page.
+    """Return the script element of the viewer's page.
 
     The script moves the time cursor forward to `begin`, a rig time in s, if it is earlier.
     """
@@ -102,7 +102,7 @@ def page_script(begin: float = 0.0) -> str:
 
 
 def cursor_request(time_ns: int) -> bytes:
-    """Return the message that moves the time cursor to `time_ns`.
+    """Return the message that moves the time cursor to a rig time (ns).
 
     It is field 6 of a request, with the timeline in 2.1 and the time in 3.1.
     """
@@ -124,7 +124,7 @@ def _varint(value: int) -> bytes:
 
 
 class PageTime:
-    """Delay of the displayed rig time behind the drive, in wall-clock time.
+    """Delay of the rig time on a page behind the drive, in wall-clock time.
 
     The thread of the server calls `take` and `until_open` waits for it. The thread of the run calls
     `record_drive`. There is no lock: each list has one writer, which appends to `_when` before
@@ -139,7 +139,7 @@ class PageTime:
         self.longest: float | None = None
 
     def take(self, query: str) -> None:
-        """Process the query ``ns=…`` of a page, its rig time.
+        """Process the report of a page on its rig time, the query ``ns=…``.
 
         Any other query is ignored.
         """
@@ -157,7 +157,7 @@ class PageTime:
 
     @interruptible
     def until_open(self) -> None:
-        """Wait until a page displays the viewer."""
+        """Wait until a browser has opened the page."""
         self._open.wait()
 
     def record_drive(self, rig_time: float) -> None:
@@ -166,9 +166,10 @@ class PageTime:
         self._driven.append(rig_time)
 
     def behind(self) -> float | None:
-        """Return the wall-clock time (s) since the drive was at the displayed rig time.
+        """Return the delay (s) of the page behind the drive, in wall-clock time.
 
-        Returns None if no page has reported a rig time.
+        It is measured from the time at which the drive was there. Returns None if no page has
+        reported a rig time.
         """
         if self._reported is None:
             return None
@@ -188,7 +189,7 @@ KEPT_PARTS = 5
 
 
 def new_recording(folder: Path) -> Path:
-    """Return the first part of a new recording, and delete older recordings."""
+    """Delete a folder's older recordings, and return the path of a new first part."""
     if not folder.is_dir():
         raise CamRigError(f"{folder}: must be the folder of a page that cam-rig serves")
     for old in folder.glob("*.rrd"):  # a reader still has it open
@@ -197,7 +198,7 @@ def new_recording(folder: Path) -> Path:
 
 
 def next_part(part: Path) -> Path | None:
-    """Return the next part of a recording if `part` is full, else None.
+    """Return the path of the next part of a recording if `part` is full, else None.
 
     The first part and the newest parts are kept.
     """
@@ -216,22 +217,22 @@ def newest_recording(folder: Path) -> Path | None:
 
 
 def part_after(part: Path) -> Path | None:
-    """Return the next existing part after `part`, or None if it is the newest.
+    """Return the next existing part of a recording, or None after the newest.
 
-    Parts in between may have been deleted.
+    The result is the part after `part`. Parts in between may have been deleted.
     """
     run = part.stem.split("_")[0]
     return min((p for p in part.parent.glob(f"{run}_*.rrd") if p > part), default=None)
 
 
 def write_delay(folder: Path, behind: float | None) -> None:
-    """Write the delay (s) of the page, unless it is None."""
+    """Write the delay (s) of the page to a file of the folder, unless it is None."""
     if behind is not None:
         (folder / BEHIND).write_text(f"{behind:.3f}", encoding="ascii")
 
 
 def page_delay(folder: Path) -> float | None:
-    """Return the delay (s) of the page, or None if no delay is written.
+    """Return the delay (s) of the page from its file, or None if no delay is written.
 
     An overdue report adds to the delay of the last report.
     """

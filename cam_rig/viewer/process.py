@@ -59,7 +59,7 @@ def require_display() -> None:
 
 
 def show(path: Path) -> None:
-    """Open a recording in the viewer and wait until its window is closed."""
+    """Open a recording in the Rerun viewer, and wait until its window is closed."""
     with child("--new", str(path)) as process:
         wait(process)
 
@@ -87,7 +87,7 @@ def end(process: subprocess.Popen[bytes]) -> None:
 
 @contextmanager
 def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Start a viewer, and terminate it when the context ends."""
+    """Start a Rerun viewer as a child process, and terminate it when the context ends."""
     process = subprocess.Popen(
         [sys.executable, "-c", COMMAND, *OPTIONS, *arguments],
         stdin=subprocess.DEVNULL,
@@ -102,7 +102,7 @@ def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
 
 @contextmanager
 def listening(*arguments: str, ports: tuple[int, ...]) -> Iterator[subprocess.Popen[bytes]]:
-    """Start a viewer and wait until it listens at all of its ports."""
+    """Start a Rerun viewer, and wait until it listens at all of its ports."""
     require_loopback()
     with child(*arguments) as process:
         _wait_for_ports(process, ports)
@@ -122,7 +122,10 @@ def _wait_for_ports(process: subprocess.Popen[bytes], ports: tuple[int, ...]) ->
 
 @contextmanager
 def window() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
-    """Start an empty viewer, and yield it with the address for a live run."""
+    """Start an empty Rerun viewer, and yield its process and its address.
+
+    The address is that for a live run.
+    """
     port = find_free_port()
     with listening("--port", str(port), "--expect-data-soon", ports=(port,)) as process:
         yield process, stream_address(port)
@@ -136,7 +139,7 @@ def find_free_port() -> int:
 
 
 def stream_address(port: int) -> str:
-    """Return the address for a live run at a port."""
+    """Return the address of a Rerun viewer for a live run at a port."""
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 

@@ -33,7 +33,7 @@ ROWS_AT_ONCE = 100_000
 
 @dataclass(frozen=True)
 class SeriesLine:
-    """Style of a curve.
+    """Style of the curve of a quantity.
 
     `factor` converts SI to the displayed unit, `colour` is 0xRRGGBBAA.
     """
@@ -48,7 +48,7 @@ class SeriesLine:
     aggregation: AggregationPolicy = AggregationPolicy.MinMax
 
     def style(self) -> rr.SeriesLines:
-        """Return the style of the curve."""
+        """Return the style of the curve as a Rerun archetype."""
         return rr.SeriesLines(
             colors=self.colour,
             names=self.name,
@@ -60,7 +60,7 @@ class SeriesLine:
 
 @dataclass(frozen=True)
 class Mark:
-    """Style of single points on the lift."""
+    """Style of single points on the curve of the lift."""
 
     entity: str
     name: str
@@ -68,7 +68,7 @@ class Mark:
     factor: float = 1e3
 
     def style(self) -> rr.SeriesPoints:
-        """Return the style of the points."""
+        """Return the style of the points as a Rerun archetype."""
         return rr.SeriesPoints(colors=self.colour, names=self.name, marker_sizes=4.0)
 
 
@@ -106,7 +106,10 @@ UNTHINNED = (ZERO, SPEED, LEVEL, *MARKS)
 
 
 def extremes(values: FloatArray, bucket: int) -> NDArray[np.intp]:
-    """Return the indices of minimum and maximum of every ``bucket`` values, in order."""
+    """Return the indices of minimum and maximum in every bucket of values, in order.
+
+    ``bucket`` is the number of values per bucket.
+    """
     if bucket <= 1:
         return np.arange(values.size)
     # argmin and argmax return the first occurrence, so no index points into the padding.
@@ -120,7 +123,7 @@ def extremes(values: FloatArray, bucket: int) -> NDArray[np.intp]:
 
 @dataclass
 class SeriesWriter:
-    """Writer of a series.
+    """Writer of the samples of one curve to a recording.
 
     It keeps the minimum and the maximum of every ``bucket`` samples.
     """
@@ -135,7 +138,7 @@ class SeriesWriter:
         self.canvas.log_static(self.series.entity, self.series.style())
 
     def add(self, time: FloatArray, angle: FloatArray, values: FloatArray) -> None:
-        """Add ``values`` (SI) at ``time`` (s) and unwrapped cam ``angle`` (rad)."""
+        """Add samples (SI) at rig times (s) and unwrapped cam angles (rad), ``(n,)`` each."""
         if values.size == 0:
             return
         indices = extremes(values, self.bucket)
@@ -147,7 +150,7 @@ class SeriesWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Send the samples added since the last call."""
+        """Send the samples that were added since the last call to the recording."""
         if self._parts:
             time, angle, values = np.concatenate(self._parts, axis=1)
             columns = rr.Scalars.columns(scalars=values)
@@ -162,7 +165,7 @@ TORSIONAL = "torsional"
 
 
 class ShaftTwist:
-    """Twist of the shaft, recomputed tick by tick.
+    """Twist of the elastic shaft, recomputed tick by tick.
 
     Each tick starts from the state at the end of the previous tick.
     """
@@ -190,7 +193,7 @@ Ranges = Mapping[str, Range]
 
 @dataclass(frozen=True)
 class PlotRow:
-    """Row of a chart: a quantity with its title and its curve."""
+    """Plotted quantity of a run: its key, its title and its curve."""
 
     key: str
     title: str
@@ -218,7 +221,7 @@ MAX_SHARE = 0.2
 
 
 def plot_rows(model: str) -> tuple[PlotRow, ...]:
-    """Return the plotted quantities of a model.
+    """Return the quantities to plot for a model.
 
     They contain the gap if the follower can lift off, and the twist if the model has a shaft.
     """
@@ -280,7 +283,7 @@ def scene_ranges(loaded: LoadedScene) -> SceneRanges:
 
 
 def _shortened(scene: SceneConfig) -> SceneConfig:
-    """Return the scene with at most `MAX_TURNS` turns at each speed."""
+    """Return the scene with at most `MAX_TURNS` turns at each speed, for the axes."""
     schedule = scene.schedule
     if schedule.turns.si <= MAX_TURNS:
         return scene
@@ -291,9 +294,9 @@ def _shortened(scene: SceneConfig) -> SceneConfig:
 
 
 def close_gap(gaps: Sequence[float]) -> Ranges:
-    """Return an additional axis for the smallest of the gaps (m), one gap per speed.
+    """Return an additional axis for the smallest of the gaps (m).
 
-    Returns an empty dict if the axis of all gaps resolves it.
+    ``gaps`` contains one gap per speed. Returns an empty dict if the axis of all gaps resolves it.
     """
     visible = [gap * GAP.line.factor for gap in gaps if gap * GAP.line.factor >= MIN_GAP]
     if not visible or CLOSE_GAP_FACTOR * min(visible) > MAX_SHARE * max(visible):
@@ -302,13 +305,16 @@ def close_gap(gaps: Sequence[float]) -> Ranges:
 
 
 def _wider(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the limits that contain both limits ``(k, 2)``."""
+    """Return limits ``(k, 2)`` that contain both arguments, for k quantities."""
     low, high = np.minimum(first, second), np.maximum(first, second)
     return np.column_stack([low[:, 0], high[:, 1]])
 
 
 def _ranges(rows: Sequence[PlotRow], ends: FloatArray) -> dict[str, Range]:
-    """Return rounded axes that contain the limits ``(k, 2)``, in SI units, and 0."""
+    """Return the axis ranges of quantities from their limits ``(k, 2)`` in SI units.
+
+    The ranges are rounded, in displayed units, and contain 0.
+    """
     axes = {}
     for row, (low, high) in zip(rows, ends.tolist(), strict=True):
         factor = row.line.factor

@@ -42,17 +42,23 @@ class RunReceiver(Protocol):
     profiles: dict[str, FloatArray]
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
-        """Process one tick with the samples ``rows`` of its block, shape (6, n)."""
+        """Process one tick between two cam states.
+
+        ``rows`` are the samples of its block, shape (6, n).
+        """
 
     def sound(self, end_ns: int, level: float, pressure: float) -> None:
-        """Process level (dB) and pressure (Pa) of the tick that ended at ``end_ns``."""
+        """Process sound level (dB) and pressure (Pa) of the tick that ended at a time.
+
+        ``end_ns`` is its rig time in ns.
+        """
 
     def close(self) -> None:
-        """Finish after the last tick."""
+        """Finish the processing after the last tick of the run."""
 
 
 class RunFeed:
-    """Assembles the messages of a bag or a live run into ticks for a receiver.
+    """Assembler of the messages of a bag or a live run into ticks for a receiver.
 
     A tick is passed on when both of its states, its block and its cam's profile have arrived.
     Levels have no time stamp. Each level is published with a pressure that has one.
@@ -74,7 +80,7 @@ class RunFeed:
 
     @property
     def handlers(self) -> dict[Topic, Callable[[Any], None]]:
-        """Handlers of messages by topic."""
+        """Functions that process a message, by topic."""
         return {
             topics.CAM_STATE: lambda m: self.pairing.add_state(cam_state_of(m)),
             topics.PROFILE: lambda m: self.profiles.update({m.header.frame_id: polygon(m)}),
@@ -85,7 +91,7 @@ class RunFeed:
 
     @property
     def is_behind(self) -> bool:
-        """True if the level of a drawn tick has not arrived yet."""
+        """True if the sound level of a drawn tick has not arrived yet."""
         return self._sound_until < self._drawn
 
     def draw(self) -> Iterator[Tick]:
@@ -213,12 +219,15 @@ def feed_bag(bag: Path, loaded: LoadedScene, feed: RunFeed, on_tick: Callable[[]
 
 
 def bucket_for(samples: int) -> int:
-    """Return the bucket size that keeps a long run small enough for a viewer."""
+    """Return the number of samples per bucket that keeps a long run displayable.
+
+    ``samples`` is the number of samples of the run.
+    """
     return 1 if samples < WHOLE_BELOW else math.ceil(samples / BUCKETS)
 
 
 def polygon(message: Any) -> FloatArray:
-    """Return the points of a PolygonStamped, m, shape (n, 2)."""
+    """Return the points of a PolygonStamped message, m, shape (n, 2)."""
     return np.array([[point.x, point.y] for point in message.polygon.points], dtype=np.float64)
 
 
@@ -236,7 +245,7 @@ TIMEOUT_S = 8.0
 
 
 class LiveView:
-    """Live view of a run: in a viewer at an address, or in a folder that a page reads.
+    """View of a live run, in a viewer at an address or in a folder that a page reads.
 
     Parameters
     ----------
@@ -317,7 +326,7 @@ class LiveView:
             self._part = part
 
     def close(self) -> None:
-        """Send the remaining data and disconnect.
+        """Send the remaining data to the viewer, and disconnect.
 
         Raises
         ------

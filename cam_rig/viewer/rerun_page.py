@@ -1,4 +1,4 @@
-"""Server of Rerun's web viewer for the local user only.
+"""Server of Rerun's web viewer, for the local user only.
 
 The original page of the viewer loads a font, checks for a newer version and reports its use. This
 server serves the same page with a guard before its code. The guard answers a request to another
@@ -75,7 +75,7 @@ NAMED = re.compile(rb'(?:src|href)="([\w.-]+)"|fetch\("\./([\w.-]+)"\)')
 
 
 class Pages(NamedTuple):
-    """Address for a browser, folder of the recording, and displayed rig time."""
+    """Served page of a live run: address, folder of the recording, displayed rig time."""
 
     address: str
     folder: Path
@@ -84,7 +84,7 @@ class Pages(NamedTuple):
 
 @contextmanager
 def serve_file(path: Path, begin: float = 0.0) -> Iterator[str]:
-    """Serve a recording, and yield the address for a browser.
+    """Serve a recording file, and yield the address for a browser.
 
     `begin` is the initial rig time (s).
     """
@@ -111,7 +111,7 @@ def _serving(pages: RerunPages) -> Iterator[str]:
 
 
 class RerunPages:
-    """Application that serves the viewer and a recording.
+    """Web application that serves Rerun's viewer and a recording.
 
     The recording is the file ``path``, or the newest in the ``folder`` of a live run.
     """
@@ -126,7 +126,7 @@ class RerunPages:
         self.application = Starlette(routes=[*routes, Route("/{name}", self._file)])
 
     def recording(self) -> Path | None:
-        """Return the recording to display, or None before a live run has started."""
+        """Return the path of the recording to display, None before a live run has started."""
         return self.path if self.folder is None else newest_recording(self.folder)
 
     async def _index(self, request: Request) -> Response:
@@ -155,7 +155,7 @@ class RerunPages:
         return Response(file.body, media_type=file.kind)
 
     async def _follow(self, first: Path) -> AsyncIterator[bytes]:
-        """Yield the recording as it is written.
+        """Yield the bytes of the recording while it is written.
 
         Ends when another run starts or the server ends.
         """

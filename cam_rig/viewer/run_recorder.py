@@ -1,4 +1,4 @@
-"""Rerun recording of a run and of the results of its turns and speeds."""
+"""Recorder of a run for the Rerun viewer, with results by turn and speed."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SEND_EVERY_S = 5.0
 
 
 class RunRecorder:
-    """Recorder of a run, tick by tick.
+    """Recorder that draws a run into a Rerun recording, tick by tick.
 
     `close` sends the remaining data.
 
@@ -89,7 +89,10 @@ class RunRecorder:
             self._canvas.set_style(RESULTS, rr.TextDocument, media_type="text/markdown")
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
-        """Draw one tick with the samples ``rows`` of its block, shape (6, n)."""
+        """Draw one tick between two cam states.
+
+        ``rows`` are the samples of its block, shape (6, n).
+        """
         last = self._last[0] if self._last is not None else start
         if (start.cam, start.speed) != (last.cam, last.speed):
             self._finish_step()
@@ -108,7 +111,10 @@ class RunRecorder:
             self.flush()
 
     def sound(self, end_ns: int, level: float, pressure: float) -> None:
-        """Draw level (dB) and r.m.s. pressure (Pa) of the tick that ended at ``end_ns``."""
+        """Draw sound level (dB) and r.m.s. pressure (Pa) of the tick that ended at a time.
+
+        ``end_ns`` is its rig time in ns.
+        """
         if end_ns not in self._without_sound:
             return  # the tick ended before this node subscribed
         start, end = self._without_sound.pop(end_ns)
@@ -121,12 +127,15 @@ class RunRecorder:
         self._newest_sound = end
 
     def show(self, until: float) -> None:
-        """Send the pictures up to a rig time (s), but not beyond the sent curves."""
+        """Send the pictures of cam and follower up to a rig time (s).
+
+        Pictures beyond the sent curves are kept.
+        """
         if self._run_view is not None:
             self._run_view.show(min(until, self._sent / NS))
 
     def flush(self, until: float = math.inf) -> None:
-        """Send all data, and the pictures up to a rig time (s).
+        """Send all data to the recording, and the pictures up to a rig time (s).
 
         The curves of the run are sent first, because no other data may be ahead of them.
         """

@@ -33,7 +33,7 @@ LIFT_OF_LAW = np.array([[1.0, 0.0, 0.0]])
 
 
 class TimeSeries:
-    """Writer of the curves and their marks.
+    """Writer of the curves of a run and the marks on them.
 
     Each curve keeps the minimum and the maximum of every ``bucket`` samples.
     """
@@ -47,7 +47,7 @@ class TimeSeries:
         }
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
-        """Add one tick with its cam ``angle`` (rad).
+        """Add the samples of one tick at the cam angles ``angle`` (rad).
 
         ``rows`` are those of the block, followed by the twist if the model has a shaft.
         """
@@ -72,12 +72,12 @@ class TimeSeries:
             self._writers[mark].add(time[mask], angle[mask], lift[mask])
 
     def add(self, line: SeriesLine, state: CamState, value: float) -> None:
-        """Add the value (SI) of a curve at a state."""
+        """Add a single value (SI) of a curve at a cam state."""
         times = np.array([state.time_ns / NS]), np.array([state.unwrapped])
         self._writers[line].add(*times, np.array([value]))
 
     def flush(self) -> None:
-        """Send the samples added since the last call."""
+        """Send the samples that were added since the last call to the recording."""
         for writer in self._writers.values():
             writer.flush()
 
@@ -89,7 +89,7 @@ BANDS = "bands"
 
 
 class RunView:
-    """View of a run, drawn tick by tick.
+    """View of a run in a recording, drawn tick by tick.
 
     The parameters are those of `RunRecorder`.
     """
@@ -122,7 +122,7 @@ class RunView:
         turn: Turn | None,
         profile: FloatArray,
     ) -> None:
-        """Draw one tick.
+        """Draw one tick of the run.
 
         Parameters
         ----------
@@ -155,16 +155,19 @@ class RunView:
             self._turn_chart.add(end, turn)
 
     def level(self, end: CamState, level: float) -> None:
-        """Draw the level (dB) of the tick that ended with a state."""
+        """Draw the sound level (dB) of the tick that ended with a cam state."""
         self._time_series.add(quantities.LEVEL, end, level)
 
     def close(self, end: CamState) -> None:
-        """Draw the last speed up to the end of the run."""
+        """Draw the speed of the cam up to the end of the run."""
         if self._last is not None:
             self._time_series.add(quantities.SPEED, end, self._last.speed)
 
     def show(self, until: float) -> None:
-        """Send the pictures up to a rig time (s) whose curves are sent."""
+        """Send the pictures up to a rig time (s) whose curves are sent.
+
+        They show cam and follower.
+        """
         self._scene.flush(until)
 
     def flush(self, until: float = math.inf) -> None:
@@ -217,7 +220,7 @@ class ResultTable:
         self._levels: dict[tuple[str, float], float] = {}
 
     def motion(self, turn: Turn) -> None:
-        """Set the row of a cam and speed from its newest turn."""
+        """Set the row of a cam and speed in the table from its newest turn."""
         force, law = turn.force, self._loaded.laws[turn.cam]
         count = int(lift_offs(force, bool(force[-1] == 0.0)).sum())
         gap = 1e6 * float(gap_of(law, turn.angle, turn).max()) if count else 0.0
@@ -226,13 +229,13 @@ class ResultTable:
         self._motion[turn.cam, turn.speed] = cells
 
     def level(self, cam: str, speed: float, level: float) -> None:
-        """Set the level (dB) of a cam at a speed (rad/s), measured so far."""
+        """Set the sound level (dB) of a cam at a speed (rad/s) in the table."""
         self._levels[cam, speed] = level
 
     def text(self, state: str = "") -> str:
         """Return the table as Markdown.
 
-        The heading contains the ``state`` of a live run: running, finished.
+        The heading contains the ``state`` of a live run, such as running or finished.
         """
         lines = []
         for cam in self._loaded.cams:
@@ -274,7 +277,10 @@ def about(loaded: LoadedScene, bucket: int) -> str:
 
 
 def by_origin(numbers: dict[str, Quantity]) -> list[str]:
-    """Return a paragraph each for the given, the assumed and the identified numbers."""
+    """Return a paragraph each on the given, the assumed and the identified numbers.
+
+    ``numbers`` are quantities by key.
+    """
     lines = []
     for origin in ORIGINS:
         texts = []

@@ -49,7 +49,7 @@ ARROW = 0.22
 
 @dataclass(frozen=True)
 class Framing:
-    """Frame of a cam with its follower in mm.
+    """Frame of the picture of a cam with its follower, in mm.
 
     `ring` is the radius of the ring of degrees. `low` and `high` are opposite corners, shape (2,).
     """
@@ -67,13 +67,13 @@ class Framing:
 
     @property
     def height(self) -> float:
-        """Height of the frame in mm."""
+        """Height of the frame, mm."""
         return float(self.high[1] - self.low[1])
 
     def numbers(self) -> tuple[FloatArray, list[str]]:
-        """Return positions ``(n, 2)`` and texts of the visible numbers of the ring.
+        """Return positions ``(n, 2)`` (mm) and texts of the visible numbers on the ring.
 
-        The follower covers a visible number at no lift.
+        Numbers that the follower covers at some lift are left out.
         """
         positions, numbers = shapes.ring_numbers(self.ring)
         covered = np.zeros(len(numbers), dtype=bool)
@@ -86,7 +86,7 @@ class Framing:
         return positions[~covered], visible
 
     def follower(self) -> list[FloatArray]:
-        """Return the strips of the follower in mm.
+        """Return the polylines of the follower in mm.
 
         Its stem ends above its bearing.
         """
@@ -94,7 +94,7 @@ class Framing:
 
 
 def framings(loaded: LoadedScene) -> dict[str, Framing]:
-    """Return the frame of each cam of a scene."""
+    """Return the frame of the picture of each cam of a scene, by name."""
     return {name: _framing(loaded, name) for name in loaded.cams}
 
 
@@ -146,7 +146,7 @@ def readings(
     pressure_angle: FloatArray,
     max_lift: float = math.inf,
 ) -> list[str]:
-    """Return the readings of n frames as Markdown.
+    """Return the displayed readings of n pictures as Markdown.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ UNSEEN = -0.1
 
 
 def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
-    """Return True for the first sample in each frame, shape (n,).
+    """Return True for the first sample of each picture of the turn, shape (n,).
 
     ``angle`` is the unwrapped cam angle and ``step`` its increment per sample, both in rad.
     """
@@ -261,7 +261,7 @@ class Scene2D:
         canvas.set_style(f"{self._root}/force", rr.Arrows2D, colors=looks.FORCE, radii=THICK)
 
     def mount(self, state: CamState, profile: FloatArray) -> None:
-        """Replace the drawn cam.
+        """Replace the drawn cam at a cam state.
 
         ``profile`` is its contour in the cam's frame, m, shape (n, 2).
         """
@@ -294,7 +294,10 @@ class Scene2D:
         return self._framings[cam]
 
     def speed(self, state: CamState, title: str = "") -> None:
-        """Draw the cam's title and speed below it, and a bar with the scale of the force."""
+        """Draw the cam's title and speed below it, and a bar with the scale of the force.
+
+        They appear from a cam state on.
+        """
         self.flush()
         self._rpm, framing = to_rpm(state.speed), self._framing_of(state.cam)
         longest = self._scale or max_contact_force(self._loaded, state.cam, state.speed)
@@ -318,18 +321,19 @@ class Scene2D:
     def frames(
         self, time: FloatArray, angle: FloatArray, lift: FloatArray, force: FloatArray
     ) -> None:
-        """Add frames at ``time`` (s), unwrapped cam ``angle`` (rad) and ``lift`` (m).
+        """Add pictures of cam and follower at rig times (s), ``(n,)``.
 
-        Contact is lost if the contact ``force`` (N) is zero. Then the gap is drawn as a line from
-        the point of the cam that contact would touch to the matching point of the follower. A
+        ``angle`` is the unwrapped cam angle (rad), ``lift`` the follower's lift (m) and ``force``
+        the contact force (N). Contact is lost if the force is zero. Then the gap is drawn as a line
+        from the point of the cam that contact would touch to the matching point of the follower. A
         follower outside the view is drawn at its edge, and the readings report this.
         """
         self._waiting.append(np.stack([time, angle, lift, force]))
 
     def flush(self, until: float = math.inf) -> None:
-        """Send the added frames up to a rig time (s).
+        """Send the added pictures up to a rig time (s).
 
-        Later frames are kept.
+        Later pictures are kept.
         """
         if not self._waiting:
             return
@@ -346,7 +350,7 @@ class Scene2D:
     def _send(
         self, time: FloatArray, angle: FloatArray, lift: FloatArray, force: FloatArray
     ) -> None:
-        """Send the poses, the gaps, the readings and the forces of frames."""
+        """Send the poses, the gaps, the readings and the forces of some pictures."""
         times, shape = self._canvas.times(time, angle), self._shape
         motion = Motion.at(self._law, angle)
         drawn = np.minimum(lift, self._max_lift)
@@ -390,7 +394,7 @@ class Scene2D:
     def _texts(
         self, state: CamState, entity: str, positions: FloatArray, texts: list[str], colour: int
     ) -> None:
-        """Draw texts whose upper middles are at ``positions``, shape (n, 2)."""
+        """Draw texts with their upper middles at ``positions``, (n, 2), from a state on."""
         style: dict[str, Any] = {"colors": colour, "radii": UNSEEN, "show_labels": True}
         columns: dict[str, Any] = {name: [value] * len(texts) for name, value in style.items()}
         times = self._canvas.times_of(state)
@@ -398,7 +402,7 @@ class Scene2D:
 
 
 def _pose(angle: FloatArray, position: FloatArray | None) -> rr.ComponentColumnList:
-    """Return poses turned by `angle` about z, then moved to `position`.
+    """Return Rerun poses that rotate by `angle` about z, then move to `position`.
 
     `angle` is in rad, shape (n,), and `position` in mm, shape (n, 3).
     """

@@ -33,7 +33,10 @@ Times = Callable[[FloatArray, FloatArray], list[rr.TimeColumn]]
 
 
 def time_columns(time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
-    """Return all timelines for rows at ``time`` (s) and unwrapped cam ``angle`` (rad)."""
+    """Return the columns of all timelines for rows of a recording.
+
+    The rows are at ``time`` (s) and unwrapped cam ``angle`` (rad), ``(n,)`` each.
+    """
     nanoseconds = np.rint(time * 1e9).astype("timedelta64[ns]")
     degrees = _floor_degrees(angle)
     turn = degrees // 360
@@ -46,12 +49,15 @@ def time_columns(time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
 
 
 def rig_time_alone(time: FloatArray, _angle: FloatArray) -> list[rr.TimeColumn]:
-    """Return only the rig time, for a live run: each further timeline slows the page."""
+    """Return the column of the rig time only, for a live run.
+
+    Each further timeline slows the page.
+    """
     return time_columns(time, np.zeros_like(time))[:1]
 
 
 def within_turn(_time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
-    """Return only the angle within the turn, for turns that are overlaid."""
+    """Return the column of the angle within the turn only, for overlaid turns."""
     return [rr.TimeColumn(TURN_DEGREES, sequence=_floor_degrees(angle) % 360)]
 
 
@@ -61,7 +67,7 @@ def _floor_degrees(angle: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int6
 
 @dataclass(frozen=True)
 class Canvas:
-    """Recording to draw into, and the timelines of the drawn data."""
+    """Canvas: a recording to draw into, and the timelines of the drawn data."""
 
     stream: rr.RecordingStream
     times: Times = time_columns
@@ -71,7 +77,7 @@ class Canvas:
         return self.times(np.array([time]), np.array([angle]))
 
     def times_of(self, state: CamState) -> list[rr.TimeColumn]:
-        """Return the time columns of one row at a state of the cam."""
+        """Return the time columns of one row at a cam state."""
         return self.times_at(state.time_ns / NS, state.unwrapped)
 
     def log_static(self, entity: str, shape: Any) -> None:
@@ -83,13 +89,13 @@ class Canvas:
         self.log_static(entity, kind.from_fields(**style))
 
     def rows(self, entity: str, times: list[rr.TimeColumn], columns: Any) -> None:
-        """Send columns with one row per time."""
+        """Send columns of data to an entity, with one row per time."""
         self.stream.send_columns(entity, times, columns)
 
     def strips(
         self, entity: str, times: list[rr.TimeColumn], strips: Sequence[FloatArray], **style: float
     ) -> None:
-        """Draw lines ``(n, 2)`` of the same style in one row."""
+        """Draw polylines ``(n, 2)`` of the same style at one time."""
         styles: dict[str, Any] = {name: [value] * len(strips) for name, value in style.items()}
         columns = rr.LineStrips2D.columns(strips=strips, **styles)
         self.rows(entity, times, columns.partition([len(strips)]))
@@ -97,7 +103,7 @@ class Canvas:
     def points(
         self, entity: str, times: list[rr.TimeColumn], positions: Any, **columns: Any
     ) -> None:
-        """Draw points ``(n, 2)`` in one row."""
+        """Draw points ``(n, 2)`` at one time."""
         points = rr.Points2D.columns(positions=positions, **columns)
         self.rows(entity, times, points.partition([len(positions)]))
 
@@ -156,7 +162,7 @@ class FramePace:
         return now - self._sent >= 1.0 / self.rate
 
     def chosen(self, count: int) -> NDArray[np.intp]:
-        """Return the indices of the pictures to send, evenly among ``count``.
+        """Return the indices of the pictures to send, evenly among ``count`` pictures.
 
         The newest is always among them.
         """
@@ -186,7 +192,7 @@ class FramePace:
 
 @dataclass(frozen=True, eq=False)
 class Turn(NamedRows):
-    """Samples of one turn of a cam.
+    """Samples of one turn of a cam at one speed.
 
     `speed` is in rad/s, `angle` the unwrapped cam angle in rad, shape (n,), and `rows` has the rows
     of `NamedRows`, shape (6, n).
@@ -204,13 +210,16 @@ class Turn(NamedRows):
 
 
 class TurnCollector:
-    """Collector of the newest turn, tick by tick."""
+    """Collector that assembles the newest turn from ticks."""
 
     def __init__(self, ticks_per_turn: int) -> None:
         self._ticks: deque[tuple[CamState, FloatArray, FloatArray]] = deque(maxlen=ticks_per_turn)
 
     def add(self, start: CamState, angle: FloatArray, rows: FloatArray) -> None:
-        """Add the samples of the next tick."""
+        """Add the samples of the next tick, which starts at a cam state.
+
+        ``angle`` is the unwrapped cam angle (rad), and ``rows`` are those of the block.
+        """
         last = self._ticks[-1][0] if self._ticks else start
         if (start.cam, start.speed) != (last.cam, last.speed):
             self._ticks.clear()
@@ -226,7 +235,7 @@ class TurnCollector:
 
 
 def sample_angles(start: CamState, end: CamState, time: FloatArray) -> FloatArray:
-    """Return the unwrapped cam angles (rad) at times (s) within a tick, shape (n,)."""
+    """Return the unwrapped cam angles (rad) at rig times (s) within a tick, (n,)."""
     interval, since = start.until(end), time - start.time_ns / NS
     return start.unwrapped + since * (interval.speed + 0.5 * interval.acceleration * since)
 

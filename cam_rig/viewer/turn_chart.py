@@ -52,7 +52,10 @@ RAISED = 0.1
 
 
 class TurnAxes:
-    """Rows of axes of height ``row`` in a plane whose y points down, as in Rerun."""
+    """Axes over the cam angle, one row per quantity, of height ``row``.
+
+    The y axis of their plane points down, as in Rerun.
+    """
 
     def __init__(self, rows: Sequence[PlotRow], ranges: Ranges, row: float = ROW) -> None:
         self.rows, self._ranges = tuple(rows), ranges
@@ -68,21 +71,24 @@ class TurnAxes:
     def bounds(
         self, below: float = SPACE_BELOW, above: float = SPACE_ABOVE
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return the limits of x and y of a view of all rows and the degrees below."""
+        """Return the limits of x and y of a view that contains all rows.
+
+        The degrees below the rows are included.
+        """
         return (-LEFT, WIDTH + RIGHT), (-above, self.height + below)
 
     def place(self, key: str, degrees: FloatArray, values: FloatArray) -> FloatArray:
-        """Return the points in a row, shape (n, 2).
+        """Return the positions of points in the axes of a quantity, shape (n, 2).
 
-        Values beyond its axis are drawn at its edge.
+        ``degrees`` are cam angles (°). Values beyond the axis are drawn at its edge.
         """
         axes = self.axes[key]
         return axes.place(degrees, values.clip(*axes.y))
 
     def draw(self, canvas: Canvas, view: str, titled: bool = True) -> None:
-        """Draw titles, degrees and a line at each quarter turn.
+        """Draw the titles of the rows, the degrees, and a line at each quarter turn.
 
-        Also sets the style of the cursor.
+        The style of the cursor is set, too.
         """
         for row in self.rows:
             if titled:
@@ -99,7 +105,7 @@ class TurnAxes:
     def move_cursor(
         self, canvas: Canvas, view: str, times: list[rr.TimeColumn], angle: FloatArray
     ) -> None:
-        """Draw the cursor at each time: a line at the unwrapped cam angle ``(n,)``, rad."""
+        """Draw the cursor at each time, a line at the unwrapped cam angle (rad), ``(n,)``."""
         # The line is sent for each time, because a moving transform slows a page by a third.
         x = np.mod(angle, TURN) / TURN * WIDTH
         strips = np.empty((x.size, 2, 2))
@@ -107,12 +113,12 @@ class TurnAxes:
         canvas.rows(f"{view}/cursor", times, rr.LineStrips2D.columns(strips=list(strips)))
 
     def draw_marks(self, canvas: Canvas, view: str) -> None:
-        """Draw the frames of all rows and their numbers for every time."""
+        """Draw the frames of all rows and the numbers next to them, for every time."""
         for key, axes in self.axes.items():
             axes.draw(canvas.stream, f"{view}/{key}/axes", {}, self.marks(key))
 
     def marks(self, key: str) -> dict[float, str]:
-        """Return the numbers next to a row."""
+        """Return the numbers next to the row of a quantity."""
         return step_marks(*self._ranges[key])
 
 
@@ -129,7 +135,7 @@ def label(
 
 
 def in_turn(angle: FloatArray) -> tuple[FloatArray, int]:
-    """Return the degrees within the turn, and the index of the smallest.
+    """Return the cam angles within the turn (°), and the index of the smallest.
 
     ``angle`` are the unwrapped angles of one turn in rad.
     """
@@ -138,9 +144,9 @@ def in_turn(angle: FloatArray) -> tuple[FloatArray, int]:
 
 
 def curve(axes: TurnAxes, key: str, angle: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the points of a turn's curve from 0 to 360° with its peaks, (n, 2).
+    """Return the points of a turn's curve from 0 to 360°, with its peaks, (n, 2).
 
-    ``values`` are in the displayed unit.
+    ``angle`` is in rad, and ``values`` are in the displayed unit.
     """
     degrees, first = in_turn(angle)
     degrees, values = np.roll(degrees, -first), np.roll(values, -first)
@@ -168,9 +174,9 @@ CAPTION = -7.0
 
 
 class TurnChart:
-    """Chart of overlaid turns.
+    """Chart in which the turns of one speed are overlaid.
 
-    `flush` sends the added turns.
+    `flush` sends the added turns to the recording.
 
     With ``every`` each turn is sent, from its start on. Otherwise only the newest turn is sent,
     from its end on.
@@ -192,7 +198,7 @@ class TurnChart:
         self._draw_legend()
 
     def add(self, end: CamState, turn: Turn) -> None:
-        """Add the turn that ended with a state, unless it overlaps the last turn."""
+        """Add a turn that ended with a cam state, unless it overlaps the last turn."""
         hold = turn.cam, turn.speed
         if hold == self._last_step and turn.angle[0] <= self._last_angle:
             return
@@ -200,7 +206,7 @@ class TurnChart:
         self._waiting.append((end, turn))
 
     def flush(self) -> None:
-        """Send the turns added since the last call."""
+        """Send the turns that were added since the last call to the recording."""
         for end, turn in self._waiting if self._every else self._waiting[-1:]:
             first = float(turn.time[0]), float(turn.angle[0])
             self._send(
@@ -209,7 +215,7 @@ class TurnChart:
         self._waiting = []
 
     def move_cursor(self, times: list[rr.TimeColumn], angle: FloatArray) -> None:
-        """Draw the cursor at each time, at the unwrapped cam angle ``(n,)``, rad."""
+        """Draw the cursor at each time, at the unwrapped cam angle (rad), ``(n,)``."""
         self._axes.move_cursor(self._canvas, VIEW, times, angle)
 
     def _send(self, times: list[rr.TimeColumn], turn: Turn) -> None:
@@ -232,7 +238,10 @@ class TurnChart:
         self._draw_events(times, turn)
 
     def begin(self, state: CamState) -> None:
-        """Start another cam or speed at a state, before its first complete turn."""
+        """Start the chart of another cam or speed at a cam state.
+
+        No turn is complete then.
+        """
         times = self._canvas.times_of(state)
         self._start_step(times, state.cam, state.speed)
         for mark in MARKS:
@@ -240,7 +249,10 @@ class TurnChart:
         self._strips(times, "flights", [])
 
     def _start_step(self, times: list[rr.TimeColumn], cam: str, speed: float) -> None:
-        """Remove the overlaid turns, and draw axes, law and caption of another step."""
+        """Remove the overlaid turns, and draw axes, law and caption of another step.
+
+        A step is one cam at one speed.
+        """
         for slot in self._overlaid:
             for row in self._rows:
                 self._strips(times, f"{row.key}/follower/{slot}", [])
@@ -271,7 +283,7 @@ class TurnChart:
         return curve(self._axes, key, turn.angle, values * factor)
 
     def _draw_events(self, times: list[rr.TimeColumn], turn: Turn) -> None:
-        """Mark the lift-offs and landings, and shade the flights between them."""
+        """Mark the lift-offs and landings of a turn, and shade the flights between them."""
         degrees, _ = in_turn(turn.angle)
         in_flight = turn.force == 0.0
         lift = turn.lift * LIFT.line.factor

@@ -1,4 +1,4 @@
-"""Server of pages for a browser, by default on this machine only.
+"""Server of web pages, by default for a browser on this machine only.
 
 A request needs this server's host, no other origin, and the token. The printed address contains the
 token, which becomes a cookie at once and leaves the address.
@@ -66,7 +66,7 @@ END_S = 3.0
 
 @dataclass(frozen=True)
 class Access:
-    """Host, origin and token that a request to a port must have.
+    """Access rules of a server: the host, origin and token that a request must have.
 
     With a `host` other than the loopback, the cookie goes to all ports of that address.
     """
@@ -77,11 +77,11 @@ class Access:
 
     @property
     def netloc(self) -> str:
-        """Host and port in the address of a page."""
+        """Host and port in the address of a page of the server."""
         return f"{LOCAL_HOST if self.host == LOOPBACK else self.host}:{self.port}"
 
     def address(self, path: str = "/") -> str:
-        """Return the address for a browser, with the token."""
+        """Return the address of a page for a browser, with the token."""
         return f"http://{self.netloc}{path}?token={self.token}"
 
     @property
@@ -91,7 +91,7 @@ class Access:
 
     @property
     def cookie(self) -> str:
-        """Header that sets the cookie."""
+        """Value of the header that sets the cookie of the server."""
         return f"{self.cookie_name}={self.token}; HttpOnly; Path=/; SameSite=Strict"
 
     def refusal_reason(
@@ -125,7 +125,7 @@ class Access:
 
 @dataclass
 class Guard:
-    """Application that requires host, origin and token.
+    """Web application that checks host, origin and token of each request to another.
 
     The path ``/`` leads to ``home``.
     """
@@ -136,7 +136,7 @@ class Guard:
     policy: str
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, pass it to the application, or refuse it."""
+        """Answer a request, pass it to the guarded application, or refuse it."""
         if scope["type"] == "lifespan":
             return await self.app(scope, receive, send)
         send = self._with_headers(send)
@@ -175,7 +175,7 @@ async def _refuse(reason: str, status: int, scope: Scope, receive: Receive, send
 
 
 class Served(NamedTuple):
-    """Access rules of a server, and a function that returns True while it runs."""
+    """Running server: access rules, and a function that returns True while it runs."""
 
     access: Access
     alive: Callable[[], bool]
@@ -220,11 +220,10 @@ def serve_application(
 
 
 def _is_relevant(record: logging.LogRecord) -> bool:
-    """Return True if a log record is an error other than a cancelled request.
+    """Return True if a log record of the server is an error to be logged.
 
+    Cancelled requests are not errors, and warnings on invalid or aborted requests are not logged.
     The traceback of invalid UTF-8 is removed.
-
-    Warnings on invalid or aborted requests are not logged.
     """
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, UnicodeDecodeError):

@@ -1,4 +1,4 @@
-"""Numbers of a message by the path of their field, such as ``position[0]``."""
+"""Access to numbers in a message by a field's path, such as ``position[0]``."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ PART = re.compile(r"(?P<name>\w+)(?:\[(?P<index>[\w/-]+)\])?")
 
 
 def number_at(message: Any, path: str) -> float:
-    """Return the number at a path, such as ``wrench.force.z`` or ``position[0]``.
+    """Return the number in a message at a path, such as ``wrench.force.z``.
 
-    The index of an array may be the name of a joint. Raises ValueError if the path is not a number.
+    The index of an array, as in ``position[0]``, may be the name of a joint. Raises ValueError if
+    the path is not a number.
     """
     value = message
     for part in path.split("."):

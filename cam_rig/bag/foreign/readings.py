@@ -36,7 +36,7 @@ MAX_SENTINELS = 0.01
 
 @dataclass
 class _Readings:
-    """Readings of one quantity in the order of the bag."""
+    """Readings of one quantity from its topic, in the order of the bag."""
 
     bag: Path
     source: MappedField
@@ -53,7 +53,7 @@ class _Readings:
     first_error: str = ""
 
     def take(self, message: Any, log_time: int, types: Typestore) -> None:
-        """Store the number of a message.
+        """Store the number in a message.
 
         A message without the joint or the field is only counted.
         """
@@ -79,18 +79,18 @@ class _Readings:
 
     @property
     def headed(self) -> bool:
-        """True if the time is that of the message's header."""
+        """True if the time of the readings is that of the message's header."""
         return self.has_stamps and not self.source.bag_time
 
     @property
     def counter(self) -> Counter | None:
-        """Counter of an integer quantity, or None for other numbers."""
+        """Integer counter that the quantity is, or None for other numbers."""
         if self.values_of_type is None:
             return None
         return Counter(abs(self.source.factor), self.values_of_type)
 
     def select(self) -> tuple[NDArray[np.int64], FloatArray, list[str]]:
-        """Return times (ns), values in SI, and notes.
+        """Return times (ns), values in SI, and notes on the readings.
 
         The readings are in the order of time, and each time occurs once.
         """
@@ -215,7 +215,10 @@ def _read_topics(bag: Path, mapping: dict[str, MappedField]) -> list[_Readings]:
 
 
 def _select(bag: Path, readings: _Readings) -> tuple[NDArray[np.int64], FloatArray, list[str]]:
-    """Return the result of `_Readings.select`, which must have at least two readings."""
+    """Return times, values and notes as `_Readings.select`, after a check.
+
+    There must be at least two readings.
+    """
     times, values, notes = readings.select()
     where = f"{bag}: {readings.source.quantity}: {readings.source.topic}"
     if readings.first_error and not readings.values:
@@ -229,7 +232,10 @@ def _select(bag: Path, readings: _Readings) -> tuple[NDArray[np.int64], FloatArr
 
 
 def _drop_times(signal: Signal, wrong: FloatArray) -> tuple[Signal, int]:
-    """Return a signal without the readings at some times, and the number of these."""
+    """Remove the readings at some times from a signal.
+
+    Returns the signal, and the number of removed readings.
+    """
     is_kept = ~np.isin(signal.time, wrong)
     kept = replace(signal, time=signal.time[is_kept], value=signal.value[is_kept])
     return kept, int(np.count_nonzero(~is_kept))
@@ -260,7 +266,7 @@ def _drop_sentinels(lift: Signal, notes: list[str]) -> Signal:
 
 
 def _locate(bag: Path, mapped: MappedField, topics: dict[str, Connection]) -> MappedField:
-    """Return the field with the name of an existing topic.
+    """Return the field with the topic's name in the bag.
 
     If the bag has no topic ``/lvdt/data``, it may be the field data of the topic /lvdt.
     """

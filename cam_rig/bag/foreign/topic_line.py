@@ -1,4 +1,4 @@
-"""Text of --topics: the topic fields of cam angle, lift, force and level."""
+"""Parser of the option --topics: the topic fields of angle, lift, force and level."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ EXAMPLE = "angle=/encoder.position[0]:deg lift=/lvdt.data:mm"
 
 @dataclass(frozen=True)
 class MappedField:
-    """Field of a topic in which a quantity is read.
+    """Field of a topic from which a quantity is read.
 
     `field` contains dotted names. It is empty for the only number of the message. `unit` is a key
     of `QUANTITIES`, or counts per turn. `sign` is -1 for a sensor with the opposite direction.
@@ -52,14 +52,14 @@ class MappedField:
 
     @property
     def factor(self) -> float:
-        """Factor from the numbers of the message to SI, with the sign."""
+        """Factor from the numbers in the messages to SI, with the sign."""
         if counts := COUNTS.fullmatch(self.unit):
             return self.sign * TURN / int(counts[1])
         return self.sign * QUANTITIES[self.quantity][self.unit]
 
 
 def parse_topics(line: str) -> dict[str, MappedField]:
-    """Return the fields of a text of ``quantity=topic.field:unit`` items, by quantity.
+    """Parse a text of ``quantity=topic.field:unit`` items to fields by quantity.
 
     Raises ConfigError if the angle or all other quantities are missing.
     """

@@ -1,4 +1,4 @@
-"""Cam angle of an encoder.
+"""Conversion of an encoder's readings to a cam angle that rises over all turns.
 
 Wrong angles are removed, whole turns are counted, and the angle is made to rise.
 """
@@ -79,13 +79,13 @@ class Counter:
 
     @property
     def span(self) -> float:
-        """Angle (rad) after which the counter wraps."""
+        """Angle (rad) after which the counter starts again at its first value."""
         return self.count * self.values
 
 
 @dataclass(frozen=True, eq=False)
 class CountedAngle:
-    """Rising angle with all its turns, without wrong angles.
+    """Cam angle that rises over all its turns, without wrong readings.
 
     `wrong` contains the indices of the wrong angles in the original signal. `notes` contains one
     sentence per change.
@@ -97,7 +97,7 @@ class CountedAngle:
 
 
 def count_turns(angle: Signal, where: str, counter: Counter | None = None) -> CountedAngle:
-    """Return the angle with all its turns, rising.
+    """Return the cam angle of an encoder with all its turns, rising.
 
     `where` names the angle in an error message. Raises BagError if the turns cannot be counted, or
     if the cam does not turn in one direction.
@@ -138,7 +138,7 @@ def count_turns(angle: Signal, where: str, counter: Counter | None = None) -> Co
 
 
 def _period(value: FloatArray, counter: Counter | None) -> float:
-    """Return the angle (rad) after which readings wrap, or infinity.
+    """Return the angle (rad) after which the readings repeat, or infinity.
 
     Readings wrap if a step is longer than half the period, or if the usual step leads out of their
     range. The second case is a driver that averages readings, which makes two steps of nearly half
@@ -162,7 +162,7 @@ def _period(value: FloatArray, counter: Counter | None) -> float:
 
 
 def _remainder(change: FloatArray, period: float) -> FloatArray:
-    """Return ``change`` less whole periods, within half a period of 0."""
+    """Return changes of an angle less whole periods, within half a period of 0."""
     return np.asarray(np.remainder(change + 0.5 * period, period) - 0.5 * period)
 
 
@@ -191,7 +191,7 @@ def _wrong_notes(angle: Signal, wrong: NDArray[np.intp], where: str) -> list[str
 
 
 class _Steps:
-    """Steps between successive angles, modulo the period, and the expected steps."""
+    """Steps between successive angle readings, modulo the period, with expectations."""
 
     def __init__(self, angle: Signal, period: float) -> None:
         from scipy.ndimage import median_filter
@@ -226,7 +226,7 @@ class _Steps:
         return _remainder(change, self.period)
 
     def _expected(self, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
-        """Return the smallest and the largest expected change, shape (2, n).
+        """Return the smallest and the largest expected change of the angle (rad), (2, n).
 
         The change is that from the readings `first` to the later readings `last`. The cam may turn
         as before or as after, and in proportion to time or to the number of readings.
@@ -278,10 +278,11 @@ class _Steps:
     def _walk(
         self, starts: NDArray[np.intp], stops: NDArray[np.intp]
     ) -> tuple[list[int], list[int]]:
-        """Follow runs of consistent readings away from the first run.
+        """Follow runs of consistent readings, and return wrong readings and jumps.
 
-        A run between two runs that fit is wrong. A run to which no later run fits is the start of a
-        jump. Returns the wrong indices and the readings before jumps.
+        The first run is the start. A run between two runs that fit is wrong. A run to which no
+        later run fits is the start of a jump. Returns the wrong indices and the readings before
+        jumps.
         """
         wrong, jumps, k = list[int](), list[int](), 0
         while k < starts.size - 1:
@@ -306,12 +307,15 @@ class _Steps:
         return wrong, jumps
 
     def _excess(self, index: int) -> float:
-        """Return the difference (rad) between a step and the expected step."""
+        """Return the difference (rad) between a step of the angle and the expected step."""
         first = np.array([index])
         return float(self.step[index] - self._expected(first, first + 1).mean())
 
     def _is_whole(self, index: int) -> bool:
-        """Return True if a step differs from the expected step by whole turns."""
+        """Return True if a step differs from the expected step by whole turns.
+
+        The step is that between two angle readings.
+        """
         excess = self._excess(index)
         tolerance = WHOLE_TURNS_RTOL * abs(self._usual[index])
         tolerance += WHOLE_TURNS_SCATTER * self._scatter[index]
@@ -330,7 +334,7 @@ class _Steps:
     def corrections(
         self, jumps: list[int], counter: Counter | None, notes: list[str]
     ) -> FloatArray:
-        """Return the sums that remove jumps back, one per reading (rad).
+        """Return the angles (rad) to add to the readings to remove jumps back, ``(n,)``.
 
         A jump back by nearly whole turns is corrected by whole turns. Another jump back is
         corrected by its size: it is a counter that wraps at another number, or that was set to

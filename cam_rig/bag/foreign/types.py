@@ -66,9 +66,10 @@ def _parse_definitions(connection: Connection) -> dict[str, Any]:
 
 
 def integer_span(types: Typestore, kind: str, path: str) -> int | None:
-    """Return the number of values of the integer type at a path.
+    """Return the number of values of the integer type of a message's field.
 
-    Returns None for another type.
+    `kind` is the type of the message, and `path` the path of the field. Returns None for another
+    type.
     """
     node: Any = (Nodetype.NAME, kind)
     for part in path.split("."):

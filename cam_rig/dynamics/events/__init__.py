@@ -1,1 +1,1 @@
-"""Search for lift-offs and landings, in plain Python or compiled."""
+"""Search for lift-offs and landings of the follower, in plain Python or compiled."""

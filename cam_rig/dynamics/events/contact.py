@@ -98,7 +98,7 @@ class ContactStretch(NamedTuple):
 
 
 class ContactLoss(NamedTuple):
-    """Result of a search for a loss of contact."""
+    """Result of the search for a loss of contact of two masses."""
 
     is_lost: bool  #: True if contact is lost within the duration of the search
     time: float  #: time of the loss, s, infinite if contact is kept

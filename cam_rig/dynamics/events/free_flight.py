@@ -98,7 +98,7 @@ class Advance(NamedTuple):
 
 
 class PairAdvance(NamedTuple):
-    """Change of one pair (q, q̇) since the start of the flight."""
+    """Change of one pair (q, q̇) of the free motion since the start of the flight."""
 
     displacement: float  #: q(t) − q(0)
     velocity: float  #: q̇(t) − q̇(0)

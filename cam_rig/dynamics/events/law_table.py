@@ -32,7 +32,7 @@ LAW_PIECE = np.dtype(
 
 
 class LawRow(IntEnum):
-    """Index of a row in a piece of `LawTable.polynomials`.
+    """Index of a row of polynomials in a piece of `LawTable.polynomials`.
 
     Weighted rows are Bernstein ordinates multiplied by their binomial coefficients.
     """

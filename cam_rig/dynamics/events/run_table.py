@@ -20,7 +20,7 @@ class RunMode(IntEnum):
 
 
 class EventCode(IntEnum):
-    """Kind of a recorded event."""
+    """Kind of an event that a run records."""
 
     LIFT_OFF = 0
     LANDING = 1

@@ -291,7 +291,10 @@ def compute_stem_stretch(run: RunTable, vibration: StemVibration, cam: CamMotion
 
 
 def _next_limit(jumps: Jumps, state: np.void) -> float:
-    """Return the time (s) of the next velocity jump, or of the end of the interval."""
+    """Return the time (s) at which the present phase must end at the latest.
+
+    It is the time of the next velocity jump, or the end of the interval.
+    """
     done = state["jumps_done"]
     if done == len(jumps.ahead):
         return jumps.duration
@@ -320,7 +323,10 @@ def _consume_jumps(jumps: Jumps, state: np.void, time: float) -> float:
 
 
 def _record_phase(record: RunRecord, end: float) -> None:
-    """Record a phase from the current state to ``end`` (s)."""
+    """Append a phase from the current state of a run to its record.
+
+    ``end`` is the end of the phase, s.
+    """
     counts = record.counts[0]
     index = counts["phases"]
     record.phases[index] = record.state[0]

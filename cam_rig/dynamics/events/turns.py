@@ -198,7 +198,7 @@ def _count_landing(run: RunTable, event: np.void, turn: np.void) -> tuple[float,
 
 
 def _pass_flight(run: RunTable, time: float, perturbation: Perturbation, turn: np.void) -> None:
-    """Carry the perturbations through a flight of ``time`` s."""
+    """Carry the perturbations through a flight that lasts ``time`` s."""
     step, free, trace = perturbation.step, run.free[0], 0.0
     for i in range(len(step)):
         trace += free["matrix"][i][i]

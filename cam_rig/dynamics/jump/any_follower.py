@@ -61,7 +61,7 @@ def describe_follower(parameters: AnyFollower) -> str:
 def describe_run(parameters: AnyFollower, duration: float | None) -> str:
     """Return the kind of the follower and of the run as text.
 
-    The run takes ``duration`` s from rest, or is in steady state for None.
+    The run takes ``duration`` s from rest. None means the steady state.
     """
     name = describe_follower(parameters)
     if name != TWO_MASSES:
@@ -108,7 +108,7 @@ def find_jump(law: Law, parameters: AnyFollower, duration: float | None = REST_D
 
 
 def find_contact_loss_speed(law: Law, rig: RigConfig) -> float:
-    """Return the jump speed (rad/s) of a rig, from rest.
+    """Return the jump speed (rad/s) of a rig's follower, from rest.
 
     It is 0 if contact is lost at every speed, and infinite if contact is kept at every speed.
     """

@@ -1,1 +1,1 @@
-"""Linear systems: exact response to a polynomial forcing, at any time."""
+"""Exact response of linear systems to a polynomial forcing, at any time."""

@@ -38,10 +38,10 @@ Response = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def response(damping: float, stiffness: float, time: FloatArray) -> Response:
-    """Return the impulse response of q̈ + 2δ q̇ + κ q = 0 at times in s.
+    """Return the impulse response of q̈ + 2δ q̇ + κ q = 0 at times (s).
 
     ``damping`` is 2δ (1/s) and ``stiffness`` is κ (1/s²). The results are S (s) with S(0) = 0 and
-    Ṡ(0) = 1, its derivative Ṡ (1), and its integral C (s²).
+    Ṡ(0) = 1, its derivative Ṡ (1), and its integral C (s²), each of the shape of the times.
     """
     time = np.asarray(time, dtype=np.float64)
     short = max(math.sqrt(stiffness), damping) * time <= MAX_SERIES_REACH
@@ -137,7 +137,7 @@ def window_series(matrix: FloatArray, row: FloatArray, window: float) -> FloatAr
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Transformation x = V ξ to pairs (q, q̇) with q̈ + 2δ q̇ + κ q = const."""
+    """Transformation x = V ξ to pairs (q, q̇), each with q̈ + 2δ q̇ + κ q = const."""
 
     shapes: FloatArray  #: V, ``(n, n)``
     inverse: FloatArray  #: V⁻¹, ``(n, n)``
@@ -251,11 +251,11 @@ class Flight:
 
 
 def free_motion(matrix: FloatArray, start: FloatArray, times: FloatArray) -> FloatArray:
-    """Return e^{At} z at times in s, ``(n, len(times))``.
+    """Return the free motion e^{At} z at times (s), ``(n, len(times))``.
 
-    ``start`` is z, ``(n,)`` or ``(n, len(times))``. For two states the theorem of Cayley and
-    Hamilton gives e^{At} = (Ṡ + 2δS) I + S A, with the impulse response S of the characteristic
-    equation. For more states each time needs one matrix exponential.
+    ``start`` is the state z at time 0, ``(n,)`` or ``(n, len(times))``. For two states the theorem
+    of Cayley and Hamilton gives e^{At} = (Ṡ + 2δS) I + S A, with the impulse response S of the
+    characteristic equation. For more states each time needs one matrix exponential.
     """
     starts = start[:, None] if start.ndim == 1 else start
     if starts.shape[0] != 2:

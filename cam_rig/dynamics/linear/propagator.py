@@ -44,7 +44,7 @@ def derivative_matrix(degree: int) -> FloatArray:
 
 
 def exponential(matrix: FloatArray, time: float) -> FloatArray:
-    """Return e^{At} at a time in s, ``(n, n)``.
+    """Return the matrix exponential e^{At} at a time (s), ``(n, n)``.
 
     For two states the closed form is used, whose error is the rounding of the phase. Scaling and
     squaring (expm) has ten times this error for a vibration of 3000 rad, in every turn.
@@ -53,7 +53,7 @@ def exponential(matrix: FloatArray, time: float) -> FloatArray:
 
 
 def exponentials(matrix: FloatArray, times: FloatArray) -> FloatArray:
-    """Return e^{At} at times in s, ``(m, n, n)``."""
+    """Return the matrix exponentials e^{At} at m times (s), ``(m, n, n)``."""
     if matrix.shape[0] != 2:
         flows: FloatArray = linalg().expm(matrix * times[:, None, None])
         return flows
@@ -156,7 +156,7 @@ def _solve(
     parts: int,
     terms: int,
 ) -> list[ForcingPiece]:
-    """Return the responses on pieces with the same slow and fast modes.
+    """Return the responses on pieces of the forcing with the same slow and fast modes.
 
     Each piece is divided into ``parts`` parts, and Picard's series has ``terms`` terms.
     """

@@ -93,7 +93,7 @@ class Part:
 
 
 class LinearRun(NamedTuple):
-    """Passage of the cam through one part."""
+    """Passage of the cam through one part of its turn, with the response there."""
 
     part: Part
     begin: float  #: start time since the start of the walk, s
@@ -104,7 +104,7 @@ class LinearRun(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LinearResponse:
-    """Response of one linear model to one law at one speed."""
+    """Response of a linear model to one law of a cam at one speed."""
 
     law: Law
     speed: float  #: rad/s, > 0
@@ -140,7 +140,7 @@ class LinearResponse:
         return tuple(parts)
 
     def walk(self, start: FloatArray, angle: float, duration: float) -> Iterator[LinearRun]:
-        """Yield the passages of the cam through parts, in the order of time.
+        """Yield the passages of the cam through parts of the turn, in the order of time.
 
         The walk starts in the state ``start`` at ``angle`` (rad) and takes ``duration`` s. A state
         jump at its start acts, and a state jump at its end does not.
@@ -174,7 +174,7 @@ class LinearResponse:
             time, i, local = end, i + 1, 0.0
 
     def states(self, start: FloatArray, angle: float, times: FloatArray) -> FloatArray:
-        """Return the states at ascending times (s), ``(n, len(times))``.
+        """Return the states of the model at ascending times (s), ``(n, len(times))``.
 
         Times are measured from the state ``start`` at the cam angle ``angle`` (rad).
         """
@@ -252,9 +252,9 @@ class LinearResponse:
         return [*maps, TurnMap(flow, offset)]
 
     def free_starts(self, start: FloatArray, turns: int) -> FloatArray:
-        """Return the states less X at the start of all parts, ``(turns, parts, n)``.
+        """Return the free vibrations at the start of all parts, ``(turns, parts, n)``.
 
-        ``start`` is the state at θ = 0.
+        They are the states less the forced response X. ``start`` is the state at θ = 0.
         """
         states = [start]
         for _ in range(1, turns):
@@ -383,7 +383,7 @@ def sample(
 
 
 class _Passage(NamedTuple):
-    """Samples in one passage of the cam through a part."""
+    """Samples in one passage of the cam through a part of its turn."""
 
     samples: SampleRun
     offset: float  #: time from the state to the first sample, s
@@ -474,5 +474,5 @@ def _chunk_matrix(
 
 @lru_cache(maxsize=256)
 def _chunk_flows(model: LinearResponse, period: float, count: int) -> FloatArray:
-    """Return e^{At} at ``count`` times, ``period`` s apart, ``(count, n, n)``."""
+    """Return e^{At} at ``count`` times that are ``period`` s apart, ``(count, n, n)``."""
     return exponentials(model.matrix, period * np.arange(count, dtype=np.float64))

@@ -88,7 +88,11 @@ def frequency_response(
 
 
 def _matrices(rig: RigConfig, model: str | None) -> tuple[FloatArray, FloatArray, Outputs]:
-    """Return A, B, and the outputs displacement, velocity, acceleration and force."""
+    """Return the matrices A and B, and the outputs of the linear model of a rig.
+
+    The outputs are displacement, velocity, acceleration and contact force. A and B are empty for a
+    rigid follower.
+    """
     has_two_masses = all(getattr(rig.follower, key) is not None for key in TWO_MASS_KEYS)
     most_detailed = RIGID if rig.follower.stem_stiffness is None else ELASTIC
     name = (TWO if has_two_masses else most_detailed) if model is None else model

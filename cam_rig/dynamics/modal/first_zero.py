@@ -118,7 +118,7 @@ class Bracket(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Planned step of the speed."""
+    """Planned step of the speed, and the bounds that are to prove it."""
 
     kind: int  #: `StepKind`
     width: float  #: rad/s
@@ -186,10 +186,10 @@ def climb(
 def _plan_step(
     run: ModeOnLaw, motion: OscillatorMotion, floors: Vector, high: float, errors: Records
 ) -> Step:
-    """Return the plan of the next step, at most up to ``high`` (rad/s).
+    """Plan the next step of the speed, at most up to ``high`` (rad/s).
 
-    Bounds by harmonics are preferred. The bounds by groups are written to ``errors`` if the kind
-    of the step is GROUPS.
+    Bounds by harmonics are preferred. The bounds by groups are written to ``errors`` if the kind of
+    the step is GROUPS.
     """
     width, fraction, norm, error = high - motion.speed, 0.0, motion.norm, ChordError(0.0, 0.0, 0.0)
     if can_use_harmonics(run.mode, norm):
@@ -348,7 +348,8 @@ def _refine_near(run: ModeOnLaw, bracket: Bracket) -> Bracket:
 def _find_first_turn(run: ModeOnLaw, speed: float, zero: Zero) -> float:
     """Return the angle (rad) of the least output in the first turn that is negative.
 
-    If no turn is negative at ``speed`` (rad/s), return the angle of the zero.
+    A turn is negative if its least output is. If no turn has a negative output at ``speed``
+    (rad/s), return the angle of the zero.
     """
     motion, unused = motion_at(run, speed), np.zeros(len(run.law.first_pieces) - 1)
     end = end_angle(motion, run.mode.duration)

@@ -42,7 +42,10 @@ GROUP_ERROR = np.dtype(
 
 
 class Excitation(NamedTuple):
-    """Upper bounds of the norm N that jumps excite, and of its derivatives in Ω (23)."""
+    """Upper bounds of the vibration norm N that jumps excite (23).
+
+    The bounds of its derivatives by the speed Ω are included.
+    """
 
     n: float  #: upper bound of N
     slope: float  #: upper bound of N' = dN/dΩ
@@ -184,7 +187,7 @@ def _add_vibrations(
 
 
 def _column(rows: Matrix, group: int) -> Excitation:
-    """Return the excitation of one group."""
+    """Return the excitation of one group of pieces from the rows of all groups."""
     return Excitation(rows[0][group], rows[1][group], rows[2][group])
 
 

@@ -33,7 +33,7 @@ FAR_ERROR = 0.25 * (1.0 + (FAR_RATIO / (FAR_RATIO - 1.0)) ** 3)
 
 
 class ChordError(NamedTuple):
-    """Upper bounds of the chord error e(x) at the fraction x of a step w."""
+    """Upper bounds of the chord error e(x) at the fraction x of a step w of the speed."""
 
     max_error: float  #: upper bound of |e(x)|
     parabola: float  #: upper bound of |e(x)| / (4 x (1 − x)), the height of a parabola

@@ -141,7 +141,7 @@ def _turn_difference(motion: OscillatorMotion, first: int, end: int) -> float:
 
 
 def free_at(motion: OscillatorMotion, piece: int, turn: int) -> StemVibration:
-    """Return the free vibration at the start of a piece in a turn."""
+    """Return the free vibration at the start of a piece of the law in one turn."""
     flow, x = motion.piece_starts[piece], motion.turn_starts[turn]
     eta, rate = x["displacement"], x["velocity"]
     return StemVibration(

@@ -175,13 +175,13 @@ def norm_of(mode: Oscillator) -> VibrationNorm:
 
 
 def amplitude(norm: VibrationNorm, free: StemVibration) -> float:
-    """Return the norm N of a free vibration."""
+    """Return the norm N of a free vibration, in m/s."""
     a, b = norm.rho * free.displacement, free.velocity + norm.delta * free.displacement
     return math.sqrt(a * a + b * b)
 
 
 def _spectral_norm(a: float, b: float, c: float, d: float) -> float:
-    """Return the spectral norm of a 2 × 2 matrix given row by row."""
+    """Return the spectral norm of the 2 × 2 matrix [[a, b], [c, d]]."""
     squares, determinant = a * a + b * b + c * c + d * d, a * d - b * c
     discriminant = max(0.0, squares * squares - 4.0 * determinant * determinant)
     return math.sqrt(0.5 * (squares + math.sqrt(discriminant)))
@@ -212,8 +212,8 @@ def mode_on_law(law: LawSeries, mode: Oscillator) -> ModeOnLaw:
 def is_resolved(run: ModeOnLaw, speed: float) -> bool:
     """Return True if the rounding error of the output is within `MAX_ROUNDING`.
 
-    If the mode has few periods in a short piece of high degree, the terms of P grow and cancel
-    against the free vibration.
+    ``speed`` is in rad/s. If the mode has few periods in a short piece of high degree, the terms of
+    P grow and cancel against the free vibration.
     """
     output, power, max_term, reference = run.series.output, 1.0, 0.0, 0.0
     for k in range(len(output)):
@@ -292,13 +292,13 @@ def flow_over(mode: Oscillator, time: float) -> Flow:
 
 
 def write_flow(record: np.void, flow: Flow) -> None:
-    """Write a flow to the fields of a record."""
+    """Write the matrix of a flow to the fields of a record."""
     record["eta_eta"], record["eta_rate"] = flow.eta_eta, flow.eta_rate
     record["rate_eta"], record["rate_rate"] = flow.rate_eta, flow.rate_rate
 
 
 def read_flow(record: np.void) -> Flow:
-    """Return the flow in the fields of a record."""
+    """Return the matrix of a flow from the fields of a record."""
     return Flow(record["eta_eta"], record["eta_rate"], record["rate_eta"], record["rate_rate"])
 
 

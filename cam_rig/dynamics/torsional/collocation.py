@@ -100,7 +100,7 @@ def basis(size: int, u: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ChebyshevPath:
-    """Functions of time as Chebyshev series in each of W adjacent windows."""
+    """Functions of time on W adjacent windows, as a Chebyshev series in each of them."""
 
     edges: FloatArray  #: times of the borders of the windows, s, ``(W + 1,)``
     #: Duration of the interval of each series, s, ``(W,)``. It starts with its window and may be
@@ -266,7 +266,10 @@ class CollocationWindow:
             self.speed += self.first @ self.driven
 
     def solve(self) -> bool:
-        """Solve the window by Newton's method, and return True if it converged."""
+        """Solve eq. 10 in the window by Newton's method.
+
+        Returns True if the method converged.
+        """
         if self.piece.is_flat:
             self.scale = self._scale()
             return True

@@ -117,7 +117,7 @@ class TorsionalState:
 
     @property
     def cam_angle(self) -> float:
-        """Cam angle θ_c, rad."""
+        """Cam angle θ_c = flywheel angle + lead + twist, rad."""
         return self.flywheel_angle + self.lead + self.twist
 
 

@@ -53,9 +53,9 @@ class TorsionalMotion:
         return self.start_time + float(self.path.edges[-1])
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Return ψ (rad), ψ̇, θ_c (rad), θ̇_c and θ̈_c at times in s, ``(5, m)``.
+        """Return the torsional motion at times (s), ``(5, m)``.
 
-        The values at joints are right limits.
+        The rows are ψ (rad), ψ̇, θ_c (rad), θ̇_c and θ̈_c. The values at joints are right limits.
         """
         return self.path.at(self._since(times))[:5]
 

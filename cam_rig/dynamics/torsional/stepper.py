@@ -82,7 +82,7 @@ class SolvedWindow:
 
 
 class TwistSolver:
-    """Solver of eq. 10 over any duration, at constant speed or along a ramp (rad/s²).
+    """Solver of eq. 10 for any duration, at constant speed or along a ramp (rad/s²).
 
     It stores the settings that have resolved each piece of the law.
     """

@@ -26,7 +26,7 @@ ANSWER_S = 5.0
 
 
 class NodeLink:
-    """Server of the single connection to the panel's node.
+    """Server of the connection to the panel's node, of which there is only one.
 
     `on_message` receives each message that is not an answer to a command.
     """
@@ -39,7 +39,7 @@ class NodeLink:
 
     @asynccontextmanager
     async def listening(self) -> AsyncIterator[None]:
-        """Accept the connection while the context is active."""
+        """Accept the connection of the panel's node while the context is active."""
         server = await asyncio.start_unix_server(self._serve, self._path, limit=MAX_LINE)
         try:
             yield
@@ -65,7 +65,10 @@ class NodeLink:
             self._pending.pop(number, None)
 
     def set_listening(self, listens: bool) -> None:
-        """Switch the transmission of the samples of every tick on or off."""
+        """Switch the transmission of the samples of every tick on or off.
+
+        The panel's node transmits them.
+        """
         self._listens = listens
         if self._writer is not None:
             self._writer.write(line_of({"listen": listens}))
@@ -111,7 +114,7 @@ COMMANDS = ("call", "set", "set_up", "keep", "rerun", "note", "clear")
 
 
 class BenchControls:
-    """Executor of the commands of the page that has the controls."""
+    """Executor of the commands of a page that has the controls of the bench."""
 
     def __init__(self, runner: BenchRunner, live: LiveState, link: NodeLink) -> None:
         self._runner, self._live, self._link = runner, live, link
@@ -155,7 +158,10 @@ class BenchControls:
         return DONE
 
     def set_up(self, setup: Setup, keep: bool = False) -> None:
-        """End the present run and start a run of a set-up."""
+        """End the present run, and start a run with another set-up.
+
+        If `keep` is True, the bag of the present run is kept.
+        """
         settings = self._live.node_settings()
         self._live.setup = setup
         self._live.on_runner_event({"graph": "starting"})
@@ -183,13 +189,13 @@ class BenchControls:
         return None
 
     def _apply_rig(self, setup: Setup) -> None:
-        """Set the sound and the calibration cam of a set-up's rig."""
+        """Use the sound constants and the calibration cam of a set-up's rig."""
         rig = setup.rig(self._runner.rig)
         self.sound = PageSound(RadiationParameters.from_rig(rig), SAMPLE_RATE)
         self.calibrated_on = calibration_cam(rig, setup.model)
 
     def current_setup(self, changes: dict[str, Any]) -> Setup:
-        """Return the set-up with the mounted cam, the commanded speed and changes."""
+        """Return the set-up with the mounted cam, the commanded speed, and changes."""
         changes = self._live.mounted_cam_and_speed() | changes
         return self._live.setup.with_changes(changes, self._runner.rig)
 

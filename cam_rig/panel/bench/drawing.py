@@ -44,14 +44,17 @@ LEVEL_TURNS = 4
 
 
 class Cams:
-    """Loader of the cams that can be mounted, with their laws. Each is read once."""
+    """Loader of the cams that can be mounted, with their laws.
+
+    Each file is read once.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._library = Library((folder, config_root()))
         self._cache: dict[str, tuple[CamConfig, Law]] = {}
 
     def __call__(self, name: str) -> tuple[CamConfig, Law]:
-        """Return the cam of a name and its law."""
+        """Return the cam with a name, and its law."""
         if name not in self._cache:
             cam = load_cam(self._library.path("cams", name))
             self._cache[name] = cam, build_law(cam)
@@ -59,7 +62,7 @@ class Cams:
 
 
 class LiveMotion:
-    """Encoder of the follower's samples with the cam angle of each sample, per tick."""
+    """Encoder of the follower's samples, with the cam angle of each sample, per tick."""
 
     def __init__(self, cams: Cams) -> None:
         self._cams = cams
@@ -150,10 +153,10 @@ def predict_turn(setup: Setup, law: Law, rig: RigConfig) -> dict[str, Any]:
 
 
 def turn_curves(law: Law, angle: FloatArray, rows: FloatArray) -> NDArray[np.float32]:
-    """Return the curves of samples that a page draws, ``(6, n)``.
+    """Return the curves that a page draws from samples, ``(6, n)``.
 
     The rows are cam angle (rad), lift (mm), velocity (m/s), acceleration (m/s²), force (N) and gap
-    (µm).
+    (µm). ``angle`` (rad) is that of the samples.
     """
     samples = Samples(rows)
     gap, free = np.zeros(angle.size), samples.force == 0.0

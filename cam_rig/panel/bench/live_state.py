@@ -1,4 +1,4 @@
-"""State that the bench's pages display: node reports, set-up and noted readings."""
+"""State of the bench that its pages display: node reports, set-up, noted readings."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ MAX_READINGS = 10_000
 
 @dataclass(frozen=True)
 class LevelOfTick:
-    """Level of one tick: end time (ns of rig time), cam speed (rpm) and level (dB)."""
+    """Sound level of one tick: end time (ns of rig time), cam speed (rpm), level (dB)."""
 
     time_ns: int
     rpm: float
@@ -51,7 +51,7 @@ class LevelOfTick:
 
 @dataclass(frozen=True)
 class NotedReading:
-    """Reading noted by a person: mean level at a steady speed, and the set-up."""
+    """Reading that a person has noted: mean sound level at a steady speed, and set-up."""
 
     cam: str
     model: str
@@ -65,34 +65,34 @@ class NotedReading:
 
 
 class Meter:
-    """Speeds and levels of the last ticks, of which a steady mean can be read."""
+    """Meter that computes a steady mean of the sound level from the last ticks."""
 
     def __init__(self) -> None:
         self._speeds: deque[tuple[int, float]] = deque(maxlen=MAX_TICKS)
         self._ticks: deque[LevelOfTick] = deque(maxlen=MAX_TICKS)
 
     def add_speed(self, time_ns: int, rpm: float) -> None:
-        """Add the cam speed that applies from a rig time on."""
+        """Add the cam speed (rpm) that applies from a rig time (ns) on."""
         self._speeds.append((time_ns, rpm))
 
     def add_level(self, time_ns: int, level: float) -> None:
-        """Add the level of the tick that ends at a rig time."""
+        """Add the sound level (dB) of the tick that ends at a rig time (ns)."""
         newest_first = reversed(self._speeds)
         rpm = next((rpm for start_ns, rpm in newest_first if start_ns < time_ns), None)
         if rpm is not None:
             self._ticks.append(LevelOfTick(time_ns, rpm, level))
 
     def clear(self) -> None:
-        """Discard all levels, because the cam or the weighting has changed."""
+        """Discard all levels of the meter, because the cam or the weighting has changed."""
         self._ticks.clear()
 
     @property
     def latest(self) -> LevelOfTick | None:
-        """Latest tick, None before the first."""
+        """Latest tick with its level, None before the first tick."""
         return self._ticks[-1] if self._ticks else None
 
     def steady_mean(self, time_constant: float) -> tuple[float, float, int]:
-        """Return speed, level and start of the last whole turns at a steady speed.
+        """Return the mean sound level of the last whole turns at a steady speed.
 
         Parameters
         ----------
@@ -167,7 +167,10 @@ MAX_LINES = 6
 
 @dataclass
 class LiveState:
-    """State of the bench. Each field is sent to the pages under its name."""
+    """State of the bench.
+
+    Each field is sent to the pages under its name.
+    """
 
     setup: Setup
     #: State of the node graph: off, starting, running, ended or failed.
@@ -205,7 +208,7 @@ class LiveState:
         self._ticks_in_flight = 0
 
     def on_runner_event(self, event: dict[str, Any]) -> None:
-        """Update the state from an event of the runner."""
+        """Update the state of the bench from an event of the runner."""
         if "graph" in event:
             self.graph, self.failure = event["graph"], event.get("failure", "")
             self.domain = event.get("domain", self.domain)
@@ -220,7 +223,7 @@ class LiveState:
             self.log = [*self.log, event["log"]][-MAX_LINES:]
 
     def on_node_message(self, message: dict[str, Any]) -> bool:
-        """Update the state from a message of the panel's node.
+        """Update the state of the bench from a message of the panel's node.
 
         Returns True if pages must be notified at once. A tick that changes only the level can wait.
         """
@@ -250,7 +253,7 @@ class LiveState:
         return self.graph, self.drive, self.waits_for, self.contact, self.is_late, turning
 
     def on_service(self, service: str) -> None:
-        """Update the drive after a service was called.
+        """Update the state of the drive after a service was called.
 
         After a stop only the ticks in flight may still arrive.
         """
@@ -276,14 +279,17 @@ class LiveState:
             self.is_late = level != OK
 
     def mounted_cam_and_speed(self) -> dict[str, Any]:
-        """Return the present cam and speed (rpm), as far as known, for the next set-up."""
+        """Return the present cam and speed (rpm) for the next set-up, if they are known."""
         rpm = self.parameters.get("cam_drive", {}).get("rpm", 0.0)
         cam = self.parameters.get("law_server", {}).get("cam", "")
         current = {"cam": cam or self.state.get("cam"), "rpm": rpm or self.state.get("rpm")}
         return {key: value for key, value in current.items() if value}
 
     def node_settings(self) -> dict[str, dict[str, Any]]:
-        """Return the other live parameters by node, for the nodes of the next set-up."""
+        """Return the other live parameters of each node, for the next set-up.
+
+        Cam and speed are left out.
+        """
         return {
             node: {key: values[key] for key in live if key in values and key not in ("cam", "rpm")}
             for node, live in LIVE.items()
@@ -319,7 +325,7 @@ class LiveState:
         return reading
 
     def page_data(self) -> dict[str, Any]:
-        """Return a snapshot of the state for a page.
+        """Return a snapshot of the bench's state for a page.
 
         Later changes of the state do not affect the snapshot. The readings are `NotedReading`
         objects.
@@ -341,7 +347,10 @@ FULL_SCALE_PA = 20.0
 
 
 class PageSound:
-    """Renderer of the contact force of each tick as 32-bit sound of full scale."""
+    """Renderer of the contact force of each tick as sound for a page.
+
+    The sound is 32-bit and has full scale.
+    """
 
     def __init__(self, radiation: RadiationParameters, sample_rate: int) -> None:
         self._source = SoundSource(radiation, sample_rate, MIN_RATE_HZ)

@@ -40,7 +40,7 @@ LEVEL_EVERY_S = 0.2
 
 
 class BenchPage(LivePage):
-    """Page of the bench that may display the motion and play the sound.
+    """Open page of the bench, which may display the motion and play the sound.
 
     `page_data` returns all values that the page may receive.
     """
@@ -54,13 +54,16 @@ class BenchPage(LivePage):
         self._has_blocks = asyncio.Event()
 
     def queue_changes(self, soon: bool = True) -> None:
-        """Send the changed values. Unless `soon`, they may wait for those of a later tick."""
+        """Send the changed values to the page.
+
+        Unless `soon` is True, they may wait for those of a later tick.
+        """
         if soon or time.monotonic() - self._queued_s >= LEVEL_EVERY_S:
             self._queued_s = time.monotonic()
             self.queue("live", self._changed_values)
 
     def _changed_values(self) -> Message:
-        """Return the values that have changed since the last message."""
+        """Return the values that have changed since the last message to the page."""
         data = self._page_data(self)
         new = {k: v for k, v in data.items() if k not in self._sent or self._sent[k] != v}
         self._sent = data
@@ -69,16 +72,19 @@ class BenchPage(LivePage):
         return new and {"type": "live"} | new
 
     def queue_block(self, kind: bytes, block: bytes) -> None:
-        """Queue a block of a tick. Blocks of the same kind are sent in order."""
+        """Queue a block of a tick's data for the page.
+
+        Blocks of the same kind are sent in order.
+        """
         self._blocks[kind].append(block)
         self._has_blocks.set()
 
     def refusal(self, number: Any, reason: str) -> Message:
-        """Return the answer to a refused command."""
+        """Return the answer to a refused command of the page."""
         return {"type": "answer", "success": False, "message": reason, "answer": number}
 
     def sender_tasks(self) -> list[Any]:
-        """Return the coroutines that send values and blocks."""
+        """Return the coroutines that send values and blocks to the page."""
         return [*super().sender_tasks(), self._send_blocks()]
 
     async def _send_blocks(self) -> None:
@@ -101,7 +107,7 @@ PACES = ("real_time", "0.1x", "0.25x", "0.5x", "2x", "5x", "free")
 
 
 class BenchPages(PanelPages):
-    """Live bench in a browser.
+    """Pages of the live bench in a browser.
 
     `cam` is mounted first. Laws drawn on the `board` can be mounted later.
     """
@@ -165,14 +171,17 @@ class BenchPages(PanelPages):
         }
 
     async def _expected(self, changes: Message) -> Message:
-        """Return the steady turn of a set-up at its speed, and its jump speeds."""
+        """Return the steady turn of a set-up at its speed, and its jump speeds.
+
+        The set-up is the current one with some changes.
+        """
         setup = self._controls.current_setup(changes)
         law, rig = self._cams(setup.cam)[1], setup.rig(self._runner.rig)
         jumps = await asyncio.to_thread(drawing.jump_speeds, law, rig, setup.model)
         return await asyncio.to_thread(drawing.predict_turn, setup, law, rig) | {"jumps": jumps}
 
     async def _mount(self, body: Message) -> Message:
-        """Mount the law of ordinates drawn on the board, and start the nodes if needed."""
+        """Mount the law with the ordinates from the board, and start the nodes if needed."""
         cam = self._board.cam_of(self._controls.next_drawn_name(), body.get("ordinates"))
         await self._controls.mount(cam)
         return {"cam": cam.name}

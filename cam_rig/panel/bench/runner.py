@@ -54,7 +54,7 @@ MAX_ADDED_MASS = 100.0
 
 @dataclass(frozen=True)
 class Setup:
-    """Choices that are made while the cam is stopped.
+    """Set-up of the bench: choices that are made while the cam is stopped.
 
     `cam` is the cam that is mounted first and `model` one of `MODELS`. `added_mass` (kg) is added
     to the mass of the rig's follower. `spring_stiffness` is in N/m, `preload` in N, and `rpm` is
@@ -70,7 +70,7 @@ class Setup:
 
     @classmethod
     def of(cls, rig: RigConfig, cam: str) -> Setup:
-        """Return the set-up of a rig as its file defines it.
+        """Return the set-up with the numbers of a rig file.
 
         The model is two masses if the rig splits its mass, else one mass.
         """
@@ -79,7 +79,7 @@ class Setup:
         return cls(cam, model, 0.0, follower.spring_stiffness.si, follower.preload.si)
 
     def with_changes(self, changes: dict[str, Any], rig: RigConfig) -> Setup:
-        """Return the set-up with the changes of a page.
+        """Return the set-up with the changes that a page has sent.
 
         Raises RefusedError if a name is unknown or a value is not allowed.
         """
@@ -106,7 +106,10 @@ class Setup:
         return setup
 
     def rig(self, base: RigConfig) -> RigConfig:
-        """Return the rig with the chosen numbers. Unchanged numbers keep their origin."""
+        """Return the rig with the numbers of the set-up.
+
+        Unchanged numbers keep their origin.
+        """
         numbers = {
             "mass": base.follower.mass.si + self.added_mass,
             "spring_stiffness": self.spring_stiffness,
@@ -119,7 +122,10 @@ class Setup:
             raise RefusedError(str(error)) from None
 
     def write(self, folder: Path, base: RigConfig) -> Path:
-        """Write scene and rig next to the `cams` of a folder, and return the scene's path."""
+        """Write scene and rig files of the set-up to a folder, and return the scene.
+
+        The result is the path of the scene file. The folder contains the `cams`.
+        """
         speeds = [self.rpm] if self.rpm >= AXIS_RPM else [self.rpm, AXIS_RPM]
         rig = self.rig(base).model_dump(exclude_none=True, mode="json") | {"name": "bench"}
         scene = self.scene_data(base, speeds, MAX_TURNS)
@@ -129,7 +135,7 @@ class Setup:
         return folder / "scenes" / "bench.yaml"
 
     def scene_data(self, base: RigConfig, speeds: list[float], turns: int) -> dict[str, Any]:
-        """Return the scene as the data of a scene file, with speeds in rpm."""
+        """Return the data of a scene file for the set-up, with speeds in rpm."""
         return {
             "name": "bench",
             "title": f"The bench, {base.title}",
@@ -188,7 +194,9 @@ EventCallback = Callable[[dict[str, Any]], object]
 
 
 class BenchRunner:
-    """Runner of set-ups, with files in `folder` and kept bags in `out`.
+    """Runner of the bench's set-ups.
+
+    Its files are in `folder`, and bags that are kept in `out`.
 
     Only the main thread may call `run`. `set_up` may be called from any thread.
     """
@@ -213,21 +221,25 @@ class BenchRunner:
         return self.folder / "panel.socket"
 
     def set_up(self, setup: Setup, values: NodeValues, keep: bool = False) -> None:
-        """End the present run and start another with parameter values of its nodes.
+        """End the present run, and start another run with a set-up.
 
-        If `keep` is true, the bag of the present run is kept.
+        `values` are the parameter values of its nodes. If `keep` is True, the bag of the present
+        run is kept.
         """
         self._keep = self._keep or keep
         self._setups.put((setup, values))
 
     def request_rerun(self) -> None:
-        """Show the next run, and those after it, in Rerun too."""
+        """Show the next runs in Rerun, too."""
         if not self.has_rerun:
             raise RefusedError("rerun: disabled by --no-rerun; start the panel without it")
         self._wants_rerun = not self.rerun_address
 
     def run(self, served: Callable[[], bool]) -> None:
-        """Run the newest set-up while `served` returns True, or until a signal arrives."""
+        """Run the newest set-up while `served` returns True, or until a signal arrives.
+
+        A new set-up replaces the running one.
+        """
         setup = None
         with ExitStack() as stack:
             while served():
@@ -239,7 +251,10 @@ class BenchRunner:
                 setup = self._run(*setup)
 
     def _open_rerun(self, stack: ExitStack) -> None:
-        """Start Rerun's viewer once. The bench runs without it if it fails."""
+        """Start Rerun's viewer once.
+
+        The bench runs without the viewer if it fails.
+        """
         self._wants_rerun = False
         try:
             require("rerun")
@@ -260,7 +275,7 @@ class BenchRunner:
             self._page.record_drive(rig_time)
 
     def _newest_setup(self, timeout: float = 0.0) -> tuple[Setup, NodeValues] | None:
-        """Return the newest set-up of the queue, or None after a timeout (s)."""
+        """Return the newest set-up in the queue, or None after a timeout (s)."""
         newest = None
         with suppress(Empty):
             newest = self._setups.get(timeout > 0.0, timeout or None)
@@ -293,7 +308,7 @@ class BenchRunner:
 
     @contextmanager
     def _bag(self, replaced: Callable[[], bool]) -> Iterator[Path]:
-        """Yield the path to which a run records.
+        """Yield the path of the bag to which a run records.
 
         The bag is deleted if a person ended the run and did not keep it.
         """

@@ -42,7 +42,7 @@ MAX_ORDINATE = 100.0
 
 
 class Board:
-    """Drawing board of a cam on a rig.
+    """Drawing board of a cam on a rig, whose law has movable ordinates.
 
     `rig_name` is the rig's name in commands. Files are written to `out`.
     """
@@ -60,7 +60,7 @@ class Board:
         self._free = np.array([handle.index for handle in drawn.handles], dtype=np.intp)
 
     def open(self, text: Any) -> None:
-        """Draw on the cam of a file's text.
+        """Replace the cam of the board by that of a cam file's text.
 
         Raises RefusedError or ConfigError if the text is not a cam file, and leaves the board
         unchanged.
@@ -76,15 +76,18 @@ class Board:
 
     @property
     def cam(self) -> CamConfig:
-        """Cam on which the ordinates are drawn. Its follower, spans and dwells are fixed."""
+        """Cam on which the ordinates are drawn.
+
+        Its follower, spans and dwells are fixed.
+        """
         return self.drawn.start.cam
 
     def law(self, ordinates: FloatArray | None = None) -> Law:
-        """Return the law of ordinates ``(m,)`` (default: those of the board)."""
+        """Return the law with some ordinates ``(m,)`` (default: those of the board)."""
         return self.drawn.law(self.ordinates if ordinates is None else ordinates, self.cam.name)
 
     def update(self, ordinates: Any, rpm: Any) -> None:
-        """Apply ordinates and speed (rpm) of a page.
+        """Apply ordinates and speed (rpm) from a page to the board.
 
         The fixed ordinates at the ends of segments do not change. Raises RefusedError for invalid
         values.
@@ -106,11 +109,14 @@ class Board:
         return ordinates
 
     def evaluate_fast(self) -> dict[str, Any]:
-        """Return the fast results of the board's law, see `drawable.evaluate_fast`."""
+        """Return the results for the board's law that are computed fast.
+
+        `drawable.evaluate_fast` describes them.
+        """
         return {"version": self.version} | evaluate_fast(self.cam, self.law(), self.rig)
 
     def page_data(self) -> dict[str, Any]:
-        """Return the data that a page needs once.
+        """Return the data of the board that a page needs once.
 
         They contain names, numbers of the rig, handles, and the motion's table.
         """
@@ -159,7 +165,7 @@ class Board:
         return {"name": name, "motion": drawn_law.motion_in_base64(law)}
 
     def save(self, name: Any, ordinates: Any) -> Path:
-        """Write ordinates as a cam file and return its path.
+        """Write a cam file with some ordinates, and return its path.
 
         The file of a law that cannot be made contains the reason.
         """
@@ -168,7 +174,7 @@ class Board:
         return path
 
     def cam_of(self, name: str, ordinates: Any) -> CamConfig:
-        """Return the cam of ordinates without writing a file."""
+        """Return the cam with some ordinates, without writing a file."""
         return CamConfig.model_validate(parse_yaml(self._file_text(name, ordinates)))
 
     def _file_text(self, name: str, ordinates: Any) -> str:
@@ -177,7 +183,10 @@ class Board:
         return cam_text(name, self.cam, self.file, valid, reason)
 
     def save_for_page(self, name: Any, ordinates: Any) -> dict[str, Any]:
-        """Write ordinates as a cam file and return path, design command and reason."""
+        """Write ordinates as a cam file, and return data on the file for the page.
+
+        The data are the path, the design command, and the reason if the cam cannot be made.
+        """
         path = self.save(name, ordinates)
         arguments = ["cam-rig", "design", str(path), "--maximise", GOAL, "--limit", LIMIT]
         arguments += ["--rig", self.rig_name, "--out", str(designed_path(path))]
@@ -188,9 +197,10 @@ class Board:
         }
 
     def dxf(self, ordinates: Any) -> str:
-        """Return the contour of ordinates in mm as the text of a DXF file.
+        """Return the contour of a cam with some ordinates, as the text of a DXF file.
 
-        `cam-rig profile --out` writes the same file. Raises ProfileError if the cam cannot be made.
+        Lengths are in mm. `cam-rig profile --out` writes the same file. Raises ProfileError if the
+        cam cannot be made.
         """
         cam, law = self.cam, self.law(self._validate(ordinates))
         for library in ("ezdxf", "shapely"):

@@ -1,4 +1,4 @@
-"""Cams of Bézier and B-spline segments and dwells, whose ordinates can be drawn.
+"""Cams whose ordinates can be drawn: Bézier and B-spline segments, and dwells.
 
 A cam that consists of these segments has ordinates in its file. Any other cam is converted to
 B-splines in its events. The conversion is exact if the law consists of polynomials. Otherwise it is
@@ -64,7 +64,7 @@ DrawableSegment = Bezier | BSpline
 
 @dataclass(frozen=True, eq=False)
 class DrawableCam:
-    """Cam of drawable segments and dwells, with its law.
+    """Cam whose ordinates can be drawn, with its law.
 
     If `has_file_ordinates` is true, the ordinates are those of the file. Otherwise they are those
     of B-splines whose largest distance from the file's law is `distance` (m).
@@ -82,7 +82,10 @@ class DrawableCam:
 
 
 def with_file_ordinates(cam: CamConfig) -> DrawableCam | None:
-    """Return the cam itself if all segments are drawable or dwells, else None."""
+    """Return a cam with the ordinates of its file, or None if it has none.
+
+    All segments must be drawable or dwells.
+    """
     kinds = {type(segment) for segment in cam.segments if segment.law != "dwell"}
     if not kinds or not kinds <= set(DRAWABLE_SEGMENTS):
         return None
@@ -90,7 +93,7 @@ def with_file_ordinates(cam: CamConfig) -> DrawableCam | None:
 
 
 def to_b_splines(cam: CamConfig) -> DrawableCam:
-    """Return the cam with B-splines in its events.
+    """Convert a cam to a cam with B-splines in its events.
 
     They are exact if the law consists of polynomials, else the nearest B-splines.
     """
@@ -117,7 +120,7 @@ def to_b_splines(cam: CamConfig) -> DrawableCam:
 
 
 def _nearest(law: Law, event: LawEvent) -> Spline:
-    """Return the nearest B-spline of an event, in lifts over [0, 1].
+    """Return the B-spline nearest to the law in an event, in lifts over [0, 1].
 
     It is a least-squares fit of s and s''. The derivatives at both ends are those of the law.
 
@@ -151,7 +154,7 @@ def _nearest(law: Law, event: LawEvent) -> Spline:
 
 
 def _knots(law: Law, event: LawEvent, degree: int) -> tuple[FloatArray, list[int]]:
-    """Return the knots over [0, 1] and the order of continuity of both ends.
+    """Return the knots of an event's B-spline over [0, 1], and its ends' continuity.
 
     The knots contain the joints of the law and further knots between them.
     """
@@ -174,10 +177,10 @@ def _knots(law: Law, event: LawEvent, degree: int) -> tuple[FloatArray, list[int
 
 
 def _end_derivatives(law: Law, event: LawEvent, end: int, count: int) -> list[float]:
-    """Return s and its derivatives just outside an end of an event.
+    """Return s and its derivatives just outside one end of an event.
 
     They are in lifts over the span. `end` is 0 for the start and 1 for the end. `count` is the
-    number of derivatives, s included.
+    number of derivatives, including s.
     """
     angle = event.start + end * event.span
     break_index = int(np.argmin(np.abs(law.breaks - angle)))
@@ -199,11 +202,12 @@ PageValue = dict[str, float | str]
 
 
 def evaluate_fast(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
-    """Return contours, their faults, and the rigid jump speed.
+    """Return the results for a drawn law that are computed fast.
 
-    The contours are checked only at the drawn points. `evaluate_full` runs all checks. A law that
-    cannot be made has `faults`. A law that can be made but violates a limit has `warnings`. The
-    evaluation takes 3 ms.
+    They are the contours, their faults, and the jump speed (rpm) of one rigid mass. The contours
+    are checked only at the drawn points. `evaluate_full` runs all checks. A law that cannot be made
+    has `faults`. A law that can be made but violates a limit has `warnings`. The evaluation takes 3
+    ms.
     """
     jump = _page_value(lambda: rigid_jump_speed(law, FollowerParameters.from_rig(rig)) / RPM)
     try:
@@ -238,10 +242,11 @@ def evaluate_fast(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
 
 
 def evaluate_full(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[str, Any]:
-    """Return jump speed, residual vibration, level and all failed checks of a law.
+    """Return the results for a drawn law that take longer to compute.
 
-    The jump speed is that of the rig's follower. The residual vibration is in µm and the level in
-    dB, at the cam speed `rpm`. The evaluation takes 0.2 s.
+    They are the jump speed, the residual vibration, the sound level and all failed checks. The jump
+    speed is that of the rig's follower. The residual vibration is in µm and the level in dB, at the
+    cam speed `rpm`. The evaluation takes 0.2 s.
     """
 
     def residual() -> float:
@@ -259,7 +264,7 @@ def evaluate_full(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[
 
 
 def failed_checks(cam: CamConfig, law: Law) -> tuple[list[str], list[str]]:
-    """Return the fatal failed checks of a law on its cam, and all failed checks.
+    """Return the fatal failed checks of a cam with a law, and all its failed checks.
 
     They are texts. A cam with a fatal failed check cannot exist.
     """
@@ -271,7 +276,7 @@ def failed_checks(cam: CamConfig, law: Law) -> tuple[list[str], list[str]]:
 
 
 def level(law: Law, rig: RigConfig, rpm: float) -> float:
-    """Return the level (dB re 20 µPa) of one rigid mass.
+    """Return the sound level (dB re 20 µPa) of one rigid mass at a speed (rpm).
 
     It is exact if contact is kept, else it is that of a simulation.
     """
@@ -283,7 +288,10 @@ def level(law: Law, rig: RigConfig, rpm: float) -> float:
 
 
 def _page_value(compute: Callable[[], float]) -> PageValue:
-    """Return a computed value for the page, or the reason why it cannot be computed."""
+    """Return a computed value for a page, or the reason why it cannot be computed.
+
+    A value that is not finite is left out.
+    """
     try:
         value = compute()
     except CamRigError as error:

@@ -1,4 +1,4 @@
-"""Motion law as a linear function of its ordinates.
+"""Motion law of the drawing board, as a linear function of its ordinates.
 
 Every piece of the law is a Bézier curve whose ordinates are those of its segment times a fixed
 matrix. s to s''' at fixed angles are therefore linear in the ordinates too, so a page computes them
@@ -31,7 +31,7 @@ ORDERS = 4
 
 @dataclass(frozen=True)
 class Handle:
-    """Ordinate that may be moved.
+    """Handle on the drawing board: an ordinate of the law that may be moved.
 
     `index` is its index among all ordinates and `segment` the index of its segment. `angle` (rad)
     is the angle at which it has the largest effect. `left` and `right` (rad) are the distances from
@@ -47,7 +47,7 @@ class Handle:
 
 @dataclass(frozen=True, eq=False)
 class MotionTable:
-    """Linear map from the ordinates to s to s''' (m/rad^order) at n angles.
+    """Linear map from the ordinates to s, s', s'' and s''' (m/rad^order) at n angles.
 
     The curves are `constant` ``(4, n)`` + Σ `table` ``(4, n, w)`` · ordinates. `first` ``(n,)`` is
     the index of the first ordinate that contributes at an angle.
@@ -60,7 +60,10 @@ class MotionTable:
 
 @dataclass(frozen=True, eq=False)
 class DrawnLaw:
-    """Law of a cam's segments for any ordinates, in fractions of the lift."""
+    """Law of a cam's segments for any ordinates.
+
+    The ordinates are fractions of the lift.
+    """
 
     start: DrawableCam
 
@@ -77,7 +80,7 @@ class DrawnLaw:
 
     @cached_property
     def ordinates(self) -> FloatArray:
-        """Ordinates of the start, segment by segment, shape ``(m,)``."""
+        """Ordinates of the start law, segment by segment, shape ``(m,)``."""
         segments = (s for s in self.start.cam.segments if isinstance(s, DRAWABLE_SEGMENTS))
         return np.array([x for segment in segments for x in segment.ordinates.numbers])
 
@@ -105,7 +108,11 @@ class DrawnLaw:
 
     @cached_property
     def _pieces(self) -> list[tuple[int, FloatArray]]:
-        """Index of the first ordinate and matrix ``(p + 1, k)`` (m) of each piece."""
+        """First ordinate and matrix of each piece of the law.
+
+        The ordinate is given by its index, and the matrix ``(p + 1, k)`` (m) takes k ordinates of
+        the segment to those of the piece.
+        """
         degree, lift, pieces, index = self.start.law.degree, self.start.cam.lift.si, [], 0
         for segment in self.start.cam.segments:
             if not isinstance(segment, DRAWABLE_SEGMENTS):
@@ -123,7 +130,7 @@ class DrawnLaw:
         return pieces
 
     def law(self, ordinates: FloatArray, name: str) -> Law:
-        """Return the law of ordinates ``(m,)``."""
+        """Return the law with some ordinates ``(m,)``."""
         start = self.start.law
         columns = [
             matrix @ ordinates[first : first + matrix.shape[1]]
@@ -169,7 +176,7 @@ def table_angles() -> FloatArray:
 
 
 def in_base64(array: FloatArray) -> str:
-    """Return an array as base64 of little-endian float64, row by row."""
+    """Return an array as base64 text of little-endian float64, row by row."""
     return base64.b64encode(np.ascontiguousarray(array, dtype="<f8").tobytes()).decode("ascii")
 
 

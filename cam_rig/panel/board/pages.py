@@ -41,7 +41,7 @@ COLOURS = {
 
 
 class BoardPages(PanelPages):
-    """Pages of one board: HTML file, initial data, and a websocket of changes."""
+    """Pages of one drawing board: HTML file, initial data, and a websocket of changes."""
 
     def __init__(self, board: Board) -> None:
         self.board = board
@@ -61,7 +61,7 @@ class BoardPages(PanelPages):
 
     @asynccontextmanager
     async def alive(self) -> AsyncIterator[None]:
-        """Compute the slow results while the context is active."""
+        """Compute the slow results of the board while the context is active."""
         answering = asyncio.create_task(self._answer_pauses())
         try:
             yield
@@ -109,7 +109,7 @@ class BoardPages(PanelPages):
             page.queue(message["type"], lambda: message)
 
     async def _answer_pauses(self) -> None:
-        """Compute the slow results of the latest law after each pause in the changes."""
+        """Compute the slow results for the latest law after each pause in the changes."""
         board = self.board
         while True:
             drawn = board.drawn
@@ -152,12 +152,12 @@ Process = asyncio.subprocess.Process
 
 
 class WorkerLostError(CamRigError):
-    """The worker process has ended, and another must be started."""
+    """Error of a worker process that has ended, so that another must be started."""
 
 
 @asynccontextmanager
 async def worker_process(request: dict[str, Any], *arguments: str) -> AsyncIterator[Process]:
-    """Run a worker process while the context is active, and send it a first request."""
+    """Start a worker process, send it a first request, and end it with the context."""
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", WORKER, *arguments),
         stdin=asyncio.subprocess.PIPE,
@@ -176,9 +176,9 @@ async def worker_process(request: dict[str, Any], *arguments: str) -> AsyncItera
 
 
 async def request_results(process: Process, law: Law, rpm: float) -> dict[str, Any]:
-    """Return the slow results of a law at a speed (rpm), see `drawable.evaluate_full`.
+    """Request the slow results for a law at a speed (rpm) from a worker process.
 
-    Raises WorkerLostError if the process has ended.
+    `drawable.evaluate_full` describes them. Raises WorkerLostError if the process has ended.
     """
     request = {"breaks": law.breaks.tolist(), "ordinates": law.ordinates.tolist(), "rpm": rpm}
     assert process.stdout is not None
@@ -199,7 +199,7 @@ def _send(process: Process, data: dict[str, Any]) -> None:
 
 
 class Designs:
-    """Designs from the cams that a board saved, one at a time.
+    """Runner of designs from the cams that a board saved, one at a time.
 
     `broadcast` sends a message to all pages.
     """
@@ -236,7 +236,7 @@ class Designs:
         return JSONResponse({})
 
     async def _run(self, cam: CamConfig, out: Path) -> None:
-        """Send each better law to the pages, and write the last into a file."""
+        """Run a design, send each better law to the pages, and write the last to a file."""
         rig, result = self._board.rig.model_dump(), dict[str, Any]()
         request = {"cam": cam.model_dump(), "rig": rig, "name": out.stem}
         async with worker_process(request, DESIGN) as process:

@@ -1,1 +1,1 @@
-"""Lab sheets: tasks on a rig in a browser, the readings, and their marks."""
+"""Lab sheets: tasks on a rig in a browser, the readings, and the marks of answers."""

@@ -1,4 +1,4 @@
-"""Figure of a class: differences between answers and true values per student."""
+"""Figure of a class: differences between answers and true values by student."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TOLERANCE_SHADE = "0.92"
 
 @styled
 def marks_figure(result: MarksResult) -> Figure:
-    """Return the figure of the marks.
+    """Return the figure of the marks of a class.
 
     The upper axes have one row per sheet, with full markers for answers beyond the tolerance. The
     lower axes have the histogram of all answers.

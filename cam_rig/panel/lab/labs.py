@@ -1,4 +1,4 @@
-"""The labs: set-ups, observations, question and true answer of each."""
+"""Labs of the panel: set-ups, observations, question and true answer of each."""
 
 from __future__ import annotations
 
@@ -57,7 +57,10 @@ KNOB_TO = 1.25
 
 
 def observe(law: Law, follower: AnyFollower, radiation: RadiationParameters, rpm: float) -> LabTurn:
-    """Return the observed turn of a follower at a speed (rpm): force (N) and sound."""
+    """Return the observed turn of a follower at a speed (rpm): force (N) and sound.
+
+    The observation is that of the sensors of a lab.
+    """
     speed = rpm * RPM
     blocks = _turns(law, follower, speed)
     block = blocks[-1]
@@ -73,9 +76,10 @@ def observe(law: Law, follower: AnyFollower, radiation: RadiationParameters, rpm
 
 
 def over_turn(angles: FloatArray, values: FloatArray, resolution: float) -> FloatArray:
-    """Return values at cam angles (rad) of a turn as a sensor resolves them.
+    """Return the values of a turn as a sensor with a resolution shows them.
 
-    The result has the shape ``(TURN_POINTS,)``, at equal steps of the cam angle.
+    The result has the shape ``(TURN_POINTS,)``, at equal steps of the cam angle. `angles` are those
+    of the values, rad.
     """
     grid = np.arange(TURN_POINTS) * (TURN / TURN_POINTS)
     sampled = np.interp(grid, angles, values, period=TURN)
@@ -88,7 +92,7 @@ def _round_to(value: float, resolution: float) -> float:
 
 
 def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
-    """Return the simulated turns at a speed (rad/s).
+    """Return the simulated turns of a follower at a speed (rad/s).
 
     There is one turn if contact is kept, else `LAB_TURNS` turns, of which the last is observed.
     """
@@ -137,7 +141,7 @@ class JumpSheet(LabSheet):
         return _jump_rpm(self.law, follower_of(self.true_rig(setup, self.seed)))
 
     def turn(self, setup: LabSetup, rpm: float, number: int) -> LabTurn:
-        """Return the force, by the model of two masses if the rig splits its mass.
+        """Return the observed turn, by the model of two masses if the rig splits its mass.
 
         The lamp stays on above a speed at which contact was lost. Between two resonances of the
         stem the follower may stay in contact again, but on the way up it has left the cam before.
@@ -149,7 +153,7 @@ class JumpSheet(LabSheet):
 
     @cached_property
     def knob(self) -> Span:
-        """Speeds (rpm) of the knob, by one rigid mass with the numbers on the sheet."""
+        """Range of the knob (rpm), by one rigid mass with the numbers on the sheet."""
         if not self.rig.follower.preload.si:
             raise ConfigError(
                 f"lab {self.name!r}: rig {self.rig.name!r} has a preload of 0 N; allowed: above 0, "
@@ -170,22 +174,25 @@ class JumpSheet(LabSheet):
         return float(lift), float(curvature)
 
     def load(self, setup: LabSetup) -> float:
-        """Return the closing acceleration (k s + preload)/m (m/s²) by the sheet's numbers."""
+        """Return the closing acceleration (k s + preload)/m (m/s²) of a set-up.
+
+        It is computed from the numbers on the sheet.
+        """
         f = FollowerParameters.from_rig(self.true_rig(setup, None))
         return (f.spring_stiffness * self.critical[0] + f.preload) / f.mass
 
     @property
     def plot(self) -> tuple[Span, Span]:
-        """Ranges of load (m/s²) and n² (1000 rpm²)."""
+        """Ranges of the plot: load (m/s²), and square of the speed n² (1000 rpm²)."""
         max_load = 50.0 * math.ceil(max(map(self.load, self.setups)) / 50.0)
         return (0.0, max_load), (0.0, self.knob[1] ** 2 / SQUARE_RPM)
 
     def point(self, reading: LabReading) -> tuple[float, float]:
-        """Return load (m/s²) and n² (1000 rpm²) of a reading."""
+        """Return the position of a reading in the plot: load (m/s²) and n² (1000 rpm²)."""
         return self.load(reading.setup), (reading.rpm or 0.0) ** 2 / SQUARE_RPM
 
     def theory(self) -> list[FloatArray]:
-        """Return the straight line of one rigid mass."""
+        """Return the theoretical curve of the plot, the straight line of one rigid mass."""
         slope = RPM_PER_RAD_S**2 / abs(self.critical[1]) / SQUARE_RPM
         return [slope * np.linspace(*self.plot[0], CURVE_POINTS)]
 
@@ -195,7 +202,7 @@ def _rigid_rpm(law: Law, rig: RigConfig) -> float:
 
 
 def _knob_range(sheet: LabSheet, speeds: list[float], max_factor: float) -> Span:
-    """Return the lowest and highest speed (rpm) of a knob for these jump speeds."""
+    """Return the range of a knob (rpm) for some jump speeds (rpm)."""
     if not (min(speeds) > 1.0 and math.isfinite(max(speeds))):
         cams = " and ".join(map(repr, sheet.cams))
         raise ConfigError(
@@ -248,7 +255,7 @@ class VibrationSheet(LabSheet):
 
     @cached_property
     def contact_lost_rpm(self) -> dict[LabSetup, float]:
-        """True speed (rpm) of each set-up above which the follower leaves the cam."""
+        """True speed (rpm) above which the follower leaves the cam, for each set-up."""
         return self._contact_limits(self.seed)
 
     def _contact_limits(self, seed: str | None) -> dict[LabSetup, float]:
@@ -259,7 +266,7 @@ class VibrationSheet(LabSheet):
 
     @cached_property
     def knob(self) -> Span:
-        """Speeds (rpm) of the knob, with contact by the numbers on the sheet."""
+        """Range of the knob (rpm) in which contact is kept, by the numbers on the sheet."""
         followers = [self._follower(setup, None) for setup in self.setups]
         # the stem of the hidden rig may be softer, and its periods must fit in a turn too
         limit = 0.8 * min(map(find_max_rpm, followers))
@@ -275,7 +282,10 @@ class VibrationSheet(LabSheet):
         return low, high
 
     def turn(self, setup: LabSetup, rpm: float, number: int) -> LabTurn:
-        """Return the stem's vibration (µm) and its residual amplitude in the low dwell."""
+        """Return the observed turn: the stem's vibration (µm) and its residual amplitude.
+
+        The residual amplitude (µm) is that in the low dwell.
+        """
         if rpm > self.contact_lost_rpm[setup]:
             return LabTurn(contact_lost=True, was_lost=True)
         follower = self._follower(setup, self.seed)
@@ -286,15 +296,21 @@ class VibrationSheet(LabSheet):
 
     @property
     def plot(self) -> tuple[Span, Span]:
-        """Ranges of speed (rpm) and residual vibration (µm)."""
+        """Ranges of the plot: speed (rpm) and residual vibration (µm)."""
         return self.knob, (0.0, 50.0)
 
     def point(self, reading: LabReading) -> tuple[float, float]:
-        """Return speed (rpm) and residual vibration (µm) of a reading."""
+        """Return the position of a reading in the plot: speed (rpm) and vibration (µm).
+
+        The vibration is the residual vibration.
+        """
         return reading.rpm or 0.0, reading.measured or 0.0
 
     def theory(self) -> list[FloatArray]:
-        """Return the residual vibration (µm) of each mass, up to the loss of contact."""
+        """Return the plot's theoretical curves of residual vibration (µm), one per mass.
+
+        They end at the loss of contact.
+        """
         rpm = np.linspace(*self.knob, CURVE_POINTS)
         return [
             1e6 * residual_vibration(self.law, self._follower(setup, None), rpm[rpm <= limit] * RPM)
@@ -322,7 +338,7 @@ BISECTIONS = 24
 class NoiseSheet(LabSheet):
     """Lab of the lowest speed at which two cams are equally loud.
 
-    The readings of the meter scatter.
+    The readings of the sound-level meter scatter.
     """
 
     name = "noise"
@@ -334,18 +350,18 @@ class NoiseSheet(LabSheet):
 
     @cached_property
     def options(self) -> dict[str, list[Any]]:
-        """Names of the two cams."""
+        """Options of a set-up: the names of the two cams."""
         return {"cam": list(self.cams)}
 
     def level(self, cam: str, rpm: FloatArray, seed: str | None) -> FloatArray:
-        """Return the levels (dB) of a cam at speeds (rpm), without scatter."""
+        """Return the sound levels (dB) of a cam at speeds (rpm), without scatter."""
         rig = self.true_rig(LabSetup(), seed)
         follower = FollowerParameters.from_rig(rig)
         turns = simulate_steady_turns(self.laws[cam], "one_mass", follower, rpm * RPM)
         return Acoustics(RadiationParameters.from_rig(rig)).levels(turns)
 
     def _level_difference(self, rpm: FloatArray) -> FloatArray:
-        """Return the level (dB) of the second cam minus that of the first."""
+        """Return the sound level (dB) of the second cam minus that of the first."""
         first, second = (self.level(cam, rpm, self.seed) for cam in self.cams)
         return second - first
 
@@ -370,11 +386,11 @@ class NoiseSheet(LabSheet):
         return low
 
     def true(self, setup: LabSetup) -> float:
-        """Return the crossing (rpm), which does not depend on the set-up."""
+        """Return the speed (rpm) of equal levels, which does not depend on the set-up."""
         return self._crossing
 
     def turn(self, setup: LabSetup, rpm: float, number: int) -> LabTurn:
-        """Return the force and the level that the meter displays.
+        """Return the observed turn: the force, and the level (dB) that the meter displays.
 
         The level scatters from reading to reading. Equal reading numbers give equal scatter.
         """
@@ -389,7 +405,7 @@ class NoiseSheet(LabSheet):
 
     @cached_property
     def knob(self) -> Span:
-        """Speeds (rpm) of the knob, from half the lower to the higher jump speed.
+        """Range of the knob (rpm), from half the lower to the higher jump speed.
 
         The jump speeds are those of the numbers on the sheet.
         """
@@ -397,15 +413,15 @@ class NoiseSheet(LabSheet):
 
     @property
     def plot(self) -> tuple[Span, Span]:
-        """Ranges of speed (rpm) and level (dB)."""
+        """Ranges of the plot: speed (rpm) and sound level (dB)."""
         return self.knob, (70.0, 90.0)
 
     def point(self, reading: LabReading) -> tuple[float, float]:
-        """Return speed (rpm) and level (dB) of a reading."""
+        """Return the position of a reading in the plot: speed (rpm) and sound level (dB)."""
         return reading.rpm or 0.0, reading.measured or 0.0
 
     def theory(self) -> list[FloatArray]:
-        """Return the levels (dB) of each cam."""
+        """Return the theoretical curves of the plot: the sound levels (dB) of each cam."""
         rpm = np.linspace(*self.knob, CURVE_POINTS)
         return [self.level(cam, rpm, None) for cam in self.cams]
 
@@ -417,7 +433,13 @@ LABS: dict[str, type[LabSheet]] = {
 
 
 def lab_of(name: str) -> type[LabSheet]:
-    """Return the lab of a name, or raise ConfigError."""
+    """Return the lab with a name.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such lab.
+    """
     if name not in LABS:
         hint = did_you_mean(name, LABS)
         raise ConfigError(f"--lab: is {shorten(name)}; allowed: {', '.join(LABS)}{hint}")

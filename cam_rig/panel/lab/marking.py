@@ -20,7 +20,7 @@ from cam_rig.show.result import Column, Records, Result
 
 @dataclass(frozen=True)
 class AnswerMark:
-    """Mark of an answer.
+    """Mark of one answer on a lab sheet: its difference from the true value.
 
     `answer` and `true` are in the lab's unit. `within` is true if the answer is within the
     tolerance.
@@ -46,7 +46,10 @@ class AnswerMark:
 
 @dataclass(frozen=True)
 class MarkedSheet:
-    """Sheet with one mark per answer. `tolerance` is in %."""
+    """Lab sheet with one mark per answer.
+
+    `tolerance` is in %.
+    """
 
     path: Path
     recorded: RecordedSheet
@@ -60,12 +63,12 @@ class MarkedSheet:
 
     @property
     def max_error_percent(self) -> float:
-        """Largest magnitude of the differences (%), infinite without an answer."""
+        """Largest absolute difference of an answer (%), infinite without an answer."""
         return max((abs(mark.difference_percent) for mark in self.marks), default=math.inf)
 
     @property
     def summary(self) -> str:
-        """Summary of the sheet in one line."""
+        """Summary of the marks of the sheet in one line."""
         errors = np.array([mark.difference_percent for mark in self.marks])
         student = f" by {self.recorded.student}" if self.recorded.student else ""
         if not errors.size:
@@ -83,7 +86,7 @@ def mark_sheet(
     cam_of: Callable[[str], CamConfig],
     rig_of: Callable[[str], RigConfig],
 ) -> MarkedSheet:
-    """Return the marks of a sheet.
+    """Return a lab sheet with the marks of its answers.
 
     Parameters
     ----------
@@ -116,7 +119,10 @@ def mark_sheet(
 
 
 def _mark(path: Path, sheet: LabSheet, reading: LabReading, tolerance: float) -> AnswerMark | None:
-    """Return the mark of a reading, or None if it has no answer."""
+    """Return the mark of a row of a sheet, or None if it has no answer.
+
+    `tolerance` is in %.
+    """
     answer = reading.answer if sheet.answer else reading.rpm
     setup = reading.setup
     if setup not in (sheet.setups if answer is None else sheet.answerable_setups):
@@ -190,5 +196,5 @@ class MarksResult(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return one line per sheet."""
+        """Return one line on the marks of each sheet."""
         return [sheet.summary for sheet in self.sheets]

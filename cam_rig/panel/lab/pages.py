@@ -25,7 +25,7 @@ MARKER_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN)
 
 
 class LabPages(PanelPages):
-    """Pages of a sheet at a path.
+    """Pages of a lab sheet at a path.
 
     If `resumes` is true, the sheet continues its file, as after the server of a class was killed.
     """
@@ -78,7 +78,10 @@ class LabPages(PanelPages):
         } | self.notebook.page_data()
 
     async def _theory(self, _: Message) -> Message:
-        """Return the curves of theory by the sheet's numbers, at equal steps of x."""
+        """Return the theoretical curves of the sheet's plot, at equal steps of x.
+
+        They are computed from the numbers on the sheet.
+        """
         if self._sheet.seed is not None:
             raise RefusedError("theory: allowed: on a sheet without a seed")
         theory = await asyncio.to_thread(self._sheet.theory)
@@ -110,7 +113,7 @@ class LabPages(PanelPages):
         return post(path, respond)
 
     def _turn(self, body: Message) -> Message:
-        """Return the observation of a set-up at a speed."""
+        """Return the observation of a set-up at a speed, as data for the page."""
         book = self.notebook
         turn = self._sheet.turn(book.setup(body), book.speed(body), book.next_number)
         data: Message = {

@@ -40,7 +40,7 @@ MAX_NAME = 80
 
 @dataclass(frozen=True)
 class RecordedSheet:
-    """Lab sheet with its rows.
+    """Lab sheet with its recorded rows.
 
     It contains the names of lab, cams, rig and student, the rig's title, the date at which the
     sheet was started, and the seed, None for the numbers of the rig.
@@ -57,7 +57,7 @@ class RecordedSheet:
 
 
 def to_text(sheet: RecordedSheet) -> str:
-    """Return the text of the sheet's file."""
+    """Return the text of the file of a lab sheet."""
     out = io.StringIO()
     out.write(f"# {TITLE}: {sheet.lab}\n")
     writer = csv.writer(out, lineterminator="\n")
@@ -75,7 +75,7 @@ def to_text(sheet: RecordedSheet) -> str:
 
 
 def read_sheet(path: Path) -> RecordedSheet:
-    """Read a sheet as the panel wrote it or as a spreadsheet saved it.
+    """Read the file of a lab sheet, as the panel or a spreadsheet wrote it.
 
     Raises ConfigError if the file is not a lab sheet, or if a row is not valid.
     """
@@ -161,9 +161,10 @@ SPEED_DECIMALS = 2
 
 
 class Notebook:
-    """Recorder of a sheet, with a file from the first reading on.
+    """Notebook that records the rows of a lab sheet.
 
-    If `resumes` is true, it continues the sheet's file and locks it against other panels.
+    It has a file from the first reading on. If `resumes` is true, it continues the sheet's file and
+    locks it against other panels.
     """
 
     def __init__(self, sheet: LabSheet, out: Path, resumes: bool = False) -> None:
@@ -179,7 +180,10 @@ class Notebook:
             self._resume(self._path())
 
     def _path(self, number: int = 1) -> Path:
-        """Return the sheet's path. A number above 1 is added to the name."""
+        """Return the path of the sheet's file.
+
+        A number above 1 is added to the name.
+        """
         stem = f"lab_{self.sheet.name}_{self.sheet.seed or self.sheet.rig.name}"
         return self._out / f"{stem}{f'_{number}' if number > 1 else ''}.csv"
 
@@ -205,7 +209,7 @@ class Notebook:
         return lock
 
     def _resume(self, path: Path) -> None:
-        """Continue the sheet of a file.
+        """Continue the lab sheet in a file.
 
         An empty file was created just before its process ended. Raises ConfigError if the file is
         the sheet of another lab, cam, rig or seed.
@@ -240,7 +244,10 @@ class Notebook:
         return LabSetup(**chosen)
 
     def speed(self, data: dict[str, Any]) -> float:
-        """Return the speed (rpm) of a page's data, or raise RefusedError."""
+        """Return the speed (rpm) in a page's data.
+
+        Raises RefusedError if it is outside the range of the knob.
+        """
         rpm, (low, high) = data.get("rpm"), self.sheet.knob
         if not (is_number(rpm) and low <= rpm <= high):
             raise RefusedError(f"rpm: is {str(rpm)[:40]!r}; allowed: {low:g} to {high:g}")
@@ -248,7 +255,7 @@ class Notebook:
 
     @property
     def next_number(self) -> int:
-        """Number of the next row."""
+        """Number of the next row of the sheet."""
         return len(self.recorded.readings) + 1
 
     def record(self, data: dict[str, Any]) -> LabReading:
@@ -286,7 +293,10 @@ class Notebook:
         return reading
 
     def set_student(self, data: dict[str, Any]) -> None:
-        """Write the name of a page's `student` on the sheet, or raise RefusedError."""
+        """Write the name of the student in a page's data on the sheet.
+
+        Raises RefusedError if the name is not allowed.
+        """
         student = data.get("student")
         if not isinstance(student, str) or len(student) > MAX_NAME or not student.isprintable():
             raise RefusedError(f"student: allowed: a line of {MAX_NAME} characters")
@@ -300,7 +310,10 @@ class Notebook:
         self.recorded = recorded
 
     def _create_file(self) -> Path:
-        """Create a new file for the sheet. Existing files are not overwritten."""
+        """Create a new file for the sheet, and return its path.
+
+        Existing files are not overwritten.
+        """
         path = next(path for path in map(self._path, count(1)) if not path.exists())
         try:
             self._out.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Frame of every lab sheet: question, set-ups, and the rig that is measured."""
+"""Base class of all lab sheets: question, set-ups, and the rig that is measured."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ SEED_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
 
 @dataclass(frozen=True)
 class LabSetup:
-    """Set-up: spring stiffness (N/m), added mass (kg), preload (N), name of the cam.
+    """Set-up of a reading: spring (N/m), added mass (kg), preload (N), cam.
 
-    A field is None if the lab does not vary it.
+    The cam is given by its name. A field is None if the lab does not vary it.
     """
 
     spring_stiffness: float | None = None
@@ -40,7 +40,7 @@ class LabSetup:
 
 @dataclass(frozen=True)
 class LabReading:
-    """Row of a sheet.
+    """Row of a lab sheet: a reading or an answer.
 
     `number` starts at 1. `setup` contains the numbers on the sheet. `rpm` is the speed and
     `measured` the reading of the instrument, if the lab has one. If the lab asks for a quantity
@@ -56,12 +56,12 @@ class LabReading:
 
 @dataclass(frozen=True, eq=False)
 class LabTurn:
-    """Observed turn of the steady state at a speed.
+    """Observed turn of the follower in steady state at one speed.
 
     `curve` has the resolution of its sensor, at equal steps of the cam angle from 0. `sound` is of
     full scale and is played in a loop. `measured` is the reading of the lab's instrument.
-    `was_lost` is true if contact was lost on the way up to this speed. The arrays are empty if
-    the turn cannot be observed.
+    `was_lost` is true if contact was lost on the way up to this speed. The arrays are empty if the
+    turn cannot be observed.
     """
 
     contact_lost: bool
@@ -96,7 +96,7 @@ def hidden_factor(lab: str, seed: str, number: str, tolerance: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class LabSheet(ABC):
-    """Sheet of a lab with one or two cams and a rig.
+    """Base class of the sheets of a lab, with one or two cams and a rig.
 
     `seed` selects the hidden rig that is measured. Without a seed, the sheet's rig is measured.
     """
@@ -159,7 +159,7 @@ class LabSheet(ABC):
 
     @cached_property
     def options(self) -> dict[str, list[Any]]:
-        """Options by field of `LabSetup`, rounded to three digits as in a catalogue."""
+        """Options for each field of `LabSetup`, rounded to three digits as in a catalogue."""
         options: dict[str, list[Any]] = {}
         for name, multiples in self.multiples.items():
             unit = 1.0 if name == "added_mass" else getattr(self.rig.follower, name).si
@@ -174,7 +174,10 @@ class LabSheet(ABC):
 
     @property
     def answerable_setups(self) -> list[LabSetup]:
-        """Set-ups that have an answer. They have no cam, as cams are only compared."""
+        """Set-ups that have an answer.
+
+        They have no cam, because cams are only compared.
+        """
         return list(dict.fromkeys(replace(setup, cam=None) for setup in self.setups))
 
     def true_rig(self, setup: LabSetup, seed: str | None) -> RigConfig:
@@ -208,20 +211,20 @@ class LabSheet(ABC):
 
     @classmethod
     def columns(cls) -> tuple[str, ...]:
-        """Return the columns of the sheet's file."""
+        """Return the headings of the columns in the sheet's file."""
         setup_columns = [COLUMNS[name] for name in cls.choices()]
         value_columns = [column for column in (cls.measured, cls.answer) if column]
         return ("reading", *setup_columns, "speed_rpm", *value_columns)
 
     @classmethod
     def choices(cls) -> tuple[str, ...]:
-        """Return the fields of `LabSetup` that can be chosen."""
+        """Return the fields of `LabSetup` that a student can choose."""
         return (*cls.multiples, *(["cam"] if cls.default_other_cam else []))
 
     @property
     @abstractmethod
     def knob(self) -> Span:
-        """Speeds (rpm) of the knob, by the numbers on the sheet."""
+        """Range of the speed knob (rpm), by the numbers on the sheet."""
 
     @abstractmethod
     def true(self, setup: LabSetup) -> float:
@@ -234,15 +237,18 @@ class LabSheet(ABC):
     @property
     @abstractmethod
     def plot(self) -> tuple[Span, Span]:
-        """Ranges of x and y in the plot of the readings. y grows upwards."""
+        """Ranges of x and y in the plot of the readings.
+
+        The y axis points up.
+        """
 
     @abstractmethod
     def point(self, reading: LabReading) -> tuple[float, float]:
-        """Return the position of a reading in the plot."""
+        """Return the position of a reading in the plot, x and y."""
 
     @abstractmethod
     def theory(self) -> list[FloatArray]:
-        """Return the curves of theory by the numbers on the sheet.
+        """Return the theoretical curves of the plot, by the numbers on the sheet.
 
         They are evaluated at `CURVE_POINTS` equal steps of x. There is one curve per marker, or one
         for all.

@@ -51,7 +51,7 @@ class EndMotion(TurnMotion):
     share: float = 0.0  #: fraction of the starts that end in it
 
     def same_as(self, other: EndMotion) -> bool:
-        """Return True if both motions are the same.
+        """Return True if another motion is the same as this motion.
 
         Irregular motions are all the same. Periodic motions are compared by period and landings.
         """

@@ -108,7 +108,7 @@ class PeriodicMotion:
 
     @property
     def leading(self) -> complex:
-        """Multiplier of the largest magnitude."""
+        """Multiplier of the largest magnitude, which decides the stability."""
         return complex(max(self.multipliers.tolist(), key=abs))
 
     @property
@@ -162,7 +162,7 @@ Ahead = Callable[[float], tuple[PeriodicMotion, FloatArray]]
 
 @dataclass
 class Family:
-    """Periodic motions of one period, at any value of the swept quantity."""
+    """Family of periodic motions of one period, over the values of the swept quantity."""
 
     law: Law
     sweep: Sweep

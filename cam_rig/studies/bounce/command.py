@@ -205,7 +205,7 @@ def _law_and_rig(cam: str, rig: str | None) -> tuple[Law, RigConfig]:
 
 
 def _parse_values(text: str) -> list[float]:
-    """Return the numbers of --values."""
+    """Return the numbers in the option --values, None without the option."""
     from cam_rig.simulation.inputs import parse_numbers
 
     if not (values := parse_numbers(text)):
@@ -216,7 +216,7 @@ def _parse_values(text: str) -> list[float]:
 
 
 def _around_jump(law: Law, rig: RigConfig, model: Masses) -> list[float]:
-    """Return speeds (rpm) from below the jump speed to far above it."""
+    """Return cam speeds (rpm) from below the jump speed to far above it."""
     from cam_rig.studies.bounce.motion import bouncing
     from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
     from cam_rig.units import RPM

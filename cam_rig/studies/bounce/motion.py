@@ -127,7 +127,11 @@ def _find_period(states: FloatArray) -> int | None:
 
 
 def _largest_exponent(derivatives: FloatArray) -> float:
-    """Return ln |μ| per turn of the largest multiplier μ of a period, −∞ for 0."""
+    """Return the largest Lyapunov exponent of a periodic motion, 1/turn.
+
+    It is ln |μ| per turn for the largest multiplier μ of the period, −∞ for 0. ``derivatives`` are
+    those of its turns, ``(turns, n, n)``.
+    """
     product = np.eye(derivatives.shape[1])
     for derivative in derivatives:
         product = derivative @ product

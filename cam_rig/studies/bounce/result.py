@@ -74,7 +74,10 @@ RESTS = Footnote(
 
 
 def _nth_exponent(number: int, row: BounceRow) -> float | None:
-    """Return an exponent by its number from 1, None if the model has fewer."""
+    """Return a Lyapunov exponent (1/turn) by its number from 1.
+
+    It is None if the model has fewer exponents.
+    """
     return row.exponents[number - 1] if number <= len(row.exponents) else None
 
 
@@ -238,7 +241,7 @@ class BounceMap(Result):
 
     @property
     def fixed_text(self) -> str:
-        """Fixed quantities and the start of each row, as text."""
+        """Quantities that are fixed, and the start of each row, as text."""
         base, parameter = self.sweep.base, self.sweep.parameter
         speed = [] if parameter == SPEED else [f"{base.rpm:g} rpm"]
         restitution = [] if parameter == RESTITUTION else [f"restitution {base.restitution:g}"]
@@ -277,7 +280,7 @@ class BounceMap(Result):
 
 
 def _rows_of_change(rows: Sequence[BounceRow]) -> list[BounceRow]:
-    """Return the first and the last row of each run of rows with equal motion.
+    """Return the first and the last of consecutive rows with the same kind of motion.
 
     Rows are equal in kind of motion, period and rest.
     """

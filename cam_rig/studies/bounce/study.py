@@ -184,7 +184,7 @@ def _sweep(
     parameter: str,
     values: Speeds | None,
 ) -> tuple[Sweep, list[float]]:
-    """Return the swept quantity and its values in SI, in rising order."""
+    """Return the swept quantity, and its values in SI in rising order."""
     if model not in (ONE_MASS, TWO_MASS):
         raise ConfigError(f"model must be {ONE_MASS} or {TWO_MASS}, got {model!r}")
     if parameter not in SWEPT:
@@ -212,7 +212,7 @@ def _sweep(
 
 
 def _check(rows: int, turns: int, transient_turns: int, start: str, continuation: bool) -> None:
-    """Raise a `ConfigError` if an argument is out of range."""
+    """Raise a `ConfigError` if an argument of a bounce map is out of range."""
     if start not in START_TEXT:
         raise ConfigError(f"start must be one of {', '.join(START_TEXT)}, got {start!r}")
     if turns < MIN_TURNS:

@@ -134,7 +134,10 @@ def find_alignment(
 
 
 def _max_speed(stretches: Sequence[SteadyStretch]) -> tuple[float, bool]:
-    """Return the highest speed (rad/s), and True if there are several speeds."""
+    """Return the highest speed of stretches (rad/s).
+
+    The second result is True if the stretches have several speeds.
+    """
     speeds = [stretch.mean_speed for stretch in stretches]
     return max(speeds), max(speeds) > 1.05 * min(speeds)
 

@@ -150,7 +150,7 @@ class SpeedDeparture:
 
     @property
     def later(self) -> float | None:
-        """Delay of the measured events as cam angle (rad), or None without events."""
+        """Delay of the measured events as cam angle (rad), or None without common events."""
         degrees = None if self.contact is None else self.contact.degrees
         return None if degrees is None else float(np.radians(degrees))
 

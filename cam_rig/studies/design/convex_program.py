@@ -244,7 +244,7 @@ def _join_rows(blocks: list[RowBlock]) -> tuple[Affine, FloatArray]:
 
 
 def _append_column(matrix: Any, weights: FloatArray) -> Any:
-    """Return the matrix with the weights as an additional last column."""
+    """Return a matrix with the weights of the level t as an additional last column."""
     return sparse.hstack([matrix, sparse.csr_array(weights[:, None])], "csr")
 
 

@@ -80,7 +80,7 @@ class PointwiseTerm:
 
     @cached_property
     def scale(self) -> float:
-        """Scale of the rows: largest absolute value of a branch on the start law."""
+        """Scale of the rows: the largest absolute value of a branch on the start law."""
         u = np.linspace(0.0, 1.0, SAMPLES)
         values = np.abs(self.branches(Motion.on_pieces(self.problem.start, u)))
         return float(values[np.isfinite(values)].max(initial=0.0)) or 1.0
@@ -177,7 +177,7 @@ class ValueTerm:
         return self._sign * measured(self.problem, law, self.target.term, self.target.sense)
 
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
-        """Return the value linearised at a law.
+        """Return the value of the goal or limit, linearised at a law.
 
         It is exact at the last law that was ``tried`` from there.
         """
@@ -205,7 +205,7 @@ class ValueTerm:
 
 
 class Iterate(NamedTuple):
-    """Law of a descent with its exact values.
+    """Law of a descent, with its exact violation of the limits and its exact goal.
 
     ``violation`` is the largest violation of a limit, in scales. ``goal`` is to be minimised, in
     its scale. ``active`` names the active limits of the program that gave the law.
@@ -309,7 +309,10 @@ class Descent:
         return None
 
     def _has_converged(self, current: Iterate, solution: ProgramSolution) -> bool:
-        """Return True if a law is feasible and its program promises almost no gain."""
+        """Return True if a descent has converged at a law.
+
+        The law is then feasible, and its program promises almost no gain.
+        """
         promised, tolerance = (
             current.goal + solution.level,
             PROMISE_RTOL * min(1.0, self.reach / FIRST_REACH),

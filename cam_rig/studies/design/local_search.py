@@ -91,7 +91,7 @@ class EventSpans:
         self.size = self.start.size - self.keep_dwells
 
     def _base(self) -> FloatArray:
-        """Return the spans within the limits that are nearest to those of the start."""
+        """Return the spans of the events within their limits, nearest to the start's."""
 
         def total(change: float) -> float:
             return float(np.clip(self.start + change, self.low, self.high).sum() - self.start.sum())
@@ -108,7 +108,7 @@ class EventSpans:
         return spans
 
     def _rounded(self, spans: FloatArray) -> FloatArray:
-        """Return the spans as a cam file stores them.
+        """Return the spans of the events, rounded as in a cam file.
 
         If dwells are kept, the last span follows from the others.
         """

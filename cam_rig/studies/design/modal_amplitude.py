@@ -143,7 +143,7 @@ class ForceAtSpeed:
 
     @cached_property
     def first(self) -> FirstTurn:
-        """First turn of a run from rest."""
+        """Contact force in the first turn of a run from rest."""
         cells, mode = self.cells, self.cells.mode
         weights = (np.array(mode.motion) * self.speed ** np.arange(3.0)).tolist()
         size, edge = cells.space.unknowns, 0.0

@@ -41,7 +41,7 @@ class Measure:
     active: bool = False
 
     def in_table_unit(self, value: float | None) -> float | None:
-        """Return a value in the unit of tables."""
+        """Convert a value from SI to the unit of tables, None for None."""
         return None if value is None else value / self.term.quantity.factor
 
     @property

@@ -97,7 +97,7 @@ class DesignSearch:
     spans: Multistart | None = None
 
     def best_of_spans(self) -> LawDesign:
-        """Return the best law over all spans of the events."""
+        """Return the best law over all possible spans of the events."""
         limits = self.with_values().limits
         spans = [limit for limit in limits if limit.term.quantity.where == "event"]
         others = replace(self.request, limits=tuple(x for x in limits if x not in spans))
@@ -149,7 +149,10 @@ class DesignSearch:
         return replace(self.request, limits=tuple(limits))
 
     def _limit_value(self, limit: Limit) -> float:
-        """Return the value of a limit, SI (levels in dB)."""
+        """Return the value of a limit, SI (levels in dB).
+
+        A limit that refers to the start has the value of the start law.
+        """
         if limit.value is not None:
             return limit.value
         return measured(self.problem, self.problem.start, limit.term, limit.sense)

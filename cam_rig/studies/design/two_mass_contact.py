@@ -113,11 +113,11 @@ class ContactRows:
 
     @property
     def _grid_position(self) -> float:
-        """Position of the fastest speed in the grid, in steps."""
+        """Position of the fastest speed in the grid of speeds, in steps."""
         return math.log(self.fastest / self.anchor) / math.log(1.0 + self.step)
 
     def move(self, factor: float) -> None:
-        """Multiply the fastest speed by a factor.
+        """Multiply the fastest speed of the grid by a factor.
 
         It is rounded to the grid if the change is a step or more.
         """
@@ -199,9 +199,9 @@ class ContactRows:
         return float(turns[worst]), above[worst]
 
     def add_violated(self, solution: ProgramSolution) -> bool:
-        """Remove rows far above the level and add rows below it.
+        """Add rows where the contact force is below the level.
 
-        Returns True if any row was added.
+        Rows far above the level are removed. Returns True if any row was added.
         """
         level = self.margin if self.limit else solution.level
         if (

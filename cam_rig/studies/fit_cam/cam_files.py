@@ -1,4 +1,4 @@
-"""Cam file of a fitted spline, the table of its points, and the parts that cam files share."""
+"""Cam file of a fitted spline, its table of points, and parts of all cam files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FREE_CHOICE = "a free choice, not identifiable from the readings: replace it wit
 
 @dataclass(frozen=True)
 class CamFiles:
-    """A cam, its law, and the text of each of its files by file name.
+    """Cam with its law, and the text of each of its files by file name.
 
     `assumed` lists the assumptions that no reading supports.
     """
@@ -43,7 +43,10 @@ class CamFiles:
 
 
 class _Candidate(NamedTuple):
-    """Cam with a base radius (m), and whether it passes all checks."""
+    """Cam with one of the possible base radii (m), and the result of its checks.
+
+    `passes` is True if it passes all checks.
+    """
 
     radius: float
     data: dict[str, Any]
@@ -183,7 +186,10 @@ def cam_text(data: dict[str, Any], *header: str, assumed: list[str]) -> str:
 def follower_data(
     kind: FollowerKind, base: dict[str, Any], roller: dict[str, Any]
 ) -> dict[str, Any]:
-    """Return the follower section of a cam file. Only a roller has a roller radius."""
+    """Return the follower section of a cam file.
+
+    Only a roller has a roller radius.
+    """
     data = {"type": kind, "base_radius": base}
     return {**data, "roller_radius": roller} if kind == "roller" else data
 
@@ -198,7 +204,10 @@ def assumed_radii(follower: dict[str, Any]) -> list[str]:
 
 
 def radius_quantity(radius: float, is_given: bool) -> dict[str, Any]:
-    """Return a radius (m) that does not follow from the readings, as a quantity of a file."""
+    """Return a radius (m) as a quantity of a cam file: given or assumed.
+
+    It does not follow from the readings.
+    """
     if is_given:
         source = "an option of cam-rig, or stated in the table"
         return quantity_data("given", to_mm(radius), "mm", source)
@@ -206,5 +215,5 @@ def radius_quantity(radius: float, is_given: bool) -> dict[str, Any]:
 
 
 def to_mm(metres: float) -> float:
-    """Return a length in mm, rounded to the decimals of a file."""
+    """Convert a length from m to mm, rounded to the decimals of a file."""
     return round(float(metres) * 1e3, MILLIMETRE_DECIMALS)

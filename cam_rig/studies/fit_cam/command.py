@@ -18,7 +18,7 @@ from cam_rig.show.terminal import say, show
 
 
 def _in_mm(help_text: str, least: float | None = None) -> Any:
-    """Return a typer option in mm whose value is passed to the command in m."""
+    """Return a typer option in mm, whose value the command receives in m."""
     return typer.Option(
         metavar="MM", min=least, help=help_text, callback=lambda x: None if x is None else 1e-3 * x
     )

@@ -1,4 +1,4 @@
-"""Detection of dwells in readings: start, span and level.
+"""Detection of dwells in gauge readings: start, span and level.
 
 A run of readings within the scatter of one level is longer than its dwell, because a law leaves its
 dwell more slowly than a gauge can resolve. Each end is therefore computed from the readings beyond
@@ -56,9 +56,10 @@ LEAVING_POWERS = (3, 4, 5)
 
 @dataclass(frozen=True)
 class FoundDwell:
-    """Dwell, the number of readings in it, and their standard deviation in m.
+    """Dwell that was found in readings, with the number of readings and their scatter.
 
-    ``rest`` contains the start and span in rad and the level in m.
+    ``rest`` contains the start and span in rad and the level in m. ``scatter`` is the standard
+    deviation of the readings, m.
     """
 
     rest: Rest
@@ -66,7 +67,7 @@ class FoundDwell:
     scatter: float
 
     def at_level(self, level: float) -> FoundDwell:
-        """Return this dwell at another level (m)."""
+        """Return the dwell with another level (m)."""
         return replace(self, rest=self.rest._replace(level=level))
 
     def covers(self, start: float, span: float) -> bool:
@@ -76,9 +77,9 @@ class FoundDwell:
 
 @dataclass(frozen=True)
 class _RestingRun:
-    """Run of readings ``first`` to ``first + count − 1``, modulo their number.
+    """Run of gauge readings within the scatter of one level.
 
-    They are within the scatter of ``level`` (m).
+    The readings are ``first`` to ``first + count − 1``, modulo their number. ``level`` is in m.
     """
 
     first: int
@@ -110,7 +111,7 @@ def likely_range(count: int) -> float:
 def _find_runs(readings: Readings, scatter: float) -> list[_RestingRun]:
     """Return the runs of readings at one level, in the order of the cam angle.
 
-    The runs do not overlap.
+    The runs do not overlap. ``scatter`` is that of the readings, m.
     """
     lifts, count = readings.lifts, readings.lifts.size
     free = np.ones(count, dtype=np.bool_)
@@ -210,7 +211,7 @@ def _pool_levels(dwells: list[FoundDwell], scatter: float) -> list[FoundDwell]:
 
 
 def _drop_close_dwells(dwells: list[FoundDwell]) -> tuple[FoundDwell, ...]:
-    """Return the dwells, without the shorter of two that are too close.
+    """Remove the shorter of two dwells that are too close to each other.
 
     No law has room for an event between them.
     """
@@ -225,7 +226,10 @@ def _drop_close_dwells(dwells: list[FoundDwell]) -> tuple[FoundDwell, ...]:
 
 
 def _fit_dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: float) -> FoundDwell:
-    """Return the dwell of run `i`, with ends computed from the readings beyond it."""
+    """Return the dwell of the `i`-th run of readings at one level.
+
+    Its ends are computed from the readings beyond the run. ``scatter`` is that of the readings, m.
+    """
     run, count = runs[i], readings.angles.size
     before, after = runs[i - 1], runs[(i + 1) % len(runs)]
     to_next = (after.first - run.first - run.count) % count
@@ -254,7 +258,7 @@ def _fit_dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: flo
 def _find_end(
     x: FloatArray, y: FloatArray, run: _RestingRun, scatter: float, min_end: float
 ) -> float:
-    """Return the angle (rad) at which a run ends, at least `min_end`.
+    """Return the angle (rad) at which the dwell of a run ends, at least `min_end`.
 
     ``x`` is the angles (rad) of the run and of the event beyond it, from the other end of the run.
     ``y`` is their lifts (m).
@@ -275,9 +279,10 @@ def _find_end(
 
 
 def _leaving_sse(x: FloatArray, y: FloatArray, end: float, terms: int) -> float:
-    """Return the residual sum of squares (m²) of readings that leave a level at `end`.
+    """Return the squared residuals (m²) of readings that leave a level at `end` (rad).
 
-    ``y`` is the lifts above the level. ``terms`` is the number of powers of the angle beyond `end`.
+    It is their sum for a fit of powers. ``y`` is the lifts above the level. ``terms`` is the number
+    of powers of the angle beyond `end`.
     """
     beyond = np.maximum(x - end, 0.0)
     scale = float(beyond.max())

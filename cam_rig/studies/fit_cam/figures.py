@@ -1,4 +1,4 @@
-"""Figures of a fit: lift over the cam angle, readings and residuals."""
+"""Figures of a fitted cam: lift over the cam angle, readings and residuals."""
 
 from __future__ import annotations
 

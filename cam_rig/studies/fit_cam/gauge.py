@@ -1,4 +1,4 @@
-"""Gauge readings of one turn, in rising order of the angle."""
+"""Gauge readings of one turn of a cam, in rising order of the angle."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MAX_REPEAT_SCATTERS = 6.0
 
 @dataclass(frozen=True, eq=False)
 class Outlier:
-    """A reading that its neighbours, or a law, contradict.
+    """Reading of the gauge that its neighbours, or a law, contradict.
 
     Attributes
     ----------
@@ -112,7 +112,10 @@ class Readings:
         return self.gap[1] > math.radians(MAX_GAP_DEG) + ANGLE_ATOL
 
     def select(self, indices: NDArray[np.int64]) -> Readings:
-        """Return some of the readings. The gap is that of all readings."""
+        """Return the readings with these indices.
+
+        The gap is that of all readings.
+        """
         return replace(
             self,
             angles=self.angles[indices],
@@ -122,7 +125,7 @@ class Readings:
 
 
 class _Rows(NamedTuple):
-    """Angles (rad), lifts (m) and line numbers of readings, each with the shape ``(n,)``."""
+    """Rows of a table: angles (rad), lifts (m) and line numbers, ``(n,)`` each."""
 
     angles: FloatArray
     lifts: FloatArray
@@ -227,7 +230,7 @@ def _require_no_end_mark(file: str, rows: _Rows) -> None:
 
 
 def _require_return(file: str, name: str, rows: _Rows) -> None:
-    """Raise ConfigError if the lift does not return after a whole turn."""
+    """Raise ConfigError if the lift does not return to its start after a whole turn."""
     angles, lifts, lines = (values[np.argsort(rows.angles)] for values in rows)
     lift_range, steps = float(np.ptp(lifts)), np.diff(lifts)
     one_way = min(float(np.sum(steps[steps > 0.0])), -float(np.sum(steps[steps < 0.0])))

@@ -92,16 +92,16 @@ class GaugeTable:
 
 
 def read_gauge_table(path: Path, options: TableOptions | None = None) -> GaugeTable:
-    """Read a table of gauge readings, written by a gauge, a spreadsheet or by hand."""
+    """Read a file of gauge readings, written by a gauge, a spreadsheet or by hand."""
     lines, comments = read_lines(path, "cam angle and lift")
     return _GaugeReader(path.name, lines).table(options or TableOptions(), comments)
 
 
 class _GaugeReader(CellTable):
-    """Reader of a file of gauge readings. `table` converts its cells to numbers."""
+    """Reader of a file of gauge readings, which converts its cells to numbers."""
 
     def table(self, options: TableOptions, comments: list[tuple[int, str]]) -> GaugeTable:
-        """Return the table, with columns by their headings and numbers from the cells."""
+        """Return the gauge table of the file, with columns by their headings."""
         if self.first is None:
             line, cells = max(self.rows[1:] or self.rows, key=lambda row: _count_digits(row[1]))
             only = ", of numbers only: units belong in the heading" if _count_digits(cells) else ""
@@ -174,7 +174,10 @@ class _GaugeReader(CellTable):
     def _assign(
         self, headings: list[Heading], options: TableOptions
     ) -> tuple[int, list[int], list[str]]:
-        """Return the columns of the angle and of the lifts, and notes on the assumptions."""
+        """Return the index of the angle column, those of the lift columns, and notes.
+
+        The notes report assumptions.
+        """
         columns = defaultdict[str, list[int]](list)
         for i, heading in enumerate(headings):
             columns[heading.quantity].append(i)
@@ -207,7 +210,7 @@ class _GaugeReader(CellTable):
     def _angle_index(
         self, headings: list[Heading], columns: Mapping[str, list[int]], options: TableOptions
     ) -> int | None:
-        """Return the column of the angle by option or heading, or None."""
+        """Return the index of the angle column by option or heading, or None."""
         angles = columns["angle"] + (columns["count"] if options.counts else [])
         if options.angle_column is not None:
             angles = self._named(headings, options.angle_column, range(len(headings)))
@@ -224,7 +227,7 @@ class _GaugeReader(CellTable):
         return angles[0] if angles else None
 
     def _named(self, headings: list[Heading], name: str, allowed: Sequence[int]) -> list[int]:
-        """Return the allowed columns that have this heading, at least one."""
+        """Return the allowed column indices with this heading, at least one."""
         indices = [i for i in allowed if headings[i].text == name]
         if not indices:
             names = ", ".join(repr(headings[i].text) for i in allowed)
@@ -241,7 +244,10 @@ class _GaugeReader(CellTable):
     def _angle_factor(
         self, heading: Heading, angles: list[float], options: TableOptions
     ) -> tuple[float, list[str]]:
-        """Return the factor of the numbers to the cam angle in rad, and notes."""
+        """Return the factor from the numbers to the cam angle in rad, and notes.
+
+        The notes report assumptions.
+        """
         notes, factor = [], heading.factor
         if options.counts is not None:
             if heading.factor is not None:

@@ -1,6 +1,6 @@
 """Rig file and scene file for a new cam.
 
-They run without changes, and list their assumptions.
+A scene with them can be simulated without changes. The files list their assumptions.
 """
 
 from __future__ import annotations

@@ -70,7 +70,7 @@ def exclude_outliers(readings: Readings) -> Readings:
 
 
 def _mark_outliers(readings: Readings) -> NDArray[np.bool_]:
-    """Return the mask of outliers.
+    """Return the mask of readings that are outliers.
 
     Outliers next to each other hide each other. The search for outliers that are n readings wide
     therefore takes every n-th reading, so that each outlier has good neighbours.
@@ -89,10 +89,10 @@ def _mark_outliers(readings: Readings) -> NDArray[np.bool_]:
 
 
 def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int) -> None:
-    """Mark readings next to outliers that are outliers too.
+    """Mark further outliers among the readings next to outliers.
 
-    A run of outliers has at most `width` readings. Each reading is compared with good readings
-    that are `width` readings apart.
+    A run of outliers has at most `width` readings. Each reading is compared with good readings that
+    are `width` readings apart.
     """
     while outliers.any():
         good = np.flatnonzero(~outliers)
@@ -113,9 +113,10 @@ def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int)
 
 
 def _isolated_outliers(readings: Readings, subset: NDArray[np.int64]) -> list[int]:
-    """Return the positions in `subset` of its outliers.
+    """Return the positions in `subset` of the outliers among its readings.
 
-    Outliers are found only if their neighbours in `subset` are good readings.
+    `subset` is indices of readings. Outliers are found only if their neighbours in `subset` are
+    good readings.
     """
     limit = max_outliers(subset.size)
     kept = np.arange(subset.size)
@@ -143,9 +144,10 @@ def _isolated_outliers(readings: Readings, subset: NDArray[np.int64]) -> list[in
 
 
 def _are_apart(indices: list[int], count: int) -> bool:
-    """Return True if no two readings are close, in a turn of `count` readings.
+    """Return True if no two of some readings are close to each other.
 
-    Several readings close to each other indicate that the law is not smooth.
+    The turn has `count` readings. Several outliers close to each other indicate that the law is not
+    smooth.
     """
     apart = np.abs(np.subtract.outer(indices, indices))
     apart = np.minimum(apart, count - apart) + count * np.eye(len(indices), dtype=np.int64)
@@ -192,7 +194,7 @@ def _distance_from_neighbours(
 def _interpolate_at(readings: Readings, near: NDArray[np.int64], index: int) -> float:
     """Return the lift (m) of a polynomial at the angle of the reading `index`.
 
-    The polynomial goes through the readings `near`.
+    The polynomial goes through the readings with the indices `near`.
     """
     x = (readings.angles[near] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     lagrange = [np.prod(np.delete(x, i) / (np.delete(x, i) - x[i])) for i in range(x.size)]
@@ -203,7 +205,7 @@ def _interpolate_at(readings: Readings, near: NDArray[np.int64], index: int) -> 
 
 
 def exclude_outliers_from(law: Callable[[FloatArray], FloatArray], readings: Readings) -> Readings:
-    """Return all readings without those that are outliers from a law through them.
+    """Return all readings without the outliers from a law through them.
 
     `law` returns lifts (m) at angles (rad). It may have kinks, because the readings are not
     compared with their neighbours.

@@ -62,7 +62,7 @@ MAX_EDGES = 120
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """Shift of the readings `indices`, its standard error, and the residual.
+    """Common shift of the readings `indices`, its standard error, and the residual.
 
     All are in m. The residual is r.m.s.
     """
@@ -74,7 +74,7 @@ class Shift:
 
     @property
     def significance(self) -> float:
-        """Size of the shift in its standard errors."""
+        """Absolute shift in its standard errors."""
         return abs(self.shift) / self.error
 
     def is_clear(self, scatter: float) -> bool:
@@ -152,7 +152,7 @@ def _require_small_drift(readings: Readings, closing: int, back: Shift) -> None:
 
 
 def _runs(readings: Readings, scatter: float) -> Iterator[Shift]:
-    """Yield the fitted shift of each run between two edges.
+    """Yield the fitted common shift of each run of readings between two edges.
 
     An edge is a reading after which a run may start or stop. A difference of readings across it is
     above `MIN_EDGE_SCATTERS`.
@@ -186,7 +186,10 @@ def _fit(
     degree: int,
     scatter: float,
 ) -> Shift:
-    """Return the shift of some readings of a window, fitted with a polynomial."""
+    """Fit a common shift of some readings of a window together with a polynomial.
+
+    ``is_shifted`` marks the shifted readings, and ``degree`` is that of the polynomial.
+    """
     count = readings.angles.size
     indices = window % count
     x = readings.angles[indices] + TURN * (window // count)

@@ -334,7 +334,7 @@ def _choose_tolerance(readings: Readings, scatter: float, requested: float | Non
 def _smooth_within(
     readings: Readings, tolerance: float, rests: list[Rest]
 ) -> tuple[float, Smoothed]:
-    """Return the tolerance (m) and the spline.
+    """Return the tolerance (m) and the spline that is within it.
 
     The tolerance is widened if no spline is within it.
     """

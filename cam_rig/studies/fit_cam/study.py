@@ -35,7 +35,7 @@ FOLLOWER_ORDER: tuple[FollowerKind, ...] = ("roller", "point", "flat")
 
 @dataclass(frozen=True)
 class FitRequest:
-    """Options of a fit.
+    """Options of a fit of a cam to gauge readings.
 
     If `take_first` is True, a spline is fitted to the first of several columns of lifts, and a note
     reports it. Otherwise several columns raise ConfigError.
@@ -54,7 +54,7 @@ class FitRequest:
     take_first: bool = False
 
     def __post_init__(self) -> None:
-        """Raise ConfigError for a number that is out of range."""
+        """Raise ConfigError for a number of the options that is out of range."""
         train = self.valve_train
         for name, length in {"roller_radius": self.roller_radius, "lash": train.lash}.items():
             if length is not None and length < 0.0:
@@ -70,7 +70,7 @@ class FitRequest:
                 raise ConfigError(f"{name}: is {value:g}; allowed: above 0")
 
     def run(self, files: list[Path]) -> SplineFit | ArcsFit:
-        """Return the fit of the readings in the files."""
+        """Read the files, and return the fit of their readings."""
         self._require_compatible(len(files))
         tables = [read_gauge_table(path, self.table) for path in files]
         selected = [(table, column) for table in tables for column in self._select_columns(table)]
@@ -117,7 +117,7 @@ class FitRequest:
         return spline_cam(name, fit, kind or "roller", fit.base_radius, fit.roller_radius)
 
     def _require_compatible(self, file_count: int) -> None:
-        """Raise ConfigError for arguments that apply only to the other shape."""
+        """Raise ConfigError for options that apply only to the other shape."""
         if self.shape == "arcs":
             if self.tolerance is not None:
                 raise ConfigError("--tolerance cannot be combined with --shape arcs")
@@ -135,7 +135,7 @@ class FitRequest:
             )
 
     def _select_columns(self, table: GaugeTable) -> tuple[GaugeColumn, ...]:
-        """Return all columns for arcs, and one for a spline.
+        """Return the columns of a table to fit: all for arcs, and one for a spline.
 
         Raises ConfigError for several columns, and for radii of a follower other than a point
         follower. The lift of a point follower is the radius minus the base radius.
@@ -176,7 +176,10 @@ class FitRequest:
         roller_radius: float | None,
         is_radius: bool,
     ) -> ArcsFit:
-        """Return the fit of arcs. The zero of readings that are radii is the base radius."""
+        """Fit tangent arcs to the readings of all columns.
+
+        ``is_radius`` is True if the readings are radii. Their zero is then the base radius.
+        """
         columns = tuple(subtract_zero(column) for column in readings)
         if is_radius:
             base_radius = columns[0].zero

@@ -27,7 +27,10 @@ def list_outliers(readings: Readings) -> str:
 
 
 def relative_residuals(readings: Readings, residuals: FloatArray) -> FloatArray:
-    """Return the sizes of residuals in r.m.s. of all other residuals, ``(n,)``."""
+    """Return the absolute residuals relative to all other residuals, ``(n,)``.
+
+    The unit is the r.m.s. of the others.
+    """
     others = (np.sum(residuals**2) - residuals**2) / (residuals.size - 1)
     return np.abs(residuals) / np.maximum(np.sqrt(others), readings.rounding)
 

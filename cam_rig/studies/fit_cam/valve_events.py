@@ -47,10 +47,9 @@ class ValveEvent:
 
 
 def valve_events(law: Law, train: ValveTrain) -> tuple[ValveEvent, ...]:
-    """Return the events at each checking height, by height and angle.
+    """Return the valve events at each checking height, by height and angle.
 
-    Heights that the valve does not reach are omitted.
-    The lift of the valve is ratio · s - lash.
+    Heights that the valve does not reach are omitted. The lift of the valve is ratio · s - lash.
 
     Examples
     --------

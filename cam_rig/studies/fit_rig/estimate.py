@@ -158,13 +158,13 @@ class RigParameters(Result):
 
     @property
     def identified(self) -> tuple[ParameterEstimate, ...]:
-        """Identified parameters."""
+        """Estimates of the identified parameters."""
         return tuple(n for n in self.numbers if n.origin == "identified")
 
     def number_tables(self, caption: str, names: tuple[str, ...]) -> list[Records]:
-        """Return a table with one row per parameter, and a table of correlations.
+        """Return two tables: one row per parameter, and the correlations.
 
-        The correlations are those of ``names``. The table is empty for a single name.
+        The correlations are those of ``names``. The second table is empty for a single name.
         """
         pairs = [
             (names[i], names[k], float(self.correlation[i, k]))

@@ -102,7 +102,7 @@ def from_search(names: Iterable[str], x: FloatArray) -> dict[str, float]:
 
 
 def parameter_slope(name: str, value: float) -> float:
-    """Return the derivative of a value with respect to its search variable."""
+    """Return the derivative of a parameter value by its search variable."""
     return value if PARAMETERS[name].logarithm else 1.0
 
 

@@ -1,1 +1,1 @@
-"""Noise study of three cams: one calibrated, one predicted, one identified."""
+"""Noise study of three cams: one is calibrated, one predicted, and one identified."""

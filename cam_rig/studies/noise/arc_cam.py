@@ -30,7 +30,7 @@ IMPOSSIBLE = 50.0
 
 
 def with_geometry(cam: CamConfig, lift_mm: float, event_deg: float, nose_deg: float) -> CamConfig:
-    """Return the cam file with another lift (mm), event and nose angle (degrees)."""
+    """Return a cam file with another lift (mm), event angle and nose angle (degrees)."""
     data = cam.model_dump(exclude_none=True)
     dwell = 180.0 - 0.5 * event_deg
     data["lift"] |= {"identified": lift_mm, "unit": "mm"}
@@ -64,17 +64,17 @@ class ArcShape:
 
     @classmethod
     def of(cls, cam: CamConfig) -> ArcShape:
-        """Return the shape of a cam file."""
+        """Return the shape of the arc cam in a cam file."""
         circles = arc_cam(cam)
         return cls(circles.lift, 2.0 * circles.event_half_angle, 1.0 / circles.radii()[0])
 
     @property
     def flank(self) -> float:
-        """Radius of the flank, m."""
+        """Radius of the flank, m, negative if the flank is concave."""
         return 1.0 / self.curvature
 
     def scaled(self, lift: float, event: float) -> ArcShape:
-        """Return the shape with scaled lift and event and the same flank."""
+        """Return the shape with lift and event multiplied by factors, and the same flank."""
         return ArcShape(lift * self.lift, event * self.event, self.curvature)
 
     def nose(self, base: float) -> float:
@@ -93,7 +93,7 @@ class ArcShape:
         return float(2.0 * np.angle(joint))
 
     def law(self, cam: CamConfig) -> Law:
-        """Return the law of the cam file with this shape.
+        """Return the law of a cam file with this shape.
 
         Raises
         ------
@@ -127,7 +127,7 @@ class ShapeProblem:
     _cache: dict[ArcShape, PublishedCam] = field(default_factory=dict, init=False, compare=False)
 
     def cam_of(self, shape: ArcShape) -> PublishedCam:
-        """Return the simulated turns of a shape.
+        """Return the simulated turns of an arc cam with a shape.
 
         They are cached, because fits to other constants start at the same shapes.
         """
@@ -137,15 +137,18 @@ class ShapeProblem:
         return self._cache[shape]
 
     def sensitivity(self, shape: ArcShape, acoustics: Acoustics) -> FloatArray:
-        """Return the derivatives of the levels (dB) by relative lift and event, (n, 2)."""
+        """Return the derivatives of the sound levels by the shape, shape (n, 2).
+
+        They are in dB per relative change of lift and of event.
+        """
         changed = [shape.scaled(*(1.0 + DERIVATIVE_STEP * axis)) for axis in np.eye(2)]
         base, *levels = (acoustics.levels(self.cam_of(s).turns) for s in (shape, *changed))
         return np.stack([(level - base) / DERIVATIVE_STEP for level in levels], axis=1)
 
     def fit(self, near: ArcShape, acoustics: Acoustics) -> ArcShape:
-        """Fit lift and event so that the regression is nearest to the published cubic.
+        """Fit lift and event of the arc cam to its published cubic regression.
 
-        The search starts near the shape `near`.
+        The regression of the simulated levels is compared. The search starts near the shape `near`.
         """
         projection = cubic_projection(self.cam_of(near).rpm)
 

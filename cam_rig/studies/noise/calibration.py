@@ -1,4 +1,4 @@
-"""Fits of the shared acoustic constants to published curves of one cam or more."""
+"""Fits of the shared acoustic constants to published noise curves of cams."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ DERIVATIVE_STEP = 1e-4
 
 
 def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:
-    """Fit gain and speed response to the reference cam.
+    """Fit gain and speed response to the sound levels of the reference cam.
 
-    The corner is that of `fit_two_constants`.
+    The corner frequency is that of `fit_two_constants`.
 
     Five numbers are fitted to one cubic, which has four, so the curve of the reference tests
     nothing. The method is that of the reference sound source (ISO 3747): the transfer between
@@ -50,7 +50,7 @@ def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:
 
 
 def sensitivity(cam: PublishedCam, acoustics: Acoustics) -> FloatArray:
-    """Return the derivatives of the levels (dB) by the constants, shape (n, k).
+    """Return the derivatives of a cam's sound levels (dB) by the constants, (n, k).
 
     The constants are log gain and log corner, or log gain and the terms of the response.
     """
@@ -91,7 +91,7 @@ Transfer = Callable[[FloatArray, FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class Structure:
-    """Candidate of a transfer function.
+    """Candidate for the transfer function from contact force to sound pressure.
 
     `start` are the initial constants of its fit.
     """
@@ -104,7 +104,7 @@ class Structure:
 
 @dataclass(frozen=True)
 class StructureFit:
-    """R.m.s. differences (dB) of a structure on the fitted and on the predicted cam.
+    """R.m.s. differences (dB) of a transfer function on fitted and predicted cam.
 
     `numbers` is the number of fitted constants.
     """
@@ -155,7 +155,10 @@ STRUCTURES = (
 def compare_structures(
     loaded: LoadedScene, cams: Mapping[str, PublishedCam], fitted: str
 ) -> list[StructureFit]:
-    """Fit every structure to one of two cams that keep contact, and predict the other."""
+    """Fit every transfer function to one of two cams, and predict the other cam.
+
+    Both cams keep contact. `fitted` is the name of the fitted cam.
+    """
     (other,) = cams.keys() - {fitted}
     speeds = np.asarray(cams[fitted].turns.speeds)
     harmonics = {cam: harmonic_power(loaded.laws[cam], loaded.follower, speeds) for cam in cams}

@@ -1,4 +1,4 @@
-"""cam-rig noise: the study of the paper's noise regressions."""
+"""Command ``cam-rig noise``: the study of the paper's noise regressions."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ TAIL = 2.5
 
 
 def resample(residual: FloatArray, generator: np.random.Generator) -> FloatArray:
-    """Return random series of blocks of ``residual``, shape (DRAWS, n).
+    """Return random series of blocks of a residual, for a bootstrap, shape (DRAWS, n).
 
     ``residual`` has the shape (n,).
     """
@@ -56,19 +56,19 @@ def resample(residual: FloatArray, generator: np.random.Generator) -> FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Band that contains 95 % of the draws, in dB at each speed, shape (n,)."""
+    """Band that contains 95 % of bootstrap draws, in dB at each speed, shape (n,)."""
 
     low: FloatArray
     high: FloatArray
 
     @classmethod
     def of(cls, draws: FloatArray) -> Band:
-        """Return the band of draws of shape (DRAWS, n)."""
+        """Return the 95 % band of bootstrap draws, shape (DRAWS, n)."""
         low, high = np.percentile(draws, [TAIL, 100.0 - TAIL], axis=0)
         return cls(low, high)
 
     def holds(self, level: FloatArray) -> float:
-        """Return the fraction of the speeds at which a curve ``(n,)`` is within the band."""
+        """Return the fraction of the speeds at which a curve ``(n,)`` is in the band."""
         return float(np.mean((level >= self.low) & (level <= self.high)))
 
 
@@ -99,21 +99,29 @@ class Crossing:
 
 
 def all_crossings(rpm: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the speeds (rpm) at which two cubics with values ``(n,)`` cross."""
+    """Return the speeds (rpm) at which two cubic regressions cross.
+
+    ``first`` and ``second`` are their values at the speeds, ``(n,)``.
+    """
     fit, scale = _difference(rpm, first, second)
     return crossings(fit, (rpm[0], rpm[-1]), scale=scale, shift=1.0)
 
 
 def crossing(rpm: FloatArray, first: FloatArray, second: FloatArray, near: float) -> float | None:
-    """Return the crossing of two cubics nearest to ``near`` (rpm), or None."""
+    """Return the speed nearest to ``near`` (rpm) at which two cubic regressions cross.
+
+    ``first`` and ``second`` are their values at the speeds, ``(n,)``. The result is in rpm, or None
+    if they do not cross.
+    """
     fit, scale = _difference(rpm, first, second)
     return nearest_crossing(fit, (rpm[0], rpm[-1]), near, scale=scale, shift=1.0)
 
 
 def _difference(rpm: FloatArray, first: FloatArray, second: FloatArray) -> tuple[FloatArray, float]:
-    """Return the coefficients of the difference over rpm/scale − 1, and the scale.
+    """Return the cubic of the difference of two curves, and the scale of the speed.
 
-    The values are of shape (n,), or draws of shape (DRAWS, n).
+    The cubic's coefficients are those of powers of rpm/scale − 1. The values of the curves are of
+    shape (n,), or draws of shape (DRAWS, n).
     """
     scale = float(rpm.mean())
     fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, (first - second).T, REGRESSION_DEGREE)
@@ -123,9 +131,10 @@ def _difference(rpm: FloatArray, first: FloatArray, second: FloatArray) -> tuple
 def points_crossing(
     rpm: FloatArray, first: FloatArray, second: FloatArray, near: float
 ) -> float | None:
-    """Return the crossing (rpm) of two polylines of levels nearest to ``near``.
+    """Return the speed nearest to ``near`` (rpm) at which two polylines cross.
 
-    Returns None if they do not cross.
+    The polylines connect the sound levels at the speeds. The result is in rpm, or None if they do
+    not cross.
     """
     gap = first - second
     index = np.flatnonzero(np.sign(gap[1:]) != np.sign(gap[:-1]))
@@ -140,7 +149,7 @@ def crossing_interval(
     draws: tuple[FloatArray, FloatArray],
     near: float,
 ) -> Crossing:
-    """Return the crossing of two regressions with its interval from the draws of both.
+    """Return the crossing of two regressions, with its interval from bootstrap draws.
 
     ``best`` are the regressions, shape (n,), and ``draws`` their draws, shape (DRAWS, n).
     """
@@ -197,7 +206,10 @@ class StudiedCurve:
 
     @property
     def largest(self) -> tuple[float, float]:
-        """Largest difference (dB) of a point, which an r.m.s. hides, and its speed (rpm)."""
+        """Largest difference (dB) of a simulated level, and its speed (rpm).
+
+        An r.m.s. difference hides it.
+        """
         difference = self.level_db - self.published_db
         index = int(np.argmax(np.abs(difference)))
         return float(difference[index]), round(float(self.rpm[index]), 9)
@@ -205,7 +217,7 @@ class StudiedCurve:
 
 @dataclass(frozen=True)
 class PairCrossing:
-    """Crossing of the published curves of two cams, and of the curves of a method."""
+    """Crossing of two cams' published curves, and of their curves by a method."""
 
     method: str
     between: tuple[str, str]
@@ -242,13 +254,13 @@ class Method:
 
     @property
     def predicted_rms_db(self) -> float:
-        """R.m.s. difference (dB) of the points of cams to which no number was fitted."""
+        """R.m.s. difference (dB) of the levels of cams to which no number was fitted."""
         unseen = [curve.rms_db for curve in self.curves.values() if curve.numbers == 0]
         return rms(np.array(unseen)) if unseen else np.inf
 
 
 def with_two_constants(study: NoiseSetup, refit: bool) -> Method:
-    """Calibrate gain and corner on the reference.
+    """Calibrate gain and corner frequency on the reference cam.
 
     `refit` is True to refit the arc cam.
     """
@@ -257,14 +269,14 @@ def with_two_constants(study: NoiseSetup, refit: bool) -> Method:
 
 
 def with_substitution(study: NoiseSetup) -> Method:
-    """Calibrate gain and speed response on the reference, and refit the arc cam."""
+    """Calibrate gain and speed response on the reference cam, and refit the arc cam."""
     return _method("by substitution", study, lambda cam: by_substitution(cam, study.start), True)
 
 
 def _method(
     name: str, study: NoiseSetup, calibrate: Callable[[PublishedCam], Acoustics], refit: bool
 ) -> Method:
-    """Return the curves and bands of a method of calibration.
+    """Calibrate by one method, and return its curves, bands and crossings.
 
     The bootstrap needs the difference (dB) of the method on a cam to which it was not fitted. This
     is the difference of the reference after a calibration on the predicted cam.
@@ -310,7 +322,10 @@ def _method(
 
 
 def _refit(slopes: FloatArray, projection: FloatArray) -> FloatArray:
-    """Return the matrix (k, n) from changes of levels to those of fitted numbers."""
+    """Return the matrix from changes of levels to changes of fitted numbers, (k, n).
+
+    ``slopes`` are the derivatives of the levels by the numbers, (n, k).
+    """
     return np.asarray(np.linalg.pinv(slopes, rcond=1e-2) @ projection)
 
 
@@ -378,7 +393,7 @@ class LeftOut:
 
 
 def leave_one_out(study: NoiseSetup) -> list[LeftOut]:
-    """Return the test of each of the three cams, in the order of the scene."""
+    """Return the leave-one-out test of each of the three cams, in the scene's order."""
     return [_leave_out(study, cam) for cam in study.cams]
 
 
@@ -437,7 +452,10 @@ class NoiseClaim:
 def noise_claims(
     roles: StudyRoles, curves: Mapping[str, StudiedCurve], crossover_rpm: float
 ) -> list[NoiseClaim]:
-    """Test the paper's claims on noise below and above the crossing that it states."""
+    """Test the paper's claims on noise below and above the crossing speed (rpm).
+
+    ``crossover_rpm`` is the speed that the paper states.
+    """
     rpm = curves[roles.arcs].rpm
     below, above = rpm < crossover_rpm, rpm > crossover_rpm
     limit = f"{crossover_rpm:g} rpm"

@@ -75,7 +75,7 @@ class NoiseSetup:
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> NoiseSetup:
-        """Simulate the turns of all cams of a scene."""
+        """Create the set-up of a scene, and simulate the turns of all its cams."""
         roles = StudyRoles.of(loaded)
         speeds = np.array(loaded.scene.schedule.speeds.si_list)
         published = {cam: loaded.published_levels(cam, to_rpm(speeds)) for cam in loaded.scene.cams}
@@ -93,7 +93,7 @@ class NoiseSetup:
 
     @property
     def rpm(self) -> FloatArray:
-        """Speeds in rpm, shape (n,)."""
+        """Cam speeds of the study in rpm, shape (n,)."""
         return self.cams[self.roles.arcs].rpm
 
     @property
@@ -104,7 +104,7 @@ class NoiseSetup:
 
     @cached_property
     def problem(self) -> ShapeProblem:
-        """Fit of the arc cam's shape at all speeds."""
+        """Fit of the arc cam's shape to its sound levels at all speeds."""
         return self.shape_problem("one_mass", self.loaded.follower, 1)
 
     @cached_property
@@ -112,9 +112,9 @@ class NoiseSetup:
         return self.shape_problem("one_mass", self.loaded.follower)
 
     def shape_problem(self, model: str, follower: Any, every: int = EVERY) -> ShapeProblem:
-        """Return the fit of the arc cam's shape with the follower of a model.
+        """Return the fit of the arc cam's shape with the follower of another model.
 
-        It is at every `every`-th of the speeds.
+        Only every `every`-th speed is used.
         """
         arcs = self.cams[self.roles.arcs].every(every)
 
@@ -124,5 +124,5 @@ class NoiseSetup:
         return ShapeProblem(self.loaded.cams[self.roles.arcs], arcs.published, turn)
 
     def fit_shape(self, acoustics: Acoustics) -> ArcShape:
-        """Fit lift and event of the arc cam for acoustic constants."""
+        """Fit lift and event of the arc cam to its sound levels with acoustic constants."""
         return self._problem_at_some_speeds.fit(self.shape, acoustics)

@@ -1,4 +1,7 @@
-"""Noise study: its parts and its result, with tests of the paper's claims."""
+"""Noise study: its parts and its result, with tests of the paper's claims.
+
+The study compares simulated sound levels with published regressions.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +56,7 @@ EVERY = 2
 
 
 class LevelAt(NamedTuple):
-    """Levels of a cam at a speed (rpm) by a method, and limits of its bands, in dB."""
+    """Sound levels (dB) of a cam at one speed (rpm) by a method, with its bands."""
 
     method: str
     cam: str
@@ -65,16 +68,17 @@ class LevelAt(NamedTuple):
 
 
 class OnCam(NamedTuple):
-    """Cam of a result with the constants of a rig, or of two other cams."""
+    """Result of a study for one cam, with the constants of a rig or of two other cams."""
 
     of: OneRig | LeftOut
     cam: str
 
 
 class Changed(NamedTuple):
-    """Level of a cam of the factorial of lift, high dwell and joints at a speed (rpm).
+    """Sound level (dB) of a cam of the factorial study at one speed (rpm).
 
-    ``change`` are the smallest and the largest difference to the reference cam over all speeds, dB.
+    The factorial varies lift, high dwell and joints. ``change`` are the smallest and the largest
+    difference to the reference cam over all speeds, dB.
     """
 
     lift: float
@@ -93,7 +97,7 @@ def _constants(of: str = "") -> tuple[Column, ...]:
 
 
 def _shape(of: str = "", hidden: bool = False) -> tuple[Column, ...]:
-    """Return the columns of the geometry of the arc cam."""
+    """Return the table columns of the geometry of the arc cam."""
     return (
         Column("lift", "mm", ".2f", "arc cam: lift", f"{of}shape.lift", hidden=hidden),
         Column("event", "°", ".1f", of=f"{of}shape.event", hidden=hidden),
@@ -106,7 +110,7 @@ def _response(i: int) -> Callable[[Method], float | None]:
 
 
 def _crossing(hidden: bool, before: str = "", of: str = "computed") -> tuple[Column, ...]:
-    """Return the columns of a crossing of two regressions and of its bootstrap."""
+    """Return the table columns of a crossing of two regressions and of its bootstrap."""
     kinds = (
         ("crossing", ".1f", "regressions", "rpm", "nowhere"),
         ("deviation", ".1f", "standard deviation", "deviation", ""),
@@ -260,7 +264,7 @@ class NoiseStudyResult(Result):
         return min(self.methods, key=lambda method: round(method.predicted_rms_db, 3))
 
     def tables(self) -> list[Records]:
-        """Return the tables.
+        """Return the tables of the study.
 
         ``curves``, with one row per method and cam, is the first.
         """

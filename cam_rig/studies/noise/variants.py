@@ -71,7 +71,10 @@ class OneRig:
 
 
 def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
-    """Return the noise with the rig's masses, spring and preload and a rigid stem."""
+    """Return the noise with a rig's follower as one rigid mass.
+
+    Mass, spring and preload are those of the rig.
+    """
     follower = FollowerParameters.from_rig(rig)
     smooth = _smooth(study, "one_mass", follower)
     acoustics = fit_two_constants([smooth[study.roles.reference]], study.start)
@@ -86,7 +89,7 @@ def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
 def with_elastic_stem(
     study: NoiseSetup, rig: RigConfig, arcs: bool = False, progress: Progress = NULL_PROGRESS
 ) -> OneRig:
-    """Return the noise with the complete two-mass follower of the rig.
+    """Return the noise with the complete two-mass follower of a rig.
 
     With ``arcs`` the shape of the arc cam is fitted, too, which takes minutes.
     """
@@ -102,7 +105,10 @@ def with_elastic_stem(
 
 
 def _smooth(study: NoiseSetup, model: str, follower: Any) -> dict[str, PublishedCam]:
-    """Return reference and predicted cam with another follower, at all speeds."""
+    """Return the turns of the reference and the predicted cam with another follower.
+
+    They are simulated at all speeds.
+    """
     cams = (study.cams[cam] for cam in (study.roles.reference, study.roles.predicted))
     return {
         cam.cam: replace(
@@ -116,7 +122,7 @@ def _smooth(study: NoiseSetup, model: str, follower: Any) -> dict[str, Published
 
 
 def _landing_on_roller(study: NoiseSetup, follower: TwoMassParameters) -> RadiationParameters:
-    """Return the radiation with a contact time of landings of the roller mass.
+    """Return the radiation parameters with a contact time of landings of the roller.
 
     The model contains the elasticity of the stem, so only that of the contact remains. The paper
     does not print it. It is assumed equal to the stem stiffness of the scene's rig (Table 1).
@@ -127,9 +133,9 @@ def _landing_on_roller(study: NoiseSetup, follower: TwoMassParameters) -> Radiat
 
 
 def _search(problem: ShapeProblem, acoustics: Acoustics, progress: Progress) -> ArcShape:
-    """Return the shape with the smallest r.m.s. difference.
+    """Return the shape of the arc cam with the smallest r.m.s. level difference.
 
-    The search uses no gradient, because it is not smooth with an elastic stem.
+    The search uses no gradient, because the difference is not smooth with an elastic stem.
     """
 
     def cost(x: FloatArray) -> float:
@@ -202,13 +208,16 @@ class HighDwellStudy:
     shares: Mapping[tuple[int, ...], float]
 
     def change_db(self, factor: str) -> FloatArray:
-        """Return the change of the reference's levels (dB) if only one factor changes."""
+        """Return the change of the reference cam's levels (dB) if one factor changes.
+
+        ``factor`` is in `FACTORS`.
+        """
         # The last factor varies fastest in the list: the indices 4, 2 and 1 change one factor.
         return list(self.levels_db.values())[4 >> FACTORS.index(factor)] - self.reference
 
     @property
     def reference(self) -> FloatArray:
-        """Levels (dB) of the reference cam, shape (n,)."""
+        """Sound levels (dB) of the reference cam, shape (n,)."""
         return next(iter(self.levels_db.values()))
 
 
@@ -230,7 +239,7 @@ def timing_of(cam: CamConfig) -> Timing | None:
 def study_high_dwell(
     setup: NoiseSetup, acoustics: Acoustics, other_lift: float
 ) -> HighDwellStudy | None:
-    """Run the factorial of the reference cam.
+    """Compute the factorial of the reference cam: lift, high dwell and joints.
 
     Returns None if the reference cam cannot be changed in all three factors. It must have a high
     dwell between two equal rises, a lift that differs from ``other_lift`` (m), that of the arc cam,

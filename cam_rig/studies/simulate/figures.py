@@ -36,9 +36,9 @@ MARGIN_DB = 1.0
 
 @styled
 def figure(run: SceneRun) -> Figure:
-    """Plot the level of each cam over speed.
+    """Plot the sound level of each cam over speed.
 
-    Without levels it is the contact force over the turn.
+    Without levels, plot the contact force over the turn.
     """
     if run.loaded.missing_for_sound:
         return over_turn(force_curves(run))
@@ -47,7 +47,10 @@ def figure(run: SceneRun) -> Figure:
 
 @styled
 def noise_figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
-    """Plot levels over speed as in fig. 16 of the paper: points, and both regressions."""
+    """Plot sound levels over speed as in fig. 16 of the paper, with both regressions.
+
+    These are the simulated and the published regression.
+    """
     out = empty(3.4)
     axes = out.subplots()
     for curve in result.curves.values():
@@ -84,7 +87,7 @@ def noise_figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
 
 @styled
 def turn_by_turn(result: SoundLevel) -> Figure:
-    """Plot the level of each turn, and that of the settled turns."""
+    """Plot the sound level of each turn, and that of all settled turns."""
     by_turn, transient_turns, level = result.by_turn, result.transient_turns, result.level_db
     out = empty(3.4)
     axes = out.subplots()
@@ -144,7 +147,10 @@ def over_turn(curves: Mapping[str, Sequence[ForceCurve]]) -> Figure:
 
 
 def force_curves(run: SceneRun) -> dict[str, list[ForceCurve]]:
-    """Return the contact force over the last turn at some speeds, by the cam's title."""
+    """Return the contact force over the last turn at some speeds, by the cam's title.
+
+    A curve consists of speed (rpm), cam angles (°) and forces (N).
+    """
     scene = run.loaded.scene
     speeds = spread_speeds(speeds_of(scene), FORCE_SPEEDS)
     last_turns: dict[str, dict[float, deque[TickSamples]]] = {}
@@ -162,7 +168,10 @@ def force_curves(run: SceneRun) -> dict[str, list[ForceCurve]]:
 
 
 def _force_curve(rpm: float, ticks: Iterable[TickSamples]) -> ForceCurve:
-    """Return the force of the ticks of one turn, sorted by the angle in the turn."""
+    """Return the contact force of the ticks of one turn, sorted by the cam angle.
+
+    The result is speed (rpm), cam angles (°) and forces (N).
+    """
     angle = np.concatenate([tick.angle_in_turn for tick in ticks])
     order = np.argsort(angle, kind="stable")
     return rpm, np.degrees(angle[order]), np.concatenate([tick.force for tick in ticks])[order]

@@ -195,7 +195,7 @@ def scene_of(
     sample_rate: int,
     ramp: float | None,
 ) -> SceneConfig:
-    """Return the arguments of a function as a scene, validated like a scene file.
+    """Return the arguments of a function as a scene, checked like a scene file.
 
     `rpm` is in rpm, `sample_rate` in Hz, and `ramp` in s. Errors start with the name of the
     function.

@@ -1,4 +1,4 @@
-"""Reader of a recorded run with its scene."""
+"""Reader of a recorded run together with its scene."""
 
 from __future__ import annotations
 

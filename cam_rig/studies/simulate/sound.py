@@ -140,7 +140,7 @@ def sound_level(motion: FollowerMotion, *, transient_turns: int = 1) -> SoundLev
 
 
 def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
-    """Return the measurement of the microphone over each block of a motion."""
+    """Return the sound pressure at the microphone over each block of a motion."""
     radiation = RadiationParameters.from_rig(motion.rig, lands=MODELS[motion.scene.model].lifts_off)
     microphone = MicrophoneSimulator(radiation, int(motion.scene.sample_rate.si))
     measured = []
@@ -152,7 +152,10 @@ def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
 
 
 def _calibration_cam(motion: FollowerMotion) -> str:
-    """Return the cam to which the rig's sound was fitted, empty if it is not valid."""
+    """Return the name of the cam to which the rig's sound constants were fitted.
+
+    It is empty if the constants are not valid for the motion.
+    """
     if not MODELS[motion.scene.model].lifts_off and bool((motion.force < 0.0).any()):
         return ""  # a real follower would lose contact
     return calibration_cam(motion.rig, motion.scene.model)
@@ -233,7 +236,7 @@ class ListenResult(Result):
 
     @property
     def duration(self) -> float:
-        """Duration of the sound, s."""
+        """Duration of the sound file, s."""
         return self.pressure.size / self.rate
 
     def tables(self) -> list[Records]:
@@ -247,7 +250,7 @@ class ListenResult(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return a line on the file, one per weighting, and the limits of the measurement."""
+        """Return lines of text: the file, one per weighting, and the measurement's limits."""
         measured = self.measured
         lines = [
             f"{self.out}: {self.duration:.1f} s; full scale is {self.full_scale:g} Pa, "

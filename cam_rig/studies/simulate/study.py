@@ -67,7 +67,10 @@ def _regression(curve: NoiseCurve) -> str:
 
 
 def _role(curve: NoiseCurve) -> str:
-    """Return the origin of the level if it is compared or relative, otherwise no text."""
+    """Return the origin of a level for the table of noise.
+
+    It is empty unless the level is compared with a regression or relative.
+    """
     return "" if curve.rmse_db is None and curve.role is not LevelOrigin.RELATIVE else curve.role
 
 
@@ -156,7 +159,10 @@ class SceneRun(Result):
 
     @cached_property
     def noise(self) -> NoiseResult:
-        """Level (dB) over speed (rpm): ``curves`` by cam, and the speed of equal levels."""
+        """Sound levels (dB) over speed (rpm), and the speed of equal levels.
+
+        The field ``curves`` contains the levels by cam.
+        """
         roles = {cam: self.loaded.level_origin(cam) for cam in self._levels}
         return compare(self._levels, roles, self.loaded.published)
 
@@ -231,7 +237,7 @@ class SceneRun(Result):
 
     @check_arguments
     def export(self, path: str | Path, *, cam: str | None = None, rpm: float | None = None) -> None:
-        """Write every sample to a file, with the name, speed and angle of the cam.
+        """Write every sample of the run to a file, with name, speed and angle of the cam.
 
         The command is ``cam-rig export``.
 
@@ -264,7 +270,7 @@ class SceneRun(Result):
         export(Path(path), self.blocks(), self.loaded, cam, rpm)
 
     def tables(self) -> list[Records]:
-        """Return the tables ``speeds`` and ``noise``, and those that are only exported.
+        """Return the tables ``speeds`` and ``noise``, and tables that are only exported.
 
         The table ``speeds`` is empty for a bag without samples.
         """
@@ -291,7 +297,11 @@ class SceneRun(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return the speed of equal levels of the two published cams, if the run has both."""
+        """Return a line on the speed at which the two published cams are equally loud.
+
+        The result is empty if the run does not have both cams. It is a note if the run has no
+        sound.
+        """
         published = self.loaded.published
         if self.loaded.no_sound_note:
             return [self.loaded.no_sound_note]

@@ -1,4 +1,4 @@
-"""Cam file of fitted tangent arcs. Each number has as many digits as the readings determine."""
+"""Cam file of fitted tangent arcs, with the digits that the readings determine."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MAX_ADDED_DIGITS = 6
 
 
 def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
-    """Return the cam file of tangent arcs, with a follower of type `kind`."""
+    """Return the cam file of fitted tangent arcs, with a follower of type `kind`."""
     arcs, roller = _round_contour(fit)
     columns, intervals = fit.fitted_columns, fit.intervals
     source = f"tangent arcs through {' and '.join(column.readings.name for column in columns)}"
@@ -76,7 +76,7 @@ def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
 
 
 def _round_contour(fit: ArcsFit) -> tuple[Arcs, float]:
-    """Return the rounded contour and roller radius (m).
+    """Return the fitted contour and roller radius (m), rounded for a cam file.
 
     The number of digits is the smallest for which rounding has almost no effect on the fit.
     """

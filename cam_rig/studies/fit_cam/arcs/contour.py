@@ -1,10 +1,10 @@
-"""Contours of tangent arcs: lifts of followers, and parameters that lifts determine.
+"""Contours of tangent arcs: lifts of followers, and parameters they determine.
 
 A contour is a base circle, two equal flanks and a nose, each tangent to the next. This is the law
-``arcs_by_radii``. The centre of a roller follows the pitch curve: a contour with the radii
-R_b + R_r, R_f + R_r and R_n + R_r. Lifts under a roller therefore determine only these sums. The
-lift of a flat face is the contour's support function less R_b. It determines only the differences
-R_f − R_b and R_n − R_b.
+``arcs_by_radii``. The centre of a roller follows the pitch curve: a contour with the radii R_b +
+R_r, R_f + R_r and R_n + R_r. Lifts under a roller therefore determine only these sums. The lift of
+a flat face is the contour's support function less R_b. It determines only the differences R_f − R_b
+and R_n − R_b.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Arcs:
         return "convex" if self.flank_radius > 0.0 else "concave"
 
     def offset(self, distance: float) -> Arcs:
-        """Return the parallel contour at a distance (m), inside if negative."""
+        """Return the parallel contour at a distance (m), which is inside if negative."""
         flank = None if self.flank_radius is None else self.flank_radius + distance
         base, nose = self.base_radius + distance, self.nose_radius + distance
         return replace(self, base_radius=base, flank_radius=flank, nose_radius=nose)
@@ -70,8 +70,9 @@ class Arcs:
 class ArcColumn:
     """Readings of one follower, with their interpretation and their residuals.
 
-    ``is_reversed`` is True if the cam was turned in the other sense. ``residuals`` are the lift of
-    the contour less the reading, in m, shape ``(n,)``.
+    The interpretation is the kind of the follower and the turning sense. ``is_reversed`` is True if
+    the cam was turned in the other sense. ``residuals`` are the lift of the contour less the
+    reading, in m, shape ``(n,)``.
     """
 
     readings: Readings
@@ -87,7 +88,7 @@ class ArcColumn:
         return "roller" if self.follower.roller_radius else "point"
 
     def lifts(self, arcs: Arcs, angles: FloatArray) -> FloatArray:
-        """Return the lift (m) of a contour at angles (rad) in the sense of the readings."""
+        """Return the lift (m) of a contour at angles (rad) in the readings' turning sense."""
         return arcs.lifts(self.follower, -angles if self.is_reversed else angles)
 
     @property
@@ -102,7 +103,10 @@ class ArcColumn:
 
 
 class Parameter(IntEnum):
-    """Parameter of a pitch curve: its index in every sequence with one value per parameter."""
+    """Parameter of a pitch curve.
+
+    Its value is its index in every sequence with one value per parameter.
+    """
 
     PRIME = 0
     LIFT = 1
@@ -139,11 +143,14 @@ class Coordinates:
         return (f"base radius{roller}", "lift", *radii, "nose angle")
 
     def shift(self, prime: float) -> float:
-        """Return the length (m) to add to flank and nose radius of the pitch curve."""
+        """Return the length (m) to add to flank and nose radius of the pitch curve.
+
+        ``prime`` is the radius of the base circle of the pitch curve, m.
+        """
         return 0.0 if self.sums else -prime
 
     def of(self, pitch: Arcs) -> FloatArray:
-        """Return the coordinates of a pitch curve, ``(5,)``, in 1/m, m and rad."""
+        """Convert a pitch curve to coordinates, ``(5,)``, in 1/m, m and rad."""
         prime = pitch.base_radius
         shift = self.shift(prime)
         flank = 0.0 if pitch.flank_radius is None else 1.0 / (pitch.flank_radius + shift)

@@ -1,4 +1,4 @@
-"""Parameter of a contour with its 95 % interval, and its display."""
+"""Parameter of a contour with its 95 % interval, and its form in tables."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Identifiability(StrEnum):
 
 @dataclass(frozen=True)
 class ParameterInterval:
-    """Parameter of a contour, in m or rad, and its 95 % interval.
+    """Parameter of a contour, in m or rad, with its 95 % interval.
 
     The interval of a flank radius can extend from the smallest convex radius, ``low``, over a
     straight flank (infinite radius) to concave flanks (negative radius), ``high``.
@@ -56,10 +56,11 @@ class ParameterInterval:
 
     @property
     def ends(self) -> tuple[float | None, ...]:
-        """Lower and upper end of the interval, and its smallest convex and concave radius.
+        """Limits of the interval for a table, four values in m or rad.
 
-        The ends are None if the interval contains a straight flank, the radii are None otherwise.
-        All are None if the parameter is fixed.
+        The first two are its lower and upper end, the others its smallest convex and concave
+        radius. The ends are None if the interval contains a straight flank, the radii are None
+        otherwise. All are None if the parameter is fixed.
         """
         if self.is_fixed:
             return (None,) * 4

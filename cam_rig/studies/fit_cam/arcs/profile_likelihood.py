@@ -49,7 +49,7 @@ MAX_PRIME_LIFTS = 100.0
 
 
 class LinearEstimate(NamedTuple):
-    """Linear estimate of a coordinate near the best contour.
+    """Linear estimate of a coordinate of the contour, near the best contour.
 
     ``error`` is its standard error, without that of the gauge's zero. ``limit`` is the distance of
     the interval's ends from the best contour, in errors of a reading. ``gradient`` is the
@@ -79,7 +79,7 @@ class Profile:
 
     @cached_property
     def rms(self) -> float:
-        """Residual of all readings, r.m.s. in m."""
+        """R.m.s. residual of all readings, m."""
         return self.search.rms(self.x)
 
     @property
@@ -95,7 +95,7 @@ class Profile:
 
     @cached_property
     def limit(self) -> float:
-        """Student's t: largest distance from the best contour, in errors of a reading."""
+        """Largest distance from the best contour (Student's t), in errors of a reading."""
         from scipy.special import stdtrit
 
         return float(stdtrit(self.degrees_of_freedom, 1.0 - TAIL_PROBABILITY))
@@ -108,18 +108,19 @@ class Profile:
         return math.sqrt(max(0.0, sse - self.sse) / self.variance)
 
     def excludes(self, parameter: Parameter, sse: float) -> bool:
-        """Return True if the interval of a parameter excludes a contour.
+        """Return True if a contour is outside of the interval of a parameter.
 
         ``sse`` is the sum of squared residuals (m²) of that contour.
         """
         return self.distance(sse) > self.linear_estimate(parameter).limit
 
     def linear_estimate(self, parameter: Parameter) -> LinearEstimate:
-        """Return the estimate of a coordinate for lifts that are linear in all parameters.
+        """Return the linear estimate of a coordinate of the contour.
 
-        With the Jacobian J of the residuals and the gradient g of the coordinate, its variance is
-        s² gᵀ(JᵀJ)⁻¹g. The sum of the weights gᵀ(JᵀJ)⁻¹Jᵀ of a column is the change of the
-        coordinate if all lifts of the column change by 1.
+        Lifts are taken as linear in all parameters. With the Jacobian J of the residuals and the
+        gradient g of the coordinate, its variance is s² gᵀ(JᵀJ)⁻¹g. The sum of the weights
+        gᵀ(JᵀJ)⁻¹Jᵀ of a column is the change of the coordinate if all lifts of the column change by
+        1.
         """
         x, search = self.x, self.search
         steps = DERIVATIVE_STEP * np.eye(x.size)
@@ -156,9 +157,10 @@ class Profile:
         return (high, low) if parameter in (Parameter.PRIME, Parameter.FLANK) else (low, high)
 
     def _interval_end(self, parameter: Parameter, sign: float) -> float:
-        """Return the coordinate at which the limit is reached, in the direction `sign`.
+        """Return the coordinate at one end of a parameter's interval.
 
-        If it is not reached, return 0 for a bounded curvature, else an infinite value.
+        `sign` selects the direction from the best contour. If the limit is not reached, the result
+        is 0 for a bounded curvature, else an infinite value.
         """
         from scipy.optimize import brentq
 
@@ -181,7 +183,7 @@ class Profile:
 
 
 class _ProfilePath:
-    """Best contours with one fixed coordinate, as a function of this coordinate.
+    """Path of best contours with one fixed coordinate, over this coordinate.
 
     The path starts at the best of all contours. Each solution is kept as a starting point for the
     next coordinates.
@@ -198,9 +200,10 @@ class _ProfilePath:
         self._solutions = {self.start: (np.delete(profile.x, index), -self.estimate.limit)}
 
     def excess(self, coordinate: float) -> float:
-        """Return the distance beyond the limit of the best contour with this coordinate.
+        """Return the distance beyond the interval's limit for a value of the coordinate.
 
-        The distance is in errors of a reading, negative within the limit.
+        It is that of the best contour with this coordinate, in errors of a reading, and negative
+        within the limit.
         """
         if coordinate in self._solutions:
             return self._solutions[coordinate][1]
@@ -213,7 +216,7 @@ class _ProfilePath:
         return excess
 
     def _extrapolate(self, coordinate: float) -> FloatArray:
-        """Return a starting point for the contour with this coordinate.
+        """Return a starting point of the search for the contour with this coordinate.
 
         It is a linear extrapolation from the two nearest contours within twice the limit. From the
         nearest contour alone, the search misses the best contours of noisy readings.

@@ -1,4 +1,4 @@
-"""Radii that lifts do not determine: that of a roller, and that of the base circle under a flat.
+"""Radii that lifts do not determine: roller radius, and base radius under a flat.
 
 An assumed radius that would leave no nose is replaced. A given one is rejected.
 """

@@ -133,7 +133,7 @@ class ArcsFit(Result):
 
     @property
     def rms(self) -> float:
-        """Residual of all readings, r.m.s. in m."""
+        """R.m.s. residual of all readings, m."""
         return rms(np.concatenate([column.residuals for column in self.fitted_columns]))
 
     @property
@@ -144,7 +144,7 @@ class ArcsFit(Result):
 
     @property
     def is_described(self) -> bool:
-        """True if arcs describe the readings.
+        """True if tangent arcs describe the readings.
 
         The residual is then within `MAX_DESCRIBED_SCATTERS` scatters.
         """
@@ -181,12 +181,15 @@ class ArcsFit(Result):
         return ParameterInterval(name, value, value, value, "given" if is_given else "assumed")
 
     def excludes(self, other: Profile) -> bool:
-        """Return True if the readings rule out another interpretation."""
+        """Return True if the readings rule out another interpretation of the columns."""
         return other.rms >= MIN_EXCLUDED_RATIO * self.rms
 
     @property
     def other_kinds(self) -> Profile | None:
-        """Likeliest fit with other kinds of follower that is not ruled out, or None."""
+        """Likeliest fit with other kinds of follower that the readings do not rule out.
+
+        It is None if they rule out all others.
+        """
         flats = self.best.search.flats
         others = (other for other in self.others if other.search.flats != flats)
         return next((other for other in others if not self.excludes(other)), None)
@@ -290,7 +293,7 @@ class ArcsFit(Result):
             )
 
     def _explain_columns(self) -> Iterator[str]:
-        """Yield the sentences on turning senses, outliers and other interpretations."""
+        """Yield sentences on turning senses, outliers and other interpretations."""
         columns = self.fitted_columns
         reverse = [column.readings.name for column in columns if column.is_reversed]
         if reverse:

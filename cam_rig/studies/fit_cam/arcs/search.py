@@ -50,7 +50,7 @@ STRAIGHT_CURVATURE = 1e-6
 
 @dataclass(frozen=True)
 class Role:
-    """Interpretation of a column: kind of its follower, and turning sense."""
+    """Interpretation of a column: the kind of its follower, and the turning sense."""
 
     is_flat: bool
     is_reversed: bool
@@ -82,7 +82,7 @@ class ArcSearch:
 
     @property
     def free(self) -> tuple[Parameter, ...]:
-        """Free parameters."""
+        """Free parameters of the contour."""
         return tuple(parameter for parameter in Parameter if parameter not in self.fixed)
 
     @property
@@ -97,7 +97,7 @@ class ArcSearch:
 
     @property
     def name(self) -> str:
-        """Interpretation of the columns as text."""
+        """Interpretation of the columns as text: followers and turning senses."""
         kinds = ("roller" if self.coordinates.rolling else "point", "flat")
         return ", ".join(
             f"{column.name.rpartition(', ')[2]} {kinds[role.is_flat]}"
@@ -106,18 +106,18 @@ class ArcSearch:
         )
 
     def fix(self, parameter: Parameter, coordinate: float) -> ArcSearch:
-        """Return this search with one more fixed coordinate."""
+        """Return the search with one more fixed coordinate of the contour."""
         return replace(self, fixed={**self.fixed, parameter: coordinate})
 
     # Residuals of a contour.
 
     def pitch(self, x: FloatArray) -> Arcs:
-        """Return the pitch curve of unbounded search variables, one per free parameter.
+        """Return the pitch curve of search variables, one per free parameter.
 
-        The variables of prime radius and lift are their logarithms. A variable x of the flank is
-        the curvature 1 − e^x, as a fraction of the largest curvature that still joins base and
-        nose, so that x = 0 is a straight flank. The variable of the nose is the logit of its radius
-        within its limits. The angle (rad) is its variable.
+        The search variables are not bounded. The variables of prime radius and lift are their
+        logarithms. A variable x of the flank is the curvature 1 − e^x, as a fraction of the largest
+        curvature that still joins base and nose, so that x = 0 is a straight flank. The variable of
+        the nose is the logit of its radius within its limits. The angle (rad) is its variable.
 
         Raises
         ------
@@ -165,7 +165,7 @@ class ArcSearch:
         return ArcColumn(readings, follower, role.is_reversed, residuals)
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        """Return the residuals (m) of all readings, ``(n,)``."""
+        """Return the residuals (m) of all readings for the search variables `x`, ``(n,)``."""
         try:
             columns = [self.column(x, i) for i in range(len(self.columns))]
         except (LawError, OverflowError, ZeroDivisionError):
@@ -173,21 +173,21 @@ class ArcSearch:
         return np.concatenate([column.residuals for column in columns])
 
     def sse(self, x: FloatArray) -> float:
-        """Return the sum of squared residuals (m²)."""
+        """Return the sum of squared residuals (m²) for the search variables `x`."""
         return float(np.sum(self.residuals(x) ** 2))
 
     def rms(self, x: FloatArray) -> float:
-        """Return the r.m.s. residual (m) of all readings."""
+        """Return the r.m.s. residual (m) of all readings for the search variables `x`."""
         return rms(self.residuals(x))
 
     # Minimum of the residuals.
 
     def solve(self) -> FloatArray:
-        """Return the search variables of the best contour."""
+        """Search for the best contour, and return its search variables."""
         return self.minimize(self.rough_minimum(), FINAL_RTOL)
 
     def rough_minimum(self) -> FloatArray:
-        """Return the best result of rough searches from all starts."""
+        """Return the search variables of the best rough search from all starts."""
         starts = np.unique(list(self._starts()), axis=0)  # with a fixed flank some are equal
         minima = (self.minimize(start, ROUGH_RTOL, MAX_ROUGH_EVALUATIONS) for start in starts)
         return min(minima, key=self.rms)
@@ -210,7 +210,7 @@ class ArcSearch:
         return np.asarray(solution.x)
 
     def _starts(self) -> Iterator[FloatArray]:
-        """Yield the search variables at each start.
+        """Yield the search variables from which searches start.
 
         The nose is at the mean angle of the first column, weighted with the squares of its lifts.
         """

@@ -141,7 +141,7 @@ def _fit_without_outliers(fit: Callable[[Columns], ArcsFit], columns: Columns) -
 def _searches(
     columns: Columns, kinds: tuple[bool | None, ...], radii: Radii
 ) -> Iterator[ArcSearch]:
-    """Yield the search of each possible interpretation of the columns.
+    """Yield one search for each possible interpretation of the columns.
 
     A contour and its mirror image differ only in the angle of the nose. The sense of the first
     column is therefore not reversed. The other columns are tried in both senses.
@@ -163,7 +163,10 @@ def _searches(
 
 
 def _select(searches: list[ArcSearch], radii: Radii, flank: Flank) -> ArcsFit:
-    """Return the fit of the likeliest search, with straight flanks if not ruled out."""
+    """Solve all searches, and return the fit of the likeliest interpretation.
+
+    Straight flanks are used if the readings do not rule them out.
+    """
     curved, *others = _solve_all(searches)
     columns = curved.search.columns
     if curved.rms >= MAX_RMS_RATIO * max(float(column.lifts.max()) for column in columns):
@@ -197,11 +200,11 @@ def _select(searches: list[ArcSearch], radii: Radii, flank: Flank) -> ArcsFit:
 
 
 def _solve_all(searches: list[ArcSearch]) -> list[Profile]:
-    """Return the best contour of each search, the likeliest first.
+    """Return the best contour of each search, ordered by likelihood.
 
-    A contour with a far larger residual than the smallest is not refined, which saves a quarter of
-    the time for two columns. The order is that of Schwarz's criterion (BIC): of two contours that
-    are equally close, that with fewer free parameters is likelier.
+    The likeliest is first. A contour with a far larger residual than the smallest is not refined,
+    which saves a quarter of the time for two columns. The order is that of Schwarz's criterion
+    (BIC): of two contours that are equally close, that with fewer free parameters is likelier.
     """
     rough = [Profile(search, search.rough_minimum()) for search in searches]
     limit = MAX_REFINED_RATIO * min(profile.rms for profile in rough)

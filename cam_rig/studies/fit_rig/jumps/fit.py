@@ -95,7 +95,7 @@ class JumpFit(RigParameters):
 
     @property
     def residuals(self) -> FloatArray:
-        """Residuals, fitted less measured, rpm."""
+        """Residuals of the jump speeds, fitted less measured, rpm, ``(n,)``."""
         return np.array(self.speeds) - self.read.rpm
 
     @property
@@ -218,7 +218,7 @@ def _coverage_factor(error_given: bool, surplus: int) -> float:
 
 
 def _check_readings(table: JumpTable) -> None:
-    """Raise an error for a speed or a value outside the limits."""
+    """Raise a `ConfigError` for a speed or a value of a table outside its limits."""
     for reading in table.readings:
         for name, value in reading.setup.items():
             limits = PARAMETERS[name]

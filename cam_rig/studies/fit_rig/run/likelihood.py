@@ -124,7 +124,7 @@ class Likelihood:
 
     @property
     def noise(self) -> tuple[float, float, float]:
-        """Noise of lift (m) and force (N), and relative noise of the force."""
+        """Noise of lift (m) and force (N), and the force's relative noise."""
         return self.lift_noise, self.force_noise, self.relative_force_noise
 
     def force_deviation(self, i: int) -> FloatArray:

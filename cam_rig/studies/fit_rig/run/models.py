@@ -134,7 +134,7 @@ def _fit_in_contact(
 
 
 def _contact_segments(fit: Candidate) -> list[int]:
-    """Return the indices of the segments in which the follower stays on the cam.
+    """Return the indices of the segments in which the follower keeps contact.
 
     The forces are used too. On a stem a follower leaves a cam with acceleration steps at lower
     speeds than a rigid mass (``test_a_stem_that_leaves_a_cam_of_arcs``).

@@ -21,7 +21,10 @@ MIN_FLOOR_FRACTION = 0.05
 
 
 def update_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:
-    """Estimate the noise from residuals, and return True if it changed by over 1 %."""
+    """Estimate the noise of lift and force from the residuals of a fit.
+
+    Returns True if it changed by more than 1 %.
+    """
     lifts, forces, pressing, start = [np.empty(0)], [np.empty(0)], [np.empty(0)], 0
     for i, (segment, mask) in enumerate(
         zip(likelihood.segments, likelihood.force_masks, strict=True)

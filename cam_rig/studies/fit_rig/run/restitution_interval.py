@@ -60,7 +60,7 @@ def profile_restitution(fit: FitSolution) -> FitSolution:
 
 
 def _without_landings(fit: FitSolution) -> Candidate:
-    """Return a candidate for the samples that no bounce affects.
+    """Return a candidate for a fit of the samples that no bounce affects.
 
     The force's zero is free if these samples identify it. Late in a series of bounces a landing
     passes samples within a standard error of a parameter. The sum of squares is discontinuous

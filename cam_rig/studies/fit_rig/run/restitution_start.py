@@ -82,7 +82,10 @@ def estimate_restitution(fit: Candidate) -> tuple[float, float] | None:
 def _likely_restitutions(
     fit: Candidate,
 ) -> tuple[list[RestitutionTrial], list[RestitutionTrial], float]:
-    """Return likely restitutions, possible restitutions, and the step between two."""
+    """Return the likely and the possible restitutions as trials, and their step.
+
+    The step is the difference between two restitutions.
+    """
     coarse = [_try_restitution(fit, bounce) for bounce in COARSE_RESTITUTIONS]
     min_sse = min(trial.sse for trial in coarse)
     indices = [k for k, trial in enumerate(coarse) if trial.sse <= min_sse + MAX_SQUARE]
@@ -117,7 +120,7 @@ class RestitutionTrial(NamedTuple):
 
 
 def _try_restitution(fit: Candidate, bounce: float) -> RestitutionTrial:
-    """Return the trial of one restitution."""
+    """Return the trial of one restitution, with fitted phases."""
     start = continue_from(fit, fit.smooth, fit.values | {"restitution": bounce})
     new, x = start.likelihood, start.x
     sse, samples = 0.0, 0

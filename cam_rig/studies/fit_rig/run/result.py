@@ -60,13 +60,13 @@ class InstrumentEstimate:
 
     @property
     def scale(self) -> float:
-        """SI value of one displayed unit."""
+        """Value of one displayed unit in SI."""
         unit = INSTRUMENTS[self.key][1]
         return 1e-6 if unit == "ppm" else SI_UNITS.get(unit, ("", 1.0))[1]
 
     @property
     def value_text(self) -> str:
-        """Value in the displayed unit, with the digits of its error."""
+        """Value of the error in the displayed unit as text, with the digits of its error."""
         value = self.value / self.scale
         if self.error is None:
             return format_number(value, ".4g")

@@ -54,7 +54,10 @@ def rough_start(
 
 
 def _fit_lift(law: Law, angle: FloatArray, lift: FloatArray) -> tuple[float, float]:
-    """Return the zero of the lift (m), and the squared errors relative to the variance."""
+    """Fit the zero of the lift (m) to readings.
+
+    The second result is the squared errors relative to the variance.
+    """
     difference = lift - law.motion_at(angle)[0]
     zero = float(np.median(difference))
     return zero, float(((difference - zero) ** 2).sum()) / float(lift.var())

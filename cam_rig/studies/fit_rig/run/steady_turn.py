@@ -96,9 +96,9 @@ def one_mass_turn(law: Law, p: FollowerParameters, speed: float) -> OneMassTurn 
 
 
 def _is_periodic(trajectory: OneMassTrajectory, first: float, second: float) -> bool:
-    """Return True if the flights of two turns of a trajectory are the same.
+    """Return True if a trajectory has the same flights in two turns.
 
-    The turns are given by their start times in s.
+    ``first`` and ``second`` are the start times of the turns, s.
     """
     turn = second - first
     times = [(x.begin, x.end) for x in trajectory.phases if x.flight]

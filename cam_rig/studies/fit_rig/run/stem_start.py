@@ -145,7 +145,7 @@ class PressingSamples:
     def of(
         cls, law: Law, segments: list[tuple[float, FloatArray]], measured: FloatArray
     ) -> PressingSamples:
-        """Return the samples with the parts of the force of a law."""
+        """Return samples in contact, with the components of the force of a law."""
         speeds = np.concatenate([np.full(angle.size, speed) for speed, angle in segments])
         parts, sizes = force_columns(law, speeds, np.concatenate([angle for _, angle in segments]))
         angles = np.arange(float(MAX_POINTS)) * (TURN / MAX_POINTS)
@@ -185,7 +185,10 @@ class PressingSamples:
 
 
 def _pressing_samples(one_mass: Candidate) -> PressingSamples:
-    """Return at most `MAX_STEM_SAMPLES` samples in contact of each segment."""
+    """Return the samples in contact of all segments.
+
+    A segment has at most `MAX_STEM_SAMPLES` of them.
+    """
     like, segments, forces = one_mass.likelihood, [], []
     for i in range(len(one_mass.segments)):
         _, samples = like.samples(i)

@@ -63,7 +63,10 @@ class SteadySegment:
         return 0.5 * (self.begin + self.end)
 
     def without_transient(self) -> SteadySegment:
-        """Return the segment without its first turns, if it has twice as many."""
+        """Return the segment without its first turns.
+
+        It is returned unchanged if it has less than twice as many turns.
+        """
         if self.turns <= 2.0 * TRANSIENT_TURNS:
             return self
         later, angle = TRANSIENT_TURNS * TURN / self.speed, self.angle + TRANSIENT_TURNS * TURN
@@ -220,7 +223,7 @@ class SegmentSamples:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredSegment:
-    """Steady segment with its measured samples."""
+    """Steady segment with its measured samples of lift and force."""
 
     line: SteadySegment
     lift: SegmentSamples
