@@ -53,25 +53,7 @@ COMMANDS = {
 }
 
 #: Keys that were renamed since the numbers were stored, old: new.
-RENAMED: dict[str, str] = {
-    "clock_fast_by": "clock_drift",
-    "corner": "corner_frequency",
-    "events_later": "event_delay",
-    "events_later_angle": "event_delay_angle",
-    "exponent": "lyapunov_exponent",
-    "force_least": "min_force",
-    "force_peak": "peak_force",
-    "hardest": "max_landing_speed",
-    "left_out": "excluded",
-    "left_out_time": "excluded_time",
-    "near": "starts_agreeing",
-    "opening": "gap_rate",
-    "rests": "comes_to_rest",
-    "softest": "min_landing_speed",
-    "torque_least": "min_torque",
-    "torque_peak": "peak_torque",
-    "vital": "is_fatal",
-}
+RENAMED: dict[str, str] = {}
 #: Keys that were missing, or had sentences as values, when the numbers were stored.
 ADDED: set[str] = set()
 #: Reason for ignoring a value under one of these keys.

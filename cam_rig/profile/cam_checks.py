@@ -128,7 +128,7 @@ def _disc_checks(
 ) -> Iterator[Check]:
     """Yield the checks of one disc of a cam.
 
-    ``find_min_base_radius`` is the minimum base radius (m), None if it is not known.
+    ``min_base`` is the minimum base radius (m), None if it is not known.
     """
     scan = Scan(law, disc.element)
     yield from reach_checks(scan)

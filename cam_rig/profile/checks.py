@@ -225,7 +225,7 @@ def curvature_checks(scan: Scan, follower: Follower, min_base: float | None) -> 
     """Yield the checks of the contour's radius of curvature.
 
     Convex parts are checked for undercut and for the least radius that the cam file requires.
-    Concave parts are compared with the radius of the roller. ``find_min_base_radius`` is the minimum base
+    Concave parts are compared with the radius of the roller. ``min_base`` is the minimum base
     radius (m), None if it is not known.
     """
     base, required = follower.base_radius.si, follower.least_curvature_radius
