@@ -381,10 +381,10 @@ def test_no_function_is_longer_than_a_screen(nodes):
 
 def test_no_name_is_sought_among_too_many():
     """A folder below the package's own holds at most 20 entries, its __init__ included."""
-    folders = [path for path in (ROOT / "cam_rig").rglob("*") if path.is_dir()]
+    entries = (ROOT / "cam_rig").rglob("*")
+    folders = [path for path in entries if path.is_dir() and path.name != "__pycache__"]
     counts = {
-        str(folder): len([p for p in folder.iterdir() if p.suffix == ".py" or p.is_dir()])
+        str(folder): len([p for p in folder.iterdir() if p.suffix == ".py" or p in folders])
         for folder in folders
-        if folder.name != "__pycache__"
     }
     assert {folder: count for folder, count in counts.items() if count > 20} == {}
