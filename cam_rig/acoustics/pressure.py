@@ -59,12 +59,16 @@ class RadiationParameters:
 
         Parameters
         ----------
-        rig : rig file with radiation
-        lands : False for a follower that never leaves the cam and needs no stem stiffness
+        rig : RigConfig
+            Rig file with radiation.
+        lands : bool, optional
+            False for a follower that never leaves the cam and needs no stem stiffness (default:
+            True).
 
         Raises
         ------
-        ConfigError : the rig file has no radiation, or no stem stiffness
+        ConfigError
+            If the rig file has no radiation, or no stem stiffness.
         """
         radiation = rig.need_radiation("the sound level")
         if lands:
@@ -118,11 +122,16 @@ def structure_response(
 
     Parameters
     ----------
-    corner_rate : ω_c, rad/s
-    sample_rate : sample rate, Hz
-    start, previous : q and force at the sample before the first one, N
-    force : ``(n,)`` force, N, linear between samples
-    impulse : ``(n,)`` impulses at the samples, N·s. Each increases q by ω_c J.
+    corner_rate : float
+        Corner rate ω_c, rad/s.
+    sample_rate : float
+        Sample rate, Hz.
+    start, previous : float
+        State q and force at the sample before the first one, N.
+    force : ndarray, shape (n,)
+        Force, N, linear between samples.
+    impulse : ndarray, shape (n,)
+        Impulses at the samples, N·s. Each increases q by ω_c J.
     """
     x = corner_rate / sample_rate
     keep = math.exp(-x)
@@ -223,13 +232,17 @@ class SoundSource:
 
         Parameters
         ----------
-        force : ``(n,)`` contact force at the samples, N
-        impulse : ``(n,)`` impulse of the landings since the sample before, N·s
-        speed : cam speed, rad/s, which determines the background
+        force : ndarray, shape (n,)
+            Contact force at the samples, N.
+        impulse : ndarray, shape (n,)
+            Impulse of the landings since the sample before, N·s.
+        speed : float
+            Cam speed, rad/s, which determines the background.
 
         Raises
         ------
-        ValueError : the block is empty
+        ValueError
+            If the block is empty.
         """
         if force.size == 0:
             raise ValueError("a block must contain at least one sample")
@@ -296,16 +309,23 @@ def rms_pressure(
 
     Parameters
     ----------
-    parameters : acoustic constants
-    state : state after the previous block (None: at rest under the first force)
-    force : ``(n,)`` contact force, N, linear between samples
-    impulse : ``(n,)`` impulse of the landings since the sample before, N·s
-    sample_rate : sample rate, Hz
-    speed : cam speed, rad/s
+    parameters : RadiationParameters
+        Acoustic constants.
+    state : MicrophoneState or None
+        State after the previous block (None: at rest under the first force).
+    force : ndarray, shape (n,)
+        Contact force, N, linear between samples.
+    impulse : ndarray, shape (n,)
+        Impulse of the landings since the sample before, N·s.
+    sample_rate : float
+        Sample rate, Hz.
+    speed : float
+        Cam speed, rad/s.
 
     Raises
     ------
-    ValueError : the block is empty
+    ValueError
+        If the block is empty.
     """
     if force.size == 0:
         raise ValueError("a block must contain at least one sample")

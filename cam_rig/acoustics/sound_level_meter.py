@@ -62,7 +62,8 @@ class SoundLevelMeter:
 
     Raises
     ------
-    ConfigError : an unknown weighting
+    ConfigError
+        If the weighting is unknown.
     """
 
     rate: int  #: Hz, of the pressure samples
@@ -90,8 +91,10 @@ class SoundLevelMeter:
 
         Raises
         ------
-        ValueError : the block is empty
-        RefusedError : a sample is not finite. The state of the meter is unchanged.
+        ValueError
+            If the block is empty.
+        RefusedError
+            If a sample is not finite. The state of the meter is unchanged.
         """
         if pressure.size == 0:
             raise ValueError("a block must contain at least one sample")
@@ -345,8 +348,10 @@ def third_octaves(pressure: FloatArray, rate: int) -> Spectrum:
 
     Parameters
     ----------
-    pressure : ``(n,)`` sound pressure, Pa
-    rate : sample rate, Hz
+    pressure : ndarray, shape (n,)
+        Sound pressure, Pa.
+    rate : int
+        Sample rate, Hz.
     """
     numbers = np.arange(BAND_NUMBERS[0], BAND_NUMBERS[1] + 1)
     numbers = numbers[10.0 ** (numbers / 10.0) * MIN_RATE_RATIO * 2.0 <= rate]
@@ -392,7 +397,8 @@ def measure(pressure: FloatArray, rate: int) -> Measurement:
 
     Raises
     ------
-    RefusedError : a sample is not finite
+    RefusedError
+        If a sample is not finite.
     """
     levels: dict[str, float] = {}
     overload, margin = False, np.inf
