@@ -47,10 +47,11 @@ def compute_missing(
         Function of the study, the first point and the end (exclusive) of a batch. It returns its
         rows.
     executor : Executor
+        Executor that computes the batches.
     workers : int
         Number of batches that the executor computes at a time.
-    progress : Progress
-        Receives the number of written points.
+    progress : Progress, optional
+        Receives the number of written points (default: the progress is not reported).
 
     Raises
     ------
