@@ -75,9 +75,10 @@ def find_jump(law: Law, parameters: AnyFollower, duration: float | None = REST_D
     Parameters
     ----------
     law : Law
+        Motion law of the cam.
     parameters : TwoMassParameters or FollowerParameters
         Two masses, or one rigid mass. The result of one mass does not depend on the duration.
-    duration : float or None
+    duration : float or None, optional
         Duration of the run from rest in s, at most 60 (default: 1.7, as in Table 2 of the paper),
         or None for the steady state.
 

@@ -57,9 +57,10 @@ class ModalRun:
         response : LinearResponse
             Response of two states (η, η̇). Its speed is not used.
         outputs : Outputs
+            Outputs of the linear model, one per row.
         duration : float or None
             Duration of the run from rest at θ = 0 in s, or None for the steady state.
-        row : int
+        row : int, optional
             Index of the output (default: 0).
         """
         drive, cam = response.drive[1].tolist(), outputs.law[row].tolist()
