@@ -60,18 +60,24 @@ def arc_lift(
 
     Parameters
     ----------
-    chain : closed contour, in m
-    base_radius : radius of the base circle, m
-    follower : follower on the contour
-    angle : ``(n,)`` cam angles, rad
+    chain : Chain
+        Closed contour, in m.
+    base_radius : float
+        Radius of the base circle, m.
+    follower : ArcFollower
+        Follower on the contour.
+    angle : ndarray, shape (n,)
+        Cam angles, rad.
 
     Returns
     -------
-    Lift above the base circle, ``(n,)``, m.
+    ndarray, shape (n,)
+        Lift above the base circle, m.
 
     Raises
     ------
-    LawError : the follower cannot stay on the contour
+    LawError
+        If the follower cannot stay on the contour.
     """
     angles = _flat_angles(chain) if follower.flat else _pitch_angles(chain, follower.roller_radius)
     unwrapped = angles[0] + (angle - angles[0]) % TURN
@@ -90,17 +96,22 @@ def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Piece
 
     Parameters
     ----------
-    chain : closed contour, in m
-    base_radius : radius of the base circle, m
-    follower : follower on the contour
+    chain : Chain
+        Closed contour, in m.
+    base_radius : float
+        Radius of the base circle, m.
+    follower : ArcFollower
+        Follower on the contour.
 
     Returns
     -------
-    Breakpoints from 0 to 2π rad, and the ordinates (m) of the lift above the base circle.
+    Pieces
+        Breakpoints from 0 to 2π rad, and the ordinates (m) of the lift above the base circle.
 
     Raises
     ------
-    LawError : the follower cannot stay on the contour
+    LawError
+        If the follower cannot stay on the contour.
     """
     angles = _flat_angles(chain) if follower.flat else _pitch_angles(chain, follower.roller_radius)
     breaks, columns = [angles[0]], []
@@ -245,7 +256,8 @@ def concave_flank_cam(segment: TangentArcs, cam: CamConfig) -> ConcaveFlankCam:
 
     Raises
     ------
-    LawError : the follower has a flat face
+    LawError
+        If the follower has a flat face.
     """
     if arc_follower(cam).flat:
         raise LawError(
@@ -261,7 +273,8 @@ def arc_follower(cam: CamConfig) -> ArcFollower:
 
     Raises
     ------
-    LawError : the follower is neither a roller, a point nor a flat face, or it is eccentric
+    LawError
+        If the follower is neither a roller, a point nor a flat face, or is eccentric.
     """
     kind: str = cam.follower.type
     if kind not in ("roller", "point", "flat"):
@@ -299,7 +312,8 @@ def arc_contour_pieces(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> 
 
     Raises
     ------
-    LawError : the contour does not exist, or its lift is not that of the cam file
+    LawError
+        If the contour does not exist, or its lift is not that of the cam file.
     """
     try:
         parts = _parts(segment, cam)

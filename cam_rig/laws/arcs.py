@@ -67,16 +67,19 @@ def close_chain(specs: list[Circle | Blend]) -> Chain:
 
     Parameters
     ----------
-    specs : circles and blends in the order of the cam angle, the last joined to the first
+    specs : list of Circle or Blend
+        Circles and blends in the order of the cam angle, the last joined to the first.
 
     Returns
     -------
-    The closed contour, with a circle or a straight line in place of each blend.
+    Chain
+        The closed contour, with a circle or a straight line in place of each blend.
 
     Raises
     ------
-    LawError : a blend is not between two circles, or cannot touch both, or two adjacent circles are
-        not tangent
+    LawError
+        If a blend is not between two circles, or cannot touch both, or two adjacent circles are not
+        tangent.
     """
     parts: list[Part] = []
     for i, spec in enumerate(specs):
@@ -226,7 +229,8 @@ class ConcaveFlankCam:
 
         Raises
         ------
-        LawError : no concave flank joins base circle and nose at these angles
+        LawError
+            If no concave flank joins base circle and nose at these angles.
         """
         # The joint lies on the line through the centres of flank and nose, in a given direction.
         # The cosine rule in the triangle of the three centres gives a quadratic in the flank's

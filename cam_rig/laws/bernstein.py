@@ -188,13 +188,17 @@ def cut(
 
     Parameters
     ----------
-    ordinates : ``(p + 1, …, n)`` ordinates of n pieces
-    breaks : ``(n + 1,)`` breakpoints of the pieces
-    counts : ``(n,)`` number of parts of each piece
+    ordinates : ndarray, shape (p + 1, …, n)
+        Ordinates of n pieces.
+    breaks : ndarray, shape (n + 1,)
+        Breakpoints of the pieces.
+    counts : ndarray of int, shape (n,)
+        Number of parts of each piece.
 
     Returns
     -------
-    Ordinates and breakpoints of all parts.
+    ordinates, breaks : ndarray
+        Ordinates and breakpoints of all parts.
     """
     spans, firsts = np.repeat(np.diff(breaks) / counts, counts), np.cumsum(counts) - counts
     result = np.repeat(ordinates, counts, axis=-1)

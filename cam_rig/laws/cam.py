@@ -31,16 +31,19 @@ def build_law(cam: CamConfig) -> Law:
 
     Parameters
     ----------
-    cam : validated cam file
+    cam : CamConfig
+        Validated cam file.
 
     Returns
     -------
-    The law over one turn of the cam.
+    Law
+        The law over one turn of the cam.
 
     Raises
     ------
-    LawError : the segments do not join, the geometry of a segment does not exist, or the law does
-        not have the lift of the file
+    LawError
+        If the segments do not join, the geometry of a segment does not exist, or the law does not
+        have the lift of the file.
     """
     fixed_pieces = [segment_pieces(segment, cam) for segment in cam.segments]
     breaks, columns, level = [0.0], [], _start_level(cam, fixed_pieces)
@@ -128,7 +131,8 @@ def arc_cam(cam: CamConfig) -> ConcaveFlankCam:
 
     Raises
     ------
-    LawError : the cam has no such segment
+    LawError
+        If the cam has no such segment.
     """
     for segment in cam.segments:
         if isinstance(segment, TangentArcs):
@@ -184,7 +188,8 @@ def law_of(path: Path | str, cam: CamConfig) -> Law:
 
     Raises
     ------
-    LawError : as `build_law`
+    LawError
+        As `build_law`.
     """
     try:
         return build_law(cam)
@@ -224,17 +229,22 @@ def cam_set(cams: Iterable[tuple[Path | str, CamConfig]], rig: RigConfig) -> Cam
 
     Parameters
     ----------
-    cams : pairs of the file or name that errors report, and the cam
-    rig : rig that turns the cams
+    cams : iterable of (Path or str, CamConfig)
+        Pairs of the file or name that errors report, and the cam.
+    rig : RigConfig
+        Rig that turns the cams.
 
     Returns
     -------
-    The set of the cams, in order.
+    CamSet
+        The set of the cams, in order.
 
     Raises
     ------
-    ConfigError : two cams have the same name, or a follower is not supported
-    LawError : as `build_law`
+    ConfigError
+        If two cams have the same name, or a follower is not supported.
+    LawError
+        As `build_law`.
     """
     named: dict[str, CamConfig] = {}
     laws = {}

@@ -117,10 +117,14 @@ class LawCurves:
 
     Parameters
     ----------
-    name : cam or rise
-    x : ``(n,)`` cam angles in deg, or u ∈ [0, 1] of a single rise
-    motion : ``(4, n)`` s to s''' in m/rad^order, or per unit lift and span of a single rise
-    infinite : velocity jumps, at which s'' is infinite: pairs of x and the change of s'
+    name : str
+        Cam or rise.
+    x : ndarray, shape (n,)
+        Cam angles in deg, or u ∈ [0, 1] of a single rise.
+    motion : ndarray, shape (4, n)
+        Derivatives s to s''' in m/rad^order, or per unit lift and span of a single rise.
+    infinite : tuple of (float, float)
+        Velocity jumps, at which s'' is infinite: pairs of x and the change of s'.
     """
 
     name: str

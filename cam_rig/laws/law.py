@@ -84,15 +84,21 @@ class Law:
 
     Parameters
     ----------
-    name : name of the cam
-    breaks : ``(n + 1,)`` cam angles in rad, from 0 to 2π
-    ordinates : ``(p + 1, n)`` Bernstein ordinates in m, one column per piece
-    repeats : True if the end of the turn joins its start
-    known : properties that are not derived from the ordinates (None: all are derived)
+    name : str
+        Name of the cam.
+    breaks : ndarray, shape (n + 1,)
+        Cam angles in rad, from 0 to 2π.
+    ordinates : ndarray, shape (p + 1, n)
+        Bernstein ordinates in m, one column per piece.
+    repeats : bool, optional
+        True if the end of the turn joins its start (default: True).
+    known : KnownMotion, optional
+        Properties that are not derived from the ordinates (None: all are derived).
 
     Raises
     ------
-    LawError : the arrays do not fit each other, are not finite, or do not span one turn
+    LawError
+        If the arrays do not fit each other, are not finite, or do not span one turn.
 
     Examples
     --------
@@ -154,7 +160,8 @@ class Law:
 
         Raises
         ------
-        LawError : the breakpoints do not span one turn, or the ordinates are not real
+        LawError
+            If the breakpoints do not span one turn, or the ordinates are not real.
 
         Examples
         --------
@@ -191,7 +198,8 @@ class Law:
 
         Raises
         ------
-        LawError : the order is not 0, 1, 2, …
+        LawError
+            If the order is not 0, 1, 2, …
 
         Examples
         --------
@@ -409,9 +417,12 @@ class Joint:
 
     Parameters
     ----------
-    angle : cam angle, rad
-    continuity : highest derivative without a jump, at most 4, −1 at a step of s
-    jump : right minus left limit of the next derivative, m/rad^(continuity + 1), 0 at C4
+    angle : float
+        Cam angle, rad.
+    continuity : int
+        Highest derivative without a jump, at most 4, −1 at a step of s.
+    jump : float
+        Right minus left limit of the next derivative, m/rad^(continuity + 1), 0 at C4.
     """
 
     angle: float

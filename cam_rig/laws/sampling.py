@@ -72,17 +72,25 @@ def sample(
 
     Parameters
     ----------
-    law : law of the cam
-    start : angle of the first sample, rad, not reduced to one turn
-    step : angle between two samples, rad, positive
-    count : number of samples
-    weights : ``(k, 3)`` factors of s, s', s''
-    offsets : ``(k,)`` constants that are added
-    out : ``(k, count)`` array for the samples, contiguous along a row (None: a new array)
+    law : Law
+        Law of the cam.
+    start : float
+        Angle of the first sample, rad, not reduced to one turn.
+    step : float
+        Angle between two samples, rad, positive.
+    count : int
+        Number of samples.
+    weights : ndarray, shape (k, 3)
+        Factors of s, s', s''.
+    offsets : ndarray, shape (k,)
+        Constants that are added.
+    out : ndarray, shape (k, count), optional
+        Array for the samples, contiguous along a row (None: a new array).
 
     Returns
     -------
-    Samples, ``(k, count)``.
+    ndarray, shape (k, count)
+        Samples.
     """
     out = np.empty((weights.shape[0], count)) if out is None else out
     turn = math.floor(start / TURN)
@@ -173,9 +181,12 @@ class ChunkSeries:
 
     Parameters
     ----------
-    table : ``(k, p + 1, q)`` map, with only the q powers that change a digit
-    powers : ``(q, chunk)`` powers of the local abscissa at the samples of a chunk
-    width : distance of two samples in u
+    table : ndarray, shape (k, p + 1, q)
+        Map, with only the q powers that change a digit.
+    powers : ndarray, shape (q, chunk)
+        Powers of the local abscissa at the samples of a chunk.
+    width : float
+        Distance of two samples in u.
     """
 
     table: FloatArray
@@ -309,19 +320,25 @@ def fit_curve(
 
     Parameters
     ----------
-    curve : function of abscissae and order, which returns the derivative of order 0 to 3
-    start, stop : interval
-    degree : degree of the third derivative. If pieces are short compared with a period of the
-        stem, a lower degree keeps the polynomial solution of the vibration small.
-    accepted_tail : relative tail of the Chebyshev series that is accepted
+    curve : Curve
+        Function of abscissae and order, which returns the derivative of order 0 to 3.
+    start, stop : float
+        Interval.
+    degree : int, optional
+        Degree of the third derivative. If pieces are short compared with a period of the stem, a
+        lower degree keeps the polynomial solution of the vibration small.
+    accepted_tail : float, optional
+        Relative tail of the Chebyshev series that is accepted.
 
     Returns
     -------
-    Breakpoints and ordinates.
+    Pieces
+        Breakpoints and ordinates.
 
     Raises
     ------
-    LawError : the third derivative is not smooth
+    LawError
+        If the third derivative is not smooth.
     """
     breaks, pieces, intervals = [start], [], [(start, stop)]
     while intervals:

@@ -33,7 +33,8 @@ def polynomial_through(u: list[float], order: list[int], value: list[float]) -> 
 
     Raises
     ------
-    LawError : the conditions do not determine a polynomial
+    LawError
+        If the conditions do not determine a polynomial.
 
     References
     ----------
@@ -165,7 +166,8 @@ def smooth_table(segment: Table, cam: CamConfig) -> Smoothed:
 
     Raises
     ------
-    LawError : the lift of the cam is not that of the points, or the spline cannot be computed
+    LawError
+        If the lift of the cam is not that of the points, or the spline cannot be computed.
     """
     points = segment.file
     height = max(points.lifts) - min(points.lifts)
@@ -362,14 +364,19 @@ def up_and_down(rise: str, event: float, lift: float, high_dwell: float | None =
 
     Parameters
     ----------
-    rise : name of the rise
-    event : span of rise and fall, rad, at most π
-    lift : lift, m
-    high_dwell : span of the high dwell, rad (None: that of the low dwell)
+    rise : str
+        Name of the rise.
+    event : float
+        Span of rise and fall, rad, at most π.
+    lift : float
+        Lift, m.
+    high_dwell : float, optional
+        Span of the high dwell, rad (None: that of the low dwell).
 
     Returns
     -------
-    The law over one turn.
+    Law
+        The law over one turn.
     """
     rise_breaks, columns = unit_rise(rise)
     high = math.pi - event if high_dwell is None else high_dwell

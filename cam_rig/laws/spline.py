@@ -116,18 +116,24 @@ def smooth(
 
     Parameters
     ----------
-    angles : ``(n,)`` cam angles, rad. A last point that repeats the first is averaged with it.
-    lifts : ``(n,)`` lifts, m
-    tolerance : largest r.m.s. distance, m. With dwells it applies to the points between each two.
-    dwells : dwells in order
+    angles : ndarray, shape (n,)
+        Cam angles, rad. A last point that repeats the first is averaged with it.
+    lifts : ndarray, shape (n,)
+        Lifts, m.
+    tolerance : float
+        Largest r.m.s. distance, m. With dwells it applies to the points between each two.
+    dwells : sequence of Rest, optional
+        Dwells in order (default: no dwells).
 
     Returns
     -------
-    The pieces of the law and their distance from the points.
+    Smoothed
+        The pieces of the law and their distance from the points.
 
     Raises
     ------
-    LawError : no spline reaches the tolerance
+    LawError
+        If no spline reaches the tolerance.
     """
     if angles[-1] - angles[0] > TURN * (1.0 - 1e-12):
         lifts = np.concatenate([[0.5 * (lifts[0] + lifts[-1])], lifts[1:-1]])
@@ -303,11 +309,15 @@ def differences(angles: FloatArray, lifts: FloatArray) -> tuple[FloatArray, NDAr
 
     Parameters
     ----------
-    angles, lifts : ``(n,)`` readings, rad and m
+    angles, lifts : ndarray, shape (n,)
+        Readings, rad and m.
 
     Returns
     -------
-    Differences about each reading, ``(n,)`` in m, and the mask, ``(n,)``.
+    differences : ndarray, shape (n,)
+        Differences about each reading, m.
+    counts : ndarray of bool, shape (n,)
+        Mask of the differences that count.
     """
     count, half = angles.size, WINDOW // 2
     index = np.arange(count)[:, None] + np.arange(-half, half + 1)
