@@ -87,6 +87,7 @@ class Playback:
         Parameters
         ----------
         tick : Tick
+            Next finished tick.
         factor : float
             Real-time factor of the run.
         received_at, now : float
