@@ -80,11 +80,12 @@ def instants_of(
     law : Law
         Law of the mounted cam.
     start, end : CamState
-    rows : array
-        Samples of the tick, shape (6, n).
+        Cam states at the start and the end of the tick.
+    rows : ndarray, shape (6, n)
+        Samples of the tick.
     sample_rate : int
         Sample rate in Hz.
-    selection : int or array of int
+    selection : int or ndarray of int
         Number of instants, see `select_samples`, or the indices of their samples.
 
     Raises
@@ -326,11 +327,12 @@ class MotionMessages:
         Parameters
         ----------
         start, end : CamState
-        rows : array
-            Samples of the tick, shape (6, n).
+            Cam states at the start and the end of the tick.
+        rows : ndarray, shape (6, n)
+            Samples of the tick.
         wanted : set of Topic, optional
             Topics of the messages (default: all topics of this object).
-        selection : array of int, optional
+        selection : ndarray of int, optional
             Indices of the samples (default: the instants of `select_samples`).
         """
         chosen = [t for t in self.topics if t in INSTANT_MAKERS and (wanted is None or t in wanted)]
