@@ -54,9 +54,12 @@ class SteadyStart:
 
     Parameters
     ----------
-    state : state of the follower (None: put down on the cam at rest)
-    is_steady : False if the turns do not repeat
-    forces : smallest and largest contact force of a turn, N, if they are known exactly
+    state : FollowerState or None
+        State of the follower (None: put down on the cam at rest).
+    is_steady : bool
+        False if the turns do not repeat.
+    forces : (float, float) or None
+        Smallest and largest contact force of a turn, N, if they are known exactly.
     """
 
     state: FollowerState | None = None
@@ -77,7 +80,10 @@ def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tu
 
     Returns
     -------
-    The row of the measured turns, and True if they repeat.
+    row : SpeedRow
+        Row of the measured turns.
+    is_steady : bool
+        True if the turns repeat.
     """
     start = _steady_start(law, rig, scene, speed)
     return _row(law, rig, scene, start), start.is_steady
@@ -108,8 +114,12 @@ def steady_turn(
 
     Returns
     -------
-    A turn of ``samples`` samples, to within one, the row of the measured turns, and True if they
-    repeat.
+    turn : Block
+        A turn of ``samples`` samples, to within one.
+    row : SpeedRow
+        Row of the measured turns.
+    is_steady : bool
+        True if the turns repeat.
     """
     start, interval = _steady_start(law, rig, scene, speed), _one_turn(speed)
     model, rate = MODELS[scene.model], max(1, round(samples / interval.duration))

@@ -48,21 +48,35 @@ class LawQuantity:
 
     Parameters
     ----------
-    name, title : key, and title with the model to which the quantity belongs
-    unit : unit in tables, a key of ``units``
-    units : accepted units and their factors to SI (dB for a level)
-    value : function that returns the value (SI) of a subject at a term. For a range of angles or
-        speeds it is the value that decides a limit of the given sense.
-    where : domain of its term: a speed, an angle, the number of an event, or none (empty)
-    senses : limits that a design can keep
-    goal : True if a design can minimise it, or maximise it if ``<=`` is not among ``senses``
-    signed : True if limits may be zero or negative
-    below : upper bound of its limits (SI), not included
-    order : order of the derivative of s to which it belongs
-    campaign : True if a campaign can measure it
-    rigid : True for a jump speed of one rigid mass, which no resonance changes
-    of_run : True if it belongs to a run of the scene's model, which its title names
-    ranges : True if a campaign can measure it over a range of speeds
+    name, title : str
+        Key, and title with the model to which the quantity belongs.
+    unit : str
+        Unit in tables, a key of ``units``.
+    units : mapping of str to float
+        Accepted units and their factors to SI (dB for a level).
+    value : callable
+        Function that returns the value (SI) of a subject at a term. For a range of angles or speeds
+        it is the value that decides a limit of the given sense.
+    where : {'', 'rpm', 'deg', 'event'}
+        Domain of its term: a speed, an angle, the number of an event, or none (empty).
+    senses : tuple of Sense
+        Limits that a design can keep.
+    goal : bool
+        True if a design can minimise it, or maximise it if ``<=`` is not among ``senses``.
+    signed : bool
+        True if limits may be zero or negative.
+    below : float
+        Upper bound of its limits (SI), not included.
+    order : int
+        Order of the derivative of s to which it belongs.
+    campaign : bool
+        True if a campaign can measure it.
+    rigid : bool
+        True for a jump speed of one rigid mass, which no resonance changes.
+    of_run : bool
+        True if it belongs to a run of the scene's model, which its title names.
+    ranges : bool
+        True if a campaign can measure it over a range of speeds.
     """
 
     name: str
@@ -168,12 +182,15 @@ def parse_term(text: str, allowed: Mapping[str, LawQuantity]) -> Term:
 
     Parameters
     ----------
-    text : text of the term
-    allowed : quantities by name
+    text : str
+        Text of the term.
+    allowed : mapping of str to LawQuantity
+        Quantities by name.
 
     Raises
     ------
-    ConfigError : the quantity is not allowed, or its domain is missing or invalid
+    ConfigError
+        If the quantity is not allowed, or its domain is missing or invalid.
     """
     match, text = _TERM.fullmatch(text.strip()), text.strip()
     name = match["name"] if match else text
@@ -215,12 +232,15 @@ def parse_limit(text: str, allowed: Mapping[str, LawQuantity]) -> Limit:
 
     Parameters
     ----------
-    text : text of the limit
-    allowed : quantities by name
+    text : str
+        Text of the limit.
+    allowed : mapping of str to LawQuantity
+        Quantities by name.
 
     Raises
     ------
-    ConfigError : the term, the sense, the value or its unit is not allowed
+    ConfigError
+        If the term, the sense, the value or its unit is not allowed.
     """
     match = _LIMIT.fullmatch(text.strip())
     if match is None:

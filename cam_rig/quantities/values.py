@@ -56,11 +56,18 @@ class Subject:
 
     Parameters
     ----------
-    law, rig : law and rig
-    cam : cam file with the follower
-    events : start and span (rad) of the events between the dwells
-    scene : scene for the quantities of a run
-    nominal : law without the errors of its profile, which leave no dwell at rest
+    law : Law
+        Motion law of the cam.
+    rig : RigConfig
+        Rig with the follower.
+    cam : CamConfig
+        Cam file with the follower.
+    events : sequence of (float, float)
+        Start and span (rad) of the events between the dwells.
+    scene : SceneConfig or None
+        Scene for the quantities of a run.
+    nominal : Law or None
+        Law without the errors of its profile, which leave no dwell at rest.
     """
 
     law: Law
@@ -163,11 +170,16 @@ class VibrationMode:
 
     Parameters
     ----------
-    rate : eigenvalue λ, 1/s, with positive imaginary part
-    drive : d₁ (1/s) and d₂
-    state : contact force per η (N/m) and η̇ (N·s/m)
-    motion : contact force per s (N/m), ṡ (N·s/m) and s̈ (kg)
-    constant : contact force at rest, N
+    rate : complex
+        Eigenvalue λ, 1/s, with positive imaginary part.
+    drive : (float, float)
+        Coefficients d₁ (1/s) and d₂.
+    state : (float, float)
+        Contact force per η (N/m) and η̇ (N·s/m).
+    motion : (float, float, float)
+        Contact force per s (N/m), ṡ (N·s/m) and s̈ (kg).
+    constant : float
+        Contact force at rest, N.
     """
 
     rate: complex
@@ -187,7 +199,8 @@ class VibrationMode:
 
         Raises
         ------
-        ConfigError : the stem does not vibrate, because its damping is too large
+        ConfigError
+            If the stem does not vibrate, because its damping is too large.
 
         References
         ----------
