@@ -191,11 +191,12 @@ def render(
     kind : str
         Format: "html" or "md".
     title : str
+        Title of the page.
     made : Made
         Origin of the page.
     contents : mapping of Section to Content
         Sections in the order of the page, from `fill`.
-    source : object
+    source : object, optional
         Variable ``found`` of all templates.
     folder : Path, optional
         Folder with further templates of sections (default: only those of the package).

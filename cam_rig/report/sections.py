@@ -130,13 +130,15 @@ def laws_table(
     Parameters
     ----------
     caption : str
+        Caption of the table.
     cam_set : CamSet
+        Cams with their laws.
     formats : mapping of int to str
         Number format of each displayed derivative, by its order.
     *notes : str
         Notes under the table.
-    over_lift : bool
-        True for peaks divided by the lift, instead of in mm.
+    over_lift : bool, optional
+        True for peaks divided by the lift, instead of in mm (default: False).
     """
     unit = "1" if over_lift else "mm"
 
