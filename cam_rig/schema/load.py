@@ -101,12 +101,14 @@ def load(path: Path, kind: type[Config]) -> Config:
     Parameters
     ----------
     path : Path
+        Path of the file.
     kind : subclass of BaseModel
         Config model of the file.
 
     Returns
     -------
-    Object of the model
+    Config
+        Object of the model.
 
     Raises
     ------
