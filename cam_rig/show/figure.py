@@ -67,6 +67,7 @@ def write(
     Parameters
     ----------
     figure : Figure
+        Figure of Matplotlib.
     to : Path or BytesIO
         File with the format of its suffix, or memory for SVG.
     dpi : float, optional

@@ -145,10 +145,15 @@ class Records:
     key : str
         Name of the table in JSON and in the name of its CSV file.
     caption : str
+        Caption of the table.
     columns : tuple of Column
+        Columns of the table.
     records : sequence
+        Records, one per row.
     notes : tuple of Footnote or str
+        Notes under the table.
     layout : TableLayout
+        Layout of the displayed table.
     single : bool
         True if JSON contains the only record itself instead of a list.
     hidden : bool

@@ -176,7 +176,9 @@ def tabulate(
     Parameters
     ----------
     caption : str
+        Caption of the table.
     items : iterable
+        Items, one per row.
     fields : iterable of (Header, callable)
         Header of each column, and the function that computes its cell from an item.
     *notes : str
