@@ -319,7 +319,9 @@ def export(
     path : Path
         File with a suffix in `FORMATS`.
     ticks : iterable of TickSamples
+        Samples of the run, tick by tick.
     loaded : LoadedScene
+        Scene of the run.
     cam : str, optional
         Name of a cam (default: all cams).
     rpm : float, optional

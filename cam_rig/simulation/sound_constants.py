@@ -80,10 +80,11 @@ def fit_two_constants(
     Parameters
     ----------
     cams : sequence of PublishedCam
+        Cams with their levels.
     start : Acoustics
         Initial values, and the constants that are not fitted.
-    corners : tuple of float
-        Limits of the corner frequency, Hz.
+    corners : tuple of float, optional
+        Limits of the corner frequency, Hz (default: 0 to infinity).
     """
 
     def residual(x: FloatArray) -> FloatArray:
