@@ -107,6 +107,7 @@ def bounce_map(
     Returns
     -------
     BounceMap
+        Motion of the follower, one row per swept value.
 
     Raises
     ------
