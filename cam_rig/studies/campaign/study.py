@@ -61,6 +61,7 @@ def campaign(
     Returns
     -------
     CampaignResult
+        Rows of the campaign, with quantiles, yields and shares.
 
     Raises
     ------
