@@ -110,11 +110,16 @@ def find_alignment(
 
     Parameters
     ----------
-    stretches : the steady turns
-    lift : the measured lift
-    drive : the function that drives the model
-    offset : cam angle minus encoder angle in rad, or None if it is unknown
-    count : resolution of the encoder in rad, 0 without steps
+    stretches : sequence of SteadyStretch
+        The steady turns.
+    lift : Signal
+        The measured lift.
+    drive : Drive
+        The function that drives the model.
+    offset : float or None
+        Cam angle minus encoder angle in rad, or None if it is unknown.
+    count : float
+        Resolution of the encoder in rad, 0 without steps.
     """
     runs = [drive(stretch, offset or 0.0) for stretch in stretches]
     contact_runs = [run for run in runs if not run.loses_contact] or runs

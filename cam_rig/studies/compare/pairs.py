@@ -322,14 +322,19 @@ def pair_measured(
 
     Parameters
     ----------
-    run : the measured run
-    loaded : the scene of the model
-    cam : name of the cam
-    offset : cam angle minus encoder angle in rad (default: identified from the lift)
+    run : MeasuredRun
+        The measured run.
+    loaded : LoadedScene
+        The scene of the model.
+    cam : str
+        Name of the cam.
+    offset : float, optional
+        Cam angle minus encoder angle in rad (default: identified from the lift).
 
     Raises
     ------
-    BagError : the run has no steady turns after those that settle
+    BagError
+        If the run has no steady turns after those that settle.
     """
     loaded.law_of(cam)
     settle = loaded.scene.schedule.transient_turns.si

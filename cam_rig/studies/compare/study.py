@@ -253,13 +253,19 @@ def compare(
 
     Parameters
     ----------
-    bag : the bag of the run
-    scene : a name in ``config/scenes``, a path, or a result of `load_scene`
-    topics : topic fields of the quantities in a bag of another program, such as
-        ``angle=/encoder.data:deg lift=/lvdt.data:mm``. A bag of the rig must not have it
-    cam : the cam to compare. In a bag of another program it is the cam that was mounted
-    namespace : the rig in a bag with several rigs
-    offset_deg : cam angle minus encoder angle in degrees (default: identified from the lift)
+    bag : str or Path
+        Bag of the run.
+    scene : str, Path or Scene
+        Scene of the model: its name in ``config/scenes``, its path, or the result of `load_scene`.
+    topics : str, optional
+        Topic fields of the quantities in a bag of another program, such as
+        ``angle=/encoder.data:deg lift=/lvdt.data:mm``. A bag of the rig must not have it.
+    cam : str, optional
+        Cam to compare. In a bag of another program it is the cam that was mounted.
+    namespace : str, optional
+        Namespace of the rig in a bag with several rigs.
+    offset_deg : float, optional
+        Cam angle minus encoder angle in degrees (default: identified from the lift).
 
     Returns
     -------
@@ -268,9 +274,12 @@ def compare(
 
     Raises
     ------
-    BagError : the bag cannot be read, or has no data to compare
-    ConfigError : the scene does not have the cam, or an argument does not fit the bag
-    MissingLibraryError : the extra ``bags`` is not installed
+    BagError
+        If the bag cannot be read, or has no data to compare.
+    ConfigError
+        If the scene does not have the cam, or an argument does not fit the bag.
+    MissingLibraryError
+        If the extra ``bags`` is not installed.
 
     Examples
     --------
