@@ -295,6 +295,7 @@ def design(
     Returns
     -------
     LawDesign or Front
+        Designed law with its bound, or the front if ``pareto`` is given.
 
     Raises
     ------
