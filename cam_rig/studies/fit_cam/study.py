@@ -276,35 +276,53 @@ def fit_cam(
 
     Parameters
     ----------
-    tables : file of cam angles and readings, or several files for arcs
-    shape : ``spline`` or ``arcs``
-    follower : ``roller``, ``flat`` or ``point``, or for arcs a list with the type of each column
-        (default: a roller for a spline, the type that fits for arcs)
-    column, angle_column : headings of the columns of lifts and of angles (default: recognised by
-        their words)
-    angle : ``cam`` or ``crank``, the shaft whose angle is read (default: from the heading,
-        otherwise cam)
-    counts : counts of an encoder per turn of that shaft, for a column of counts
-    tolerance : error of the gauge, m (default: the scatter of the readings)
-    reverse : True if the cam was turned in the opposite sense
-    mirror : True if the table contains half a lobe, with its nose at one end
-    roller_radius, base_radius : radii in m (default: assumed, or identified from the readings)
-    flank : ``straight`` or ``curved``, for arcs whose flank is known
-    rocker_ratio : lift of the valve per lift of the cam, for the valve events
-    lash : clearance of the valve, m
-    checking_height : lift of the valve in m, or several, at which opening and closing are reported
-    out : new .yaml file for `load_cam`. ``assumed`` of the result lists the assumptions that no
-        reading supports
+    tables : str, Path or sequence of them
+        File of cam angles and readings, or several files for arcs.
+    shape : {'spline', 'arcs'}, optional
+        Shape of the cam (default: spline).
+    follower : {'roller', 'flat', 'point'} or sequence of them, optional
+        Type of the follower, or for arcs a list with the type of each column (default: a roller for
+        a spline, the type that fits for arcs).
+    column, angle_column : str, optional
+        Headings of the columns of lifts and of angles (default: recognised by their words).
+    angle : {'cam', 'crank'}, optional
+        Shaft whose angle is read (default: from the heading, otherwise cam).
+    counts : float, optional
+        Counts of an encoder per turn of that shaft, for a column of counts.
+    tolerance : float, optional
+        Error of the gauge, m (default: the scatter of the readings).
+    reverse : bool, optional
+        True if the cam was turned in the opposite sense (default: False).
+    mirror : bool, optional
+        True if the table contains half a lobe, with its nose at one end (default: False).
+    roller_radius, base_radius : float, optional
+        Radii in m (default: assumed, or identified from the readings).
+    flank : {'straight', 'curved'}, optional
+        Shape of the flanks, for arcs whose flank is known.
+    rocker_ratio : float, optional
+        Lift of the valve per lift of the cam, for the valve events (default: 1).
+    lash : float, optional
+        Clearance of the valve, m (default: 0).
+    checking_height : float or sequence of float, optional
+        Lift of the valve in m, or several, at which opening and closing are reported
+        (default: 1 mm and 0.05 in).
+    out : str or Path, optional
+        New .yaml file for `load_cam`. ``assumed`` of the result lists the assumptions that no
+        reading supports.
 
     Returns
     -------
-    SplineFit of a spline, or ArcsFit of arcs.
+    SplineFit or ArcsFit
+        Fit of a spline, or of arcs.
 
     Raises
     ------
-    ConfigError : a table that cannot be read, or arguments that cannot be combined
-    LawError : no law fits the readings
-    OutputError : ``out`` exists already, or cannot be written
+    ConfigError
+        If a table cannot be read, or arguments cannot be combined.
+    LawError
+        If no law fits the readings.
+    OutputError
+        If ``out`` exists already, or cannot be written.
 
     Examples
     --------

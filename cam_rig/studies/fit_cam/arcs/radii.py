@@ -48,16 +48,22 @@ def contour_of_pitch_curve(
 
     Parameters
     ----------
-    pitch : pitch curve
-    flat : True if all followers are flat, so that the lifts do not determine the base radius
-    radii : roller radius and base radius
+    pitch : Arcs
+        Pitch curve.
+    flat : bool
+        True if all followers are flat, so that the lifts do not determine the base radius.
+    radii : Radii
+        Roller radius and base radius.
 
     Returns
     -------
-    arcs : the contour
-    roller : its roller radius, m
-    replaced : the usual assumption in m, if it leaves too little radius for nose or base and
-        another radius was assumed, else None
+    arcs : Arcs
+        The contour.
+    roller : float
+        Its roller radius, m.
+    replaced : float or None
+        The usual assumption in m, if it leaves too little radius for nose or base and another
+        radius was assumed, else None.
     """
     roller, base, given = radii
     replaced, smallest = None, min(pitch.nose_radius, pitch.base_radius)

@@ -39,18 +39,29 @@ class ArcsFit(Result):
 
     Attributes
     ----------
-    best : fit of the selected contour
-    curved : best fit with any flank, which can be `best`
-    given_radii : radii that are given
-    flank : shape of the flanks, if it is given
-    others : fits of all other interpretations of the columns, likeliest first
-    arcs : the contour, with the given or assumed radii
-    roller_radius : roller radius in m, given, fitted or assumed, 0 for a point
-    other_radius : usual assumption in m, if it leaves too little radius for nose or base and
-        another radius was assumed, else None
-    without_radii : best fit without the given radii, if these bound the search, else None
-    notes : how the tables were read
-    assumed : assumptions in a written file that no reading supports
+    best : Profile
+        Fit of the selected contour.
+    curved : Profile
+        Best fit with any flank, which can be `best`.
+    given_radii : {'base', 'roller', 'both'} or None
+        Radii that are given.
+    flank : {'straight', 'curved'} or None
+        Shape of the flanks, if it is given.
+    others : tuple of Profile
+        Fits of all other interpretations of the columns, likeliest first.
+    arcs : Arcs
+        The contour, with the given or assumed radii.
+    roller_radius : float
+        Roller radius in m, given, fitted or assumed, 0 for a point.
+    other_radius : float or None
+        Usual assumption in m, if it leaves too little radius for nose or base and another radius
+        was assumed, else None.
+    without_radii : Profile or None
+        Best fit without the given radii, if these bound the search, else None.
+    notes : tuple of str
+        Messages about how the tables were read.
+    assumed : tuple of str
+        Assumptions in a written file that no reading supports.
     """
 
     schema = "cam_rig.fit_arcs.2"

@@ -66,12 +66,17 @@ class ArcSearch:
 
     Attributes
     ----------
-    columns : readings of each column
-    roles : interpretation of each column
-    coordinates : coordinates of a contour
-    fixed : value of each fixed coordinate
-    min_radius : radius in m that base and nose of the pitch curve must exceed: that of a given
-        roller, else 0
+    columns : tuple of Readings
+        Readings of each column.
+    roles : tuple of Role
+        Interpretation of each column.
+    coordinates : Coordinates
+        Coordinates of a contour.
+    fixed : mapping of Parameter to float
+        Value of each fixed coordinate.
+    min_radius : float
+        Radius in m that base and nose of the pitch curve must exceed: that of a given roller, else
+        0.
     """
 
     columns: tuple[Readings, ...]
@@ -121,7 +126,8 @@ class ArcSearch:
 
         Raises
         ------
-        LawError : no contour has these parameters
+        LawError
+            If no contour has these parameters.
         """
         free, fixed = dict(zip(self.free, x.tolist(), strict=True)), self.fixed
         no_contour = LawError(f"{self.columns[0].name}: {NO_CLOSE_CONTOUR}")
@@ -153,7 +159,8 @@ class ArcSearch:
 
         Raises
         ------
-        LawError : no contour has these parameters, or the follower does not reach it
+        LawError
+            If no contour has these parameters, or the follower does not reach it.
         """
         readings, role = self.columns[i], self.roles[i]
         angles = -readings.angles if role.is_reversed else readings.angles

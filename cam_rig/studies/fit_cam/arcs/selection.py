@@ -70,23 +70,32 @@ def fit_arcs(
 
     Parameters
     ----------
-    columns : readings of each column
-    kinds : for each column True if its follower is flat, False if not, None to try both
-    roller_radius : roller radius in m, 0 for a point
-    base_radius : base radius in m, used if all followers are flat, because they do not determine
-        it, and if both radii are given
-    given_radii : the radii that are given. A radius bounds the search only if it is given. An
-        assumed radius that leaves too little radius for the nose is replaced.
-    flank : shape of the flanks (default: straight unless the readings rule it out)
+    columns : tuple of Readings
+        Readings of each column.
+    kinds : tuple of (bool or None)
+        For each column True if its follower is flat, False if not, None to try both.
+    roller_radius : float
+        Roller radius in m, 0 for a point.
+    base_radius : float
+        Base radius in m, used if all followers are flat, because they do not determine it, and if
+        both radii are given.
+    given_radii : {'base', 'roller', 'both'}, optional
+        Radii that are given (default: no radius). A radius bounds the search only if it is given.
+        An assumed radius that leaves too little radius for the nose is replaced.
+    flank : {'straight', 'curved'}, optional
+        Shape of the flanks (default: straight unless the readings rule it out).
 
     Returns
     -------
-    fit : the likeliest contour
+    ArcsFit
+        Fit of the likeliest contour.
 
     Raises
     ------
-    LawError : no contour is close to the readings
-    ConfigError : the given base radius leaves no roller or no nose
+    LawError
+        If no contour is close to the readings.
+    ConfigError
+        If the given base radius leaves no roller or no nose.
     """
     radii = Radii(roller_radius, base_radius, given_radii)
 
