@@ -51,26 +51,40 @@ def fit_rig(
 
     Parameters
     ----------
-    source : bag with cam angle, and lift or force or both; or .csv or .txt of jump speeds
-    cam : cam of the measured rig: a name, a path or a cam, or a scene's name or path
-    topics, namespace : topics or namespace of a bag, as in `compare`
-    one_cam : cam of a scene or a bag with several cams
-    rig : name, path or rig with the values of parameters that are not identifiable (default: as
-        in `jump`)
-    model : ``one_mass`` or ``two_mass`` (default: the likelier)
-    fix : known values in SI by their keys in a rig file: ``{"mass": 1.3}``
-    tolerance : standard error of a jump speed in rpm (default: from the residuals)
-    out : new .yaml file for the identified rig; ``assumed`` lists what it takes from ``rig``
-    progress : receiver of the progress
+    source : str or Path
+        Bag with cam angle, and lift or force or both; or .csv or .txt of jump speeds.
+    cam : Cam, str or Path
+        Cam of the measured rig: a name, a path or a cam, or a scene's name or path.
+    topics, namespace : str, optional
+        Topics or namespace of a bag, as in `compare`.
+    one_cam : str, optional
+        Cam of a scene or a bag with several cams.
+    rig : Rig, str or Path, optional
+        Name, path or rig with the values of parameters that are not identifiable (default: as in
+        `jump`).
+    model : str, optional
+        ``one_mass`` or ``two_mass`` (default: the likelier).
+    fix : mapping of str to float, optional
+        Known values in SI by their keys in a rig file: ``{"mass": 1.3}``.
+    tolerance : float, optional
+        Standard error of a jump speed in rpm (default: from the residuals).
+    out : str or Path, optional
+        New .yaml file for the identified rig. ``assumed`` of the result lists the values that the
+        file takes from ``rig``.
+    progress : Progress, optional
+        Receiver of the progress.
 
     Returns
     -------
-    RigFit of a bag, or JumpFit of a table.
+    RigFit or JumpFit
+        Fit of a bag, or of a table.
 
     Raises
     ------
-    BagError, ConfigError : a source that cannot be read, or arguments that cannot be combined
-    OutputError : ``out`` exists already, or cannot be written
+    BagError, ConfigError
+        If the source cannot be read, or arguments cannot be combined.
+    OutputError
+        If ``out`` exists already, or cannot be written.
 
     Examples
     --------

@@ -157,17 +157,26 @@ def fit_jumps(
 
     Parameters
     ----------
-    law : law of the cam
-    table : measured jump speeds and their set-ups
-    base : rig with the start values
-    model : one_mass (default) or two_mass, both in steady state
-    fixed : known values in SI by name
-    error : standard deviation of a reading in rpm (default: from the residuals)
-    progress : receiver of the progress
+    law : Law
+        Law of the cam.
+    table : JumpTable
+        Measured jump speeds and their set-ups.
+    base : RigConfig
+        Rig with the start values.
+    model : str, optional
+        ``one_mass`` (default) or ``two_mass``, both in steady state.
+    fixed : dict of str to float, optional
+        Known values in SI by name.
+    error : float, optional
+        Standard deviation of a reading in rpm (default: from the residuals).
+    progress : Progress, optional
+        Receiver of the progress.
 
     Raises
     ------
-    ConfigError : too few readings, readings outside the limits, or readings that fit no follower
+    ConfigError
+        If there are too few readings, or readings outside the limits, or readings that fit no
+        follower.
     """
     fixed, has_two_masses = dict(fixed or {}), model == "two_mass"
     check_fixed(fixed, model)

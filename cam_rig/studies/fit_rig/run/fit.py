@@ -36,17 +36,24 @@ def fit_run(
 
     Parameters
     ----------
-    law : law of the cam
-    run : measured run
-    base : rig with the start values, and the values of parameters that are not identifiable
-    model : one_mass, two_mass (two masses and a stem), or None for the likelier
-    fixed : known values in SI by name
-    progress : receiver of the progress
+    law : Law
+        Law of the cam.
+    run : MeasuredRun
+        Measured run.
+    base : RigConfig
+        Rig with the start values, and the values of parameters that are not identifiable.
+    model : str, optional
+        ``one_mass``, ``two_mass`` (two masses and a stem), or None for the likelier.
+    fixed : dict of str to float, optional
+        Known values in SI by name.
+    progress : Progress, optional
+        Receiver of the progress.
 
     Raises
     ------
-    ConfigError : values outside their limits, a run without steady speeds, or without the signals
-        that the model needs
+    ConfigError
+        If values are outside their limits, or the run has no steady speeds, or lacks the signals
+        that the model needs.
     """
     fixed = dict(fixed or {})
     check_fixed(fixed, model)

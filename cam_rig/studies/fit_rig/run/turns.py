@@ -272,8 +272,9 @@ def measured_segments(run: MeasuredRun) -> tuple[MeasuredRun, tuple[MeasuredSegm
 
     Raises
     ------
-    ConfigError : a run without lift and force, with signals that cannot be used, or without a
-        steady speed
+    ConfigError
+        If the run has neither lift nor force, or has signals that cannot be used, or has no steady
+        speed.
     """
     if run.lift is None and run.force is None:
         raise ConfigError(
