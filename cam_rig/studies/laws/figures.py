@@ -67,6 +67,15 @@ def plot_law(law: LawOrCam) -> Figure:
     matplotlib.figure.Figure
         Four panels over the cam angle in degrees.
 
+    Raises
+    ------
+    ConfigError
+        If the cam is unknown, or its file cannot be read.
+    LawError
+        If the law cannot be built.
+    MissingLibraryError
+        If Matplotlib is not installed.
+
     Examples
     --------
     >>> import cam_rig
