@@ -429,14 +429,14 @@ def noise_study(
 
     Parameters
     ----------
-    scene : str, Path or Scene
+    scene : str, Path or Scene, optional
         Scene with published curves: a name in ``config/scenes``, a path, or the result of
-        `load_scene`.
-    rig : str, Path or Rig
-        Rig identified from jump speeds.
-    one_rig : bool
-        True to fit the arc cam also on that rig, which takes minutes.
-    progress : Progress
+        `load_scene` (default: ``tm21_sweep``).
+    rig : Rig, str or Path, optional
+        Rig identified from jump speeds (default: ``paper_table2``).
+    one_rig : bool, optional
+        True to fit the arc cam also on that rig, which takes minutes (default: False).
+    progress : Progress, optional
         Receiver of the progress.
 
     Returns
@@ -447,11 +447,12 @@ def noise_study(
     Raises
     ------
     ConfigError
-        The scene does not have the three cams with their published curves, or the rig has one
+        If the scene does not have the three cams with their published curves, or the rig has one
         mass.
 
     Examples
     --------
+    >>> import cam_rig
     >>> result = cam_rig.noise_study()  # doctest: +SKIP
     """
     loaded = resolve_scene(scene)
