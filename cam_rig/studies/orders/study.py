@@ -209,14 +209,21 @@ def order_spectrum(
 
     Parameters
     ----------
-    source : a cam or a scene: a name, a path, or a result of `load_cam` or `load_scene`. A cam
-        alone is placed on the rig ``tm21`` with the model ``one_mass``, at 200 to 400 rpm
-    rpm : one or more speeds in rpm (default: those of the scene)
-    cam : one cam of a scene (default: all)
-    rig : a name, a path or a rig (default: that of the scene)
-    model : a model as in `simulate` (default: that of the scene)
-    orders : the highest order, 1 to 10 000
-    progress : the receiver of the progress
+    source : Cam, Scene, str or Path
+        Cam or scene: a name, a path, or the result of `load_cam` or `load_scene`. A cam alone is
+        placed on the rig ``tm21`` with the model ``one_mass``, at 200 to 400 rpm.
+    rpm : float or sequence of float, optional
+        One or more speeds in rpm (default: those of the scene).
+    cam : str, optional
+        Name of one cam of a scene (default: all).
+    rig : Rig, str or Path, optional
+        Rig: a name, a path or a rig (default: that of the scene).
+    model : str, optional
+        Model, as in `simulate` (default: that of the scene).
+    orders : int, optional
+        Highest order, 1 to 10 000 (default: 100).
+    progress : Progress, optional
+        Receiver of the progress.
 
     Returns
     -------
@@ -225,7 +232,8 @@ def order_spectrum(
 
     Raises
     ------
-    ConfigError : an unknown cam, scene, rig or model, or a number that is out of range
+    ConfigError
+        If a cam, scene, rig or model is unknown, or a number is out of range.
 
     Examples
     --------
