@@ -128,22 +128,23 @@ def simulate(
         Motion law, or a cam: its name in ``config/cams``, its path, or the object.
     rig : Rig, str or Path
         Rig: its name in ``config/rigs``, its path, or the object.
-    model : str
-        ``one_mass`` (rigid, with lift-offs and landings), ``two_mass`` (eq. 14-19 of the paper),
-        ``elastic_stem`` (eq. 5, always in contact), ``kinetostatic`` (no vibration, no loss of
-        contact), or ``torsional`` (eq. 10, elastic shaft).
+    model : str, optional
+        ``one_mass`` (rigid, with lift-offs and landings, default), ``two_mass`` (eq. 14-19 of the
+        paper), ``elastic_stem`` (eq. 5, always in contact), ``kinetostatic`` (no vibration, no loss
+        of contact), or ``torsional`` (eq. 10, elastic shaft).
     rpm : float
         Cam speed, rpm.
-    turns : int
-        Number of turns at that speed.
-    sample_rate : int
-        Hz.
+    turns : int, optional
+        Number of turns at that speed (default: 3).
+    sample_rate : int, optional
+        Sample rate, Hz (default: 48 000).
     ramp : float, optional
         Time of a linear ramp from rest to the speed, s (default: start at the speed).
 
     Returns
     -------
     FollowerMotion
+        Motion, forces and events of the follower.
 
     Raises
     ------

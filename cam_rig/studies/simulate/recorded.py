@@ -75,6 +75,7 @@ def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
     Returns
     -------
     SceneRun
+        Recorded run with its scene.
 
     Raises
     ------

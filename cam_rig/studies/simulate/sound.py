@@ -112,6 +112,7 @@ def sound_level(motion: FollowerMotion, *, transient_turns: int = 1) -> SoundLev
     Returns
     -------
     SoundLevel
+        Level of each turn and of the settled turns, dB.
 
     Raises
     ------
@@ -169,6 +170,7 @@ def audition(
     Parameters
     ----------
     loaded : LoadedScene
+        Scene to change.
     cam : str or None
         Name of a cam (None: all cams).
     rpm : float or None
@@ -276,11 +278,12 @@ def listen(
     Parameters
     ----------
     loaded : LoadedScene
+        Scene to simulate.
     rate : int
         Sample rate, Hz.
     out : Path
         Sound file that the summary names. It is not written.
-    progress : Progress
+    progress : Progress, optional
         Receiver of the progress.
     """
     source, pressure = SoundSource(loaded.radiation, rate, least_rate=rate), []

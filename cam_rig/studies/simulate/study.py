@@ -330,6 +330,7 @@ def run_scene(
     Returns
     -------
     SceneRun
+        Simulated run of the scene.
 
     Raises
     ------
@@ -397,6 +398,7 @@ def sweep(
     Returns
     -------
     SceneRun
+        Simulated run of the cams at the speeds.
 
     Raises
     ------
