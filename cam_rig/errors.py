@@ -32,6 +32,11 @@ class CamRigError(Exception):
     wrong argument is also a ``ValueError``, or a ``TypeError`` if the type is wrong. A message
     longer than a screen, such as one with thousands of numbers, is shortened in the middle.
 
+    Parameters
+    ----------
+    message : str
+        Text of the error. Its control characters are escaped.
+
     Attributes
     ----------
     exit_code : int
@@ -39,6 +44,15 @@ class CamRigError(Exception):
     in_command : str
         Message for the command line, which names options. Functions of `import cam_rig` replace
         them by parameters in ``args``.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> try:
+    ...     cam_rig.load_cam("no_such_cam")
+    ... except cam_rig.CamRigError as error:
+    ...     error.exit_code
+    2
     """
 
     exit_code = 1

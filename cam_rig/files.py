@@ -43,9 +43,10 @@ def read_bytes(path: Path, max_bytes: int, follow: bool = True) -> bytes:
     Parameters
     ----------
     path : Path
+        Path of the file.
     max_bytes : int
         Largest size of the file.
-    follow : bool
+    follow : bool, optional
         True if a symbolic link is followed (default: True).
 
     Raises
