@@ -216,7 +216,7 @@ def options(
         ),
     ] = False,
 ) -> None:
-    """A virtual cam test rig: turn a cam, move its follower, listen, record, compare."""
+    """Turn a cam, move its follower, listen, record and compare: a virtual cam test rig."""
 
 
 @cache

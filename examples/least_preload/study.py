@@ -80,7 +80,9 @@ def least_preload(
     *,
     progress: Progress = NULL_PROGRESS,
 ) -> PreloadResult:
-    """The least preload of each cam at each speed; the command is ``cam-rig least-preload``.
+    """Return the least preload of each cam at each speed.
+
+    The command is ``cam-rig least-preload``.
 
     >>> import cam_rig
     >>> found = cam_rig.least_preload("poly345", rpm=300)
