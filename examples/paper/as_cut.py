@@ -80,7 +80,8 @@ def followed_law(law: cam_rig.Law, base: float, roller: float) -> cam_rig.Law:
 
     Raises
     ------
-    ValueError : the contour is hollower than the roller
+    ValueError
+        If the contour is hollower than the roller.
     """
     columns: list[FloatArray] = []
     breaks = [0.0]

@@ -73,8 +73,6 @@ def plot_law(law: LawOrCam) -> Figure:
         If the cam is unknown, or its file cannot be read.
     LawError
         If the law cannot be built.
-    MissingLibraryError
-        If Matplotlib is not installed.
 
     Examples
     --------
