@@ -61,7 +61,7 @@ def fit_rig(
         Cam of a scene or a bag with several cams.
     rig : Rig, str or Path, optional
         Name, path or rig with the values of parameters that are not identifiable (default: as in
-        `jump`).
+        `jump_speeds`).
     model : str, optional
         ``one_mass`` or ``two_mass`` (default: the likelier).
     fix : mapping of str to float, optional
