@@ -56,7 +56,7 @@ class Spec:
     read: Callable[[Any], Any] | None = None
 
     def convert(self, value: Any) -> Any:
-        """Return a value in the type of this parameter, such as 250.0 for 250.
+        """Return a value, converted to the type of this parameter, such as 250.0 for 250.
 
         Raises
         ------
@@ -304,7 +304,7 @@ def usage(node: str) -> str:
 
 
 def _parameter(spec: Spec) -> list[str]:
-    """Return the lines of the help text on a parameter."""
+    """Return the lines of the help text that describe a parameter."""
     default = ", ".join(spec.default) if isinstance(spec.default, list) else spec.default
     text = str(default).lower() if isinstance(default, bool) else default
     head = f"  {spec.name}{' *' if spec.live else ''}"

@@ -10,7 +10,7 @@ from cam_rig.messages.topics import Topic, second_publisher
 if TYPE_CHECKING:
     from cam_rig.nodes.base.rig_node import RigNode
 
-#: Period (s, wall clock) of the check.
+#: Period (s, wall clock) at which the publishers of each monitored topic are counted.
 CHECK_PERIOD_S = 0.25
 #: Time (s, wall clock) to wait for the name of a newly discovered publisher's node. DDS may
 #: announce an endpoint before the name of its node; a program without ROS never has a name.
