@@ -65,11 +65,11 @@ UNITS: dict[str, dict[str, float]] = {
 }
 #: Unit -> factor to SI. Each unit has one dimension.
 FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
-#: Largest number of items of a list that only the size of its file limits.
+#: Largest number of items of a list without a limit. Only the size of its file limits the list.
 MANY = sys.maxsize
-#: Largest number of list items in a ``repr``.
+#: Largest number of items that the ``repr`` of a list of numbers contains.
 MAX_SHOWN_NUMBERS = 6
-#: Number of YAML. Texts and booleans are errors.
+#: Type of a number in a YAML file. Texts and booleans are errors.
 Number = Annotated[float, Field(strict=True)]
 #: Translation of the characters of other spellings of a unit.
 UNIT_SPELLINGS = str.maketrans({"·": "*", "²": "^2", "µ": "u", "μ": "u", "°": "deg"})

@@ -1,4 +1,4 @@
-"""YAML 1.2 documents within limits, read by PyYAML's safe loader."""
+"""Parser of YAML 1.2 documents of limited size and depth, based on PyYAML."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Loader(BASE):  # type: ignore[misc]
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        """Return a mapping. Raise ConfigError for a repeated key, or a list as a key."""
+        """Return the mapping of a node. Raise ConfigError if a key is repeated or a list."""
         keys = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
