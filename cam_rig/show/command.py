@@ -108,7 +108,7 @@ def write_plot(target: Path, figure: Callable[[], Figure]) -> None:
 
 
 def write_json(data: dict[str, Any], target: str | None) -> None:
-    """Write JSON to a file, or to stdout for ``-``. None: not written."""
+    """Write JSON to a file, or to stdout for ``-``. Without a target, write nothing."""
     text = json.dumps(data, indent=2)
     if target == "-":
         print(text)
