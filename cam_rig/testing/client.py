@@ -75,7 +75,7 @@ class RigClient:
         self._executor.add_node(node)
 
     def spin(self, seconds: float = 0.0) -> None:
-        """Process one message that has arrived, or arrives within a wall time (s)."""
+        """Process one message, waiting for it for at most `seconds` of wall time."""
         self._executor.spin_once(timeout_sec=seconds)
 
     def wait_for(self, condition: Callable[[], Any], what: str = "the condition") -> Any:
@@ -108,7 +108,9 @@ class RigClient:
     def listen(
         self, topic: str, kind: Any = None, accept: Callable[[Any], Any] = lambda _message: True
     ) -> list[Any]:
-        """Subscribe to a topic. Return a list to which messages are appended during waits.
+        """Subscribe to a topic, and return the list of its messages.
+
+        Received messages are appended to the list while this client waits.
 
         Parameters
         ----------
