@@ -158,7 +158,7 @@ def one_line(error: typer.BadParameter) -> str:
     return f"{name}: is {first['input']!r}; allowed: {allowed}"
 
 
-#: Version of a package that is not installed.
+#: Text for the version of a package that is not installed.
 NOT_INSTALLED = "not installed"
 
 

@@ -29,7 +29,7 @@ from cam_rig.show.tables import pluralize
 LOCK_FILE = ".lock"
 #: Glob pattern of the files of batches.
 FILE_PATTERN = "points-*.parquet"
-#: Name of a file: first point, end (exclusive), digest.
+#: Pattern of the name of a file, which contains first point, end (exclusive) and digest.
 _NAME = re.compile(r"points-(\d+)-(\d+)-([0-9a-f]{16})\.parquet")
 #: Suffix of the name of a damaged file, whose points are computed again.
 DAMAGED_SUFFIX = ".damaged"

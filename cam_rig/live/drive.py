@@ -104,7 +104,7 @@ class SetpointSchedule:
             self._shift(length - planned_length, speed * length / NS - turn)
 
     def command(self, speed: float | None) -> None:
-        """Set the speed (rad/s) from the next state on, or None for the scene's speeds."""
+        """Command a speed (rad/s) from the next state on, or None for the scene's speeds."""
         self.state = replace(self.state, speed=speed)
 
     def mount(self, cam: str) -> None:
@@ -298,7 +298,10 @@ class DriveProgram:
         return min(rig_ns, following.time_ns - 1) if last.turns_until(following) else None
 
     def command(self, speed: float) -> None:
-        """Set the speed (rad/s) from the next state on, or 0 for the scene's speeds."""
+        """Command a speed (rad/s) from the next state on, or 0 for the scene's speeds.
+
+        Raise RefusedError if the speed is outside the limits.
+        """
         self.require_speed(speed)
         self.schedule.command(speed or None)
 

@@ -179,7 +179,7 @@ class Pacing:
 
 #: Period (s, wall clock) over which the real-time factor of a run is compared with the requested.
 PACE_WINDOW_S = 10.0
-#: Shortest duration (s, wall clock) for this comparison at the end of a run.
+#: Shortest duration (s, wall clock) since the last comparison for a last one at the end of a run.
 MIN_PACE_WINDOW_S = 2.0
 #: Largest fraction of the requested real-time factor that a run may lose without a warning.
 MAX_LOST = 0.1

@@ -70,7 +70,7 @@ class CamMounting:
 
 # Comparison of received laws and contours with those of the cam's file.
 
-#: Number of points of the contour over one turn.
+#: Number of points of the published contour of a cam, over one turn.
 CONTOUR_POINTS = 180
 #: Tolerance of a received law, relative to the largest value. Two machines may round the law of the
 #: same file differently.

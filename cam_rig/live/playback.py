@@ -46,7 +46,7 @@ class PlaybackSamples(NamedTuple):
 
 
 class Playback:
-    """Samples of the finished ticks that are to be shown at a wall-clock time.
+    """Buffer of finished ticks, which selects the samples to display at a time.
 
     The playback position is a rig time. It moves at the rate at which it reaches the end of the
     newest tick one margin after the next tick is due. The displayed cam therefore turns as fast as

@@ -51,7 +51,7 @@ MAX_REQUEST = 1 << 20
 #: Number of file descriptors of a request: leash, stdout, stderr, and a pipe for the drive's
 #: progress. The leash is a pipe that is closed without a byte if the node must not start.
 MAX_STREAMS = 4
-#: Option PR_SET_NAME of prctl, which sets the name of this process.
+#: Number of the option of prctl(2) that sets the name of this process.
 PR_SET_NAME = 15
 
 

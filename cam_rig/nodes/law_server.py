@@ -24,7 +24,7 @@ from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.units import TURN
 
-#: Number of intervals of the sampled law on /cam/law, per turn.
+#: Number of intervals per turn into which the law on /cam/law is sampled.
 LAW_INTERVALS = 180
 
 

@@ -102,7 +102,7 @@ _MEASURED = (
 QUANTITIES: Mapping[str, LawQuantity] = {q.name: q for q in (*_DESIGN, *_MEASURED)}
 #: Quantities that can be a goal or a limit of a design.
 DESIGN_QUANTITIES = {name: q for name, q in QUANTITIES.items() if q.senses}
-#: Moving parts of each model of a scene, as titles name them.
+#: Model of a scene -> description of its moving parts, for titles.
 MOVING_PARTS = {
     "kinetostatic": "one rigid mass held on the cam",
     "one_mass": "one rigid mass free to leave the cam",

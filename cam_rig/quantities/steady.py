@@ -44,7 +44,7 @@ from cam_rig.units import NS, RPM, TURN, FloatArray
 UNMEASURED_RATE_HZ = 1
 #: Largest number of samples of a tick, little more than fits in the cache of a core.
 MAX_TICK_SAMPLES = 1 << 15
-#: Row of the contact force in the outputs of a mass on its stem.
+#: Index of the contact force among the outputs of the model of a mass on its stem.
 FORCE_ROW = 3
 
 

@@ -33,7 +33,7 @@ _TERM = re.compile(
 
 _LIMIT = re.compile(r"(?P<term>[^<>=]+?)\s*(?P<sense><=|>=|≤|≥)\s*(?P<value>.+)")
 _VALUE = re.compile(rf"(?P<number>{_NUMBER})\s*(?P<unit>\S+)?")
-#: Characters of units as tables print them.
+#: Character translation of units for tables, such as m/s² for m/s^2.
 _TYPESET = str.maketrans({"*": "·", "^": ""}) | str.maketrans("23", "²³")
 
 

@@ -48,7 +48,7 @@ MAX_CELL_PHASE = 2.0
 PEAK_SEARCH_RTOL = 0.01
 #: Number of speeds per beat. The largest amplitude between two of them is higher by at most 0.4 %.
 SPEEDS_PER_BEAT = 32
-#: Largest number of speeds of a range.
+#: Largest number of speeds at which vibration over a range is computed.
 MAX_SPEEDS = 4096
 
 

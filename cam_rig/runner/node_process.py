@@ -35,9 +35,9 @@ SHUTDOWN_GRACE_S = 10.0
 PROFILE_VARIABLE = "FASTDDS_DEFAULT_PROFILES_FILE"
 #: Maximum number of stored lines of a node's stderr. Each further line replaces the last.
 MAX_STDERR_LINES = 1000
-#: Parameters of a node by name.
+#: Type of the parameters of a node, by name.
 Arguments = dict[str, str | bool | float | list[str]]
-#: Process of a node, started in a new interpreter or forked.
+#: Type of a node's process: started in a new interpreter, or forked.
 Process = subprocess.Popen[str] | ForkedProcess
 
 

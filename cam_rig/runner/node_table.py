@@ -12,9 +12,9 @@ from dataclasses import dataclass
 PROGRESS_TIMEOUT_S = 120.0
 #: Value of the parameter on_finish: the node ends with the run.
 END = "end"
-#: Value of on_finish: the node stays for another run.
+#: Value of the parameter on_finish: the node stays for another run of the rig.
 STAY = "stay"
-#: Value of on_finish: the node waits until the runner ends it.
+#: Value of the parameter on_finish: the node waits until the runner ends it.
 WAIT = "wait"
 
 
@@ -44,7 +44,7 @@ PLAYER = NodeEntry("player")
 PANEL = NodeEntry("panel")
 #: All nodes by name.
 ENTRIES = {entry.name: entry for entry in (*NODES, PLAYER, PANEL)}
-#: Nodes whose messages other nodes consume, in a run and in a replay.
+#: Names of the nodes that publish the cam's laws and states, in a run or in a replay.
 SOURCES = ("law_server", DRIVE, PLAYER.name)
 #: Names of the nodes for which the drive may wait in addition to the law server. The run can
 #: continue without the optional nodes.

@@ -97,11 +97,12 @@ def log_folder() -> tuple[Path, str]:
 
 #: Largest ROS domain whose ports DDS can use.
 MAX_DOMAIN = 232
-#: Value of ROS_DOMAIN_ID, which ROS reads as in C: a leading 0 means octal, 0x hexadecimal.
+#: Pattern of a value of ROS_DOMAIN_ID. ROS reads it as C does: a leading 0 means octal, 0x
+#: hexadecimal.
 DOMAIN_NUMBER = re.compile(r"\s*\+?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)", re.ASCII)
 #: Maximum number of characters of ROS_DOMAIN_ID. Longer texts are rejected unread.
 MAX_DOMAIN_CHARACTERS = 64
-#: Namespace of ROS, with its leading slash.
+#: Pattern of a namespace that ROS accepts, with its leading slash.
 NAMESPACE = re.compile(r"(/(?:_?[A-Za-z]|_[0-9])(?:_?[A-Za-z0-9])*_?)+", re.ASCII)
 #: Maximum number of characters of a namespace. Namespace and topic together may have 255.
 MAX_NAMESPACE = 200
@@ -235,11 +236,11 @@ def _open_lock(path: Path) -> int:
 #: Number of bytes of shared memory that must be free before a run. The locks of seven nodes need
 #: one page of memory each; the limit is several times their sum.
 MIN_FREE_BYTES = MIB
-#: Remedy in the messages on a full shared memory.
+#: Text of the remedy in messages about a full shared memory.
 REMEDY = "remove files from it, or give a container more (docker run --shm-size=256m)"
 #: Folder of the shared memory on Linux.
 SHARED_MEMORY = Path("/dev/shm")
-#: File name of a segment or a port of Fast DDS.
+#: Pattern of the file name of a shared memory segment or port of Fast DDS.
 SEGMENT = re.compile(r"fastdds_(?:[0-9a-f]{16}|port(\d{1,5}))")
 #: Suffixes of the lock file next to a segment or port. Its owner locks it until the owner ends.
 LOCK_SUFFIXES = ("_el", "_sl")

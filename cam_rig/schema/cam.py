@@ -72,7 +72,7 @@ Offset = Annotated[Quantity, must_be("length", ge=-100.0, le=100.0)]
 Inclination = Annotated[Quantity, must_be("angle", ge=-1.5, le=1.5)]
 #: Largest permissible pressure angle, up to a right angle.
 MaxPressureAngle = Annotated[Quantity, must_be("angle", gt=0.0, le=0.5 * math.pi)]
-#: Angle between the two arms of a rocker.
+#: Angle between the two arms of an oscillating conjugate follower, rad.
 ArmsAngle = Annotated[Quantity, must_be("angle", gt=0.0, le=2.0 * math.pi)]
 Radius = Annotated[Quantity, must_be("length", ge=0.0, le=100.0)]
 

@@ -18,9 +18,9 @@ from cam_rig.schema.quantity import PYTHON_CONTEXT
 Config = TypeVar("Config", bound=BaseModel)
 #: Largest number of wrong keys that a message names in addition to the explained key.
 MAX_OTHER_KEYS = 3
-#: Remedy for a decimal comma.
+#: Text of the remedy for a number with a decimal comma.
 DECIMAL_POINT = "a number has a decimal point, not a comma"
-#: Allowed form of a quantity, with an example.
+#: Text on the allowed form of a quantity, with an example.
 QUANTITY_FORM = "a number by its origin, with its unit, as {given: 15, unit: mm, source: drawing}"
 
 

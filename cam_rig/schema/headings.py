@@ -175,7 +175,7 @@ QUANTITIES: dict[str, QuantityWords] = {
     "y": QuantityWords("length", "", "y"),
     "z": QuantityWords("length", "", "z"),
 }
-#: Quantity of a heading that has a unit but no word of a quantity.
+#: Dimension of the unit -> quantity of a heading that has a unit but no word of a quantity.
 BY_UNIT = {"angle": "angle", "length": "lift", "speed": "speed", "level": "level"}
 #: Words of an angle of the crankshaft, which turns twice as fast as the cam.
 CRANK = QuantityWords(
@@ -202,7 +202,7 @@ LETTERS = frozenset("abcd")
 #: Words for the divisions of a dial. The heading must also contain a unit or a factor, because the
 #: words do not define the size of a division.
 DIVISIONS = frozenset(("div", "divs", "division", "divisions", "teilstrich", "teilstriche"))
-#: Largest number that counts as the index of a column, such as in "lift 2".
+#: Largest number in a heading that counts as the index of a column, as in "lift 2".
 MAX_INDEX = 99
 
 _BRACKETS = re.compile(r"[(\[{]([^)\]}]*)[)\]}]")
@@ -213,7 +213,7 @@ _TOKEN = re.compile(
 )
 #: Largest number of tokens of the name of a unit, such as ``rad / s``.
 _MAX_UNIT_TOKENS = 3
-#: Tokens before the factor of a unit, as in ``mm x 10``.
+#: Tokens after which a number is the factor of a unit and not a column index, as in ``mm x 10``.
 _FACTOR_MARKS = (["x"], ["×"], ["*"], ["^"], ["/"])
 #: Units of time, which make a length or an angle a speed, as in ``mm/s``.
 _TIMES = frozenset(

@@ -18,13 +18,13 @@ from cam_rig.units import TURN
 
 #: Separators of cells, and their names in messages.
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "space"}
-#: Number with decimal point or comma.
+#: Pattern of a number with decimal point or comma.
 NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?")
-#: Cell with a comma or point that could separate thousands or decimals, such as 1,084.
+#: Pattern of a number whose comma or point could separate thousands or decimals, such as 1,084.
 GROUPED = re.compile(r"[-+−]?[1-9]\d{0,2}[.,]\d{3}")
-#: Integer of two digits or more.
+#: Pattern of an integer of two digits or more.
 LARGE_INTEGER = re.compile(r"[-+−]?[1-9]\d+")
-#: Text of the number of an empty cell.
+#: Text that represents an empty cell among the numbers of a line.
 NOTHING = "nan"
 #: Smallest range of angles without a unit that means rad: three quarters of a turn. A table of a
 #: smaller range could be in another unit.
@@ -39,7 +39,7 @@ OTHER_UNITS_PER_TURN = {100.0: "percent", 400.0: "gon"}
 #: Relative tolerance within which a range of angles counts as one turn in another unit. A table
 #: without its closing reading lacks one step, 0.5 % of 200 steps.
 OTHER_UNITS_RTOL = 0.005
-#: Words in the heading of an angle in turns, from 0 to 1.
+#: Pattern of words by which a heading indicates an angle in turns, from 0 to 1.
 PHASE_WORDS = re.compile("phase|fase|cycle|zyklus|ciclo|takt", re.I)
 #: Smallest range of an angle under such a heading that is read as turns, if it has no unit. A
 #: smaller range could be in another unit.
@@ -49,7 +49,7 @@ MAX_PHASE_RANGE = 1.02
 #: Smallest range of an angle under such a heading that is read as deg. A smaller range could be in
 #: percent.
 MIN_PHASE_RANGE_DEG = 250.0
-#: Heading of minutes of arc in a column next to the degrees.
+#: Pattern of the heading of a column with minutes of arc, next to the column of degrees.
 MINUTES = re.compile(r"\W*(?:min|mins|minutes?|minuten|minutos?|minuti|arcmin|['′])\W*", re.I)
 #: Largest size of a file in bytes, more than a million characters of numbers.
 MAX_BYTES = 2 * MIB

@@ -41,10 +41,10 @@ def config_root() -> Path:
 
 
 def resolve_path(folder: str, name: str | Path) -> Path:
-    """Return the path of a file that is given by its path or name.
+    """Return the path of a config file from its path or its shipped name.
 
-    A name without folder and suffix is that of a file in a folder of ``config``, unless there is
-    a file of this path.
+    `name` is the path of a file. If there is no such file, a name without folder and suffix is that
+    of a file in the folder `folder` of ``config``.
     """
     path = Path(name)
     return path if is_path(name) or file_exists(path) else config_root() / folder / f"{name}.yaml"
@@ -144,7 +144,7 @@ class Library:
         return _first_file(self._candidates(folder, name))
 
     def file(self, folder: str, name: str) -> Path:
-        """Return the path of a file that is given by its path or name, see `path`."""
+        """Return the path of an existing file from its path or its name, see `path`."""
         paths = [self.folder / name] if is_path(name) else self._candidates(folder, name)
         return _first_file(paths)
 
@@ -171,7 +171,7 @@ rig_path = partial(resolve_path, "rigs")
 
 
 def resolve_rig_path(rig: str | Path, *files: Path) -> Path:
-    """Return the path of the file of a rig that is given by its path or name.
+    """Return the path of a rig's file from its path or its name.
 
     A name is searched for in the folders of rigs next to those of `files`, which are scenes or
     cams, then in ``config/rigs``.

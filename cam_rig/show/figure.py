@@ -37,7 +37,7 @@ CAM_SPEED = "cam speed [rpm]"
 LEVEL = "sound pressure level [dB re 20 µPa]"
 #: Width of a figure in inches: 170 mm, the width of the text on an A4 page.
 WIDTH = 170.0 / 25.4
-#: Style of all figures, in matplotlib's parameters.
+#: Matplotlib's parameters for all figures, from the style sheet.
 STYLE = mpl.rc_params_from_file(
     Path(__file__).with_name("style.mplstyle"), use_default_template=False
 )

@@ -131,9 +131,9 @@ SERIES = (BLUE, VERMILION, GREEN, BLACK, PURPLE, ORANGE, SKY_BLUE)
 FLIGHT = 0xF2DADAFF
 #: Colours of the curves of lift s and its derivatives s′, s″ and s‴ on paper.
 DERIVATIVES = (BLUE, GREEN, VERMILION, BLACK)
-#: Names of s, s′, s″ and s‴.
+#: Displayed names of the lift s and its derivatives s′, s″ and s‴.
 DERIVATIVE_NAMES = ("lift s", "velocity s′", "acceleration s″", "jerk s‴")
-#: Units of s, s′, s″ and s‴ after the unit of lift.
+#: Text that follows the unit of lift in the units of s, s′, s″ and s‴.
 PER_RADIAN = ("", "/rad", "/rad²", "/rad³")
 #: Colours of the one or two discs of a cam on paper.
 DISCS = (BLUE, VERMILION)
@@ -162,7 +162,7 @@ def tint(colour: int) -> int:
 
 #: Millimetres per metre.
 MM = 1e3
-#: Number of decimals of mm that are sent to a page.
+#: Number of decimals of the coordinates in mm that are sent to a browser page.
 DECIMALS = 4
 
 
@@ -199,9 +199,9 @@ def reach(largest: float) -> float:
 
 # Texts in pictures.
 
-#: Name of a polynomial law, such as poly345.
+#: Pattern of the name of a polynomial law, such as poly345.
 _POLYNOMIAL = re.compile(r"poly(\d+)")
-#: Name of a Bézier law, such as bezier4_start.
+#: Pattern of the name of a Bézier law, such as bezier4_start.
 _BEZIER = re.compile(r"bezier(\d+)(.*)")
 #: Largest number of characters of a cam's title in a legend or above a panel.
 LONGEST_TITLE = 28

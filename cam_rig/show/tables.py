@@ -20,7 +20,7 @@ MARKDOWN_WIDTH = 100
 #: Largest number of significant digits of a decimal number on a page.
 MAX_PAGE_DIGITS = 4
 
-#: A text, a number in the unit of its column, or None for an empty cell.
+#: Content of a cell: text, number in the unit of its column, or None for an empty cell.
 Cell = str | float | None
 
 #: Minus sign of a number, as opposed to the hyphen of a word.

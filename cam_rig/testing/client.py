@@ -21,7 +21,7 @@ from cam_rig.runner.node_table import ENTRIES
 
 #: Default wall time (s) after which a wait fails. It is ample for a busy machine.
 TIMEOUT_S = 300.0
-#: Period (s, wall clock) of the evaluation of a condition.
+#: Period (s, wall clock) at which a condition is evaluated while a test waits for it.
 POLL_S = 0.02
 #: Wall time (s) without an answer after which the request to a service is repeated.
 ANSWER_TIMEOUT_S = 5.0

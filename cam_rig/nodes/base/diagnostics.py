@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
 ERROR = DiagnosticStatus.ERROR
-#: Period (s, wall clock) of the heartbeats.
+#: Period (s, wall clock) at which a node publishes a heartbeat while its status is constant.
 HEARTBEAT_PERIOD_S = 1.0
 #: Time (s, wall clock) after a status message during which no heartbeat is needed. Slightly less
 #: than the period, so that timer jitter does not suppress every second heartbeat.

@@ -70,7 +70,8 @@ LETTERS = 40
 #: Fraction of the points with the lowest, or highest, values of an input whose median a bar of a
 #: tornado chart displays.
 TENTH = 0.1
-#: Height and style of the bars of the lowest and of the highest tenth.
+#: Height and plot options of the bars of a tornado chart: for the lowest tenth of an input, and for
+#: the highest.
 LOOKS: tuple[tuple[float, dict[str, Any]], ...] = (
     (0.7, {"facecolor": web(SKY_BLUE), "edgecolor": "white"}),
     (0.4, {"facecolor": web(BLUE), "edgecolor": "white", "hatch": "///"}),
@@ -174,11 +175,11 @@ MAX_COLUMNS = 3
 #: Largest number of steps of an input that have separate panels. Of more steps, evenly spaced ones
 #: are displayed.
 MAX_PANELS = 6
-#: Height of a panel, inches.
+#: Height of a map panel, inches.
 PANEL_HEIGHT = 2.3
-#: Largest number of letters of a line above a panel.
+#: Largest number of letters of a text line above a map panel.
 MAP_LETTERS = 26
-#: Largest number of letters of a line along one row of panels.
+#: Largest number of letters per line in the label of a colour bar, which is along the map panels.
 ROW_LETTERS = 36
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 PROBABILITIES = (0.01, 0.05, 0.5, 0.95, 0.99)
 #: Largest number of reasons that a note on failed points lists.
 MAX_REASONS = 3
-#: Probability that an interval does not contain the true value.
+#: Probability that a 95 % interval does not contain the true value.
 MISSED = 0.05
 #: Smallest number of draws for which the 95 % interval of the median exists.
 FOR_MEDIAN = 6
@@ -63,7 +63,7 @@ class Quantile:
 
     @property
     def needed(self) -> int:
-        """Number of draws from which on the sample contains both ends of the interval."""
+        """Smallest number of draws for which the sample contains both interval ends."""
         outside = max(self.probability, 1.0 - self.probability)
         return math.ceil(math.log(0.5 * MISSED) / math.log(outside))
 
@@ -401,9 +401,9 @@ def quantile(values: FloatArray, probability: float) -> Quantile:
 
 
 def order_interval(count: int, probability: float) -> tuple[int, int]:
-    """Return the indices of the sorted numbers at both ends of a quantile's interval.
+    """Return the indices of the ends of a quantile's 95 % interval in sorted numbers.
 
-    An index outside of 0 to count − 1 is beyond the sample.
+    There are ``count`` numbers. An index outside of 0 to count − 1 is beyond the sample.
     """
     low = int(binom.ppf(0.5 * MISSED, count, probability)) - 1
     return low, int(binom.ppf(1.0 - 0.5 * MISSED, count, probability))

@@ -44,7 +44,7 @@ FOLLOWER = (
 
 
 def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> Climb:
-    """Return speed and angle at which contact is first lost: the jump speed of a law.
+    """Return the jump speed of a law and the angle at which contact is first lost.
 
     ``duration`` (s) is that of the run from rest, None for the steady state.
     """
@@ -168,9 +168,10 @@ class _FreeVibration:
 
 @dataclass(frozen=True)
 class JumpSensitivity:
-    """Derivative dΩ/dp (SI) of the jump speed by an input.
+    """Derivative dΩ/dp (SI) of the jump speed Ω by an input p.
 
-    It is None if the input moves joints or does not belong to the follower.
+    ``value`` is the number (SI) of the input. The derivative is None if the input moves joints of
+    the law, or is not a number of the follower or of the profile errors.
     """
 
     path: str

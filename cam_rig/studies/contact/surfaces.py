@@ -267,9 +267,11 @@ def _excess(
 
 
 def _greatest(case: ContactCase, radius: float, limit: float) -> float | None:
-    """Return the base radius (m) above which the sliding speed exceeds its limit.
+    """Return the greatest base radius (m) within the limit of the sliding speed.
 
-    Returns None if it exceeds the limit for every base radius, and infinity for a roller.
+    `limit` is in m/s and `radius` is the cam's base radius in m. Returns None if every base radius
+    exceeds the limit. Returns infinity for a roller, and if no base radius that the follower
+    reaches exceeds the limit.
     """
     if case.surfaces.rolls:
         return np.inf
@@ -341,7 +343,7 @@ def by_pressure_angle(name: str, event: FloatArray, most: float) -> FloatArray:
 
 
 def by_face(name: str, event: FloatArray) -> FloatArray:
-    """Return the least (R_b − ρ_min) / h of a flat follower.
+    """Return the least (R_b − ρ_min) / h of a flat follower, one per event angle.
 
     It follows from ρ = R_b + s + s'' (eq. 2.42).
     """

@@ -104,7 +104,7 @@ class JumpRow:
 
     @property
     def difference(self) -> float | None:
-        """Difference to the published speed, relative to it.
+        """Relative difference of the jump speed from the published speed.
 
         It is None along a ramp and without a published speed.
         """

@@ -180,9 +180,9 @@ def _classes(axes: Axes, marked: list[Joint]) -> None:
 
 # Several laws in one figure: s, s', s'', s''' of cams over the turn, or of bare rises over u.
 
-#: Height of a figure with four rows, in inches.
+#: Height of a figure with four rows of panels, in inches.
 FIGURE_HEIGHT = 8.2
-#: Entries in a row of the legend of a figure with one column.
+#: Number of entries per row in the legend of a figure with one column of panels.
 LEGEND_COLUMNS = 3
 #: Units of the derivatives of a rise h over a span β.
 RISE_UNITS = ("h", "h/β", "h/β²", "h/β³")

@@ -23,9 +23,9 @@ CURSOR = -0.8
 WIDTH = 160.0
 #: Titles of the two kinds of chart: Campbell diagram (rays), and spectrum at one speed (lines).
 CHARTS = {"rays": "orders over speed", "lines": "by order, at one speed"}
-#: Room right of a chart for half of the last mark, as a fraction of the width.
+#: Free space to the right of a chart for half of the last mark, as a fraction of the width.
 RIGHT_MARGIN = 0.12
-#: Room below a chart for its marks, as a fraction of the width.
+#: Free space below a chart for its marks, as a fraction of the width.
 BOTTOM_MARGIN = 0.1
 #: Colour map from dark to bright, RGB from 0 to 255, with even steps of lightness.
 SCALE = np.array(

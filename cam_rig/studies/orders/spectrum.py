@@ -249,11 +249,11 @@ def order_spectrum(
 
 # Orders over speed: spectra of cams at many speeds.
 
-#: Quantities over speed: property of the spectra, and its title.
+#: Displayed quantities: property of `OrderSpectrum` -> title.
 QUANTITIES = {"force_db": "contact force [dB re 1 N]", "level": "sound [dB re 20 µPa]"}
 #: Range of the displayed levels below the highest, dB. Lower levels are not displayed.
 RANGE = 60.0
-#: Highest order by default, 667 Hz at 400 rpm.
+#: Default of the highest computed order. At 400 rpm its frequency is 667 Hz.
 HIGHEST = 100
 
 

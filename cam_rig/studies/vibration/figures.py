@@ -37,7 +37,7 @@ LABELS = (
 RESIDUAL_ROW = 1
 #: Largest angle from the middle of the low dwell that this row displays, °.
 AROUND = 60.0
-#: Number of columns after which a new block of rows starts.
+#: Largest number of columns, one per cam. Further cams are in a new block of rows below.
 MAX_COLUMNS = 5
 #: Largest number of letters in each of the two lines above a column.
 COLUMN_LETTERS = 14
@@ -45,7 +45,7 @@ COLUMN_LETTERS = 14
 #: Plot options of the curves of the other cams.
 OTHERS: dict[str, Any] = {"color": "0.8", "lw": 0.6, "zorder": 1.5}
 
-#: Abscissa and values of each row.
+#: Type of the curves of a cam: abscissa and values for each row of the figure.
 Rows = list[tuple[FloatArray, FloatArray]]
 
 

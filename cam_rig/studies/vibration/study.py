@@ -26,11 +26,11 @@ from cam_rig.simulation.inputs import (
 )
 from cam_rig.units import RPM
 
-#: Cam that the paper proposes.
+#: Name of the cam whose law the paper proposes.
 PROPOSED = "bezier15"
-#: The paper's polynomial of lower degree.
+#: Name of the cam with the paper's polynomial of lower degree.
 LOWER = "poly345"
-#: The paper's polynomial of higher degree.
+#: Name of the cam with the paper's polynomial of higher degree.
 HIGHER = "poly4567"
 #: Measures of residual vibration by field, with their names. The claims are tested with both,
 #: because the paper does not state its measure.
