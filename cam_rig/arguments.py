@@ -36,7 +36,7 @@ ALLOWED_TEXTS: dict[Any, str] = {
     Callable: "a function",
     np.ndarray: "an array of real numbers",
 }
-#: Classes by name: their description, and the function or module that makes their objects.
+#: Name of a class -> description of its objects, and the function or module that makes them.
 MAKERS = {
     "CamConfig": ("a cam", "load_cam"),
     "RigConfig": ("a rig", "load_rig"),
@@ -46,9 +46,10 @@ MAKERS = {
     "Executor": ("an executor", "concurrent.futures"),
     "Progress": ("a Progress", "cam_rig.show.result"),
 }
-#: A long option in a message.
+#: Pattern of a long option of a command in a message.
 OPTION = re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)")
-#: Options -> parameters of another name. The parameter of an option may also have a unit as suffix.
+#: Option -> parameter, if the names differ. A parameter may also be the option with a unit as
+#: suffix.
 ALIASES = {"cam": "one_cam", "all": "every", "limit": "limits", "from": "start", "range": "values"}
 
 
@@ -133,7 +134,7 @@ def _fits(value: Any, hint: Any) -> bool:
 
 
 def _has_type(value: Any, hint: Any) -> bool:
-    """Return True if a value has the right type: only the value is wrong, as NaN."""
+    """Return True if a rejected value has the right type, such as NaN for a number."""
     kind, inner = get_origin(hint) or hint, get_args(hint)
     if kind in (Union, UnionType):
         return any(_has_type(value, member) for member in inner)
@@ -147,9 +148,9 @@ def _has_type(value: Any, hint: Any) -> bool:
 
 
 def _can_be_a_path(value: str | Path) -> bool:
-    """Return True if a file may have this name.
+    """Return True if the operating system can use a text as a path.
 
-    A name must contain no NUL and no half of a surrogate pair.
+    It must not contain NUL or half of a surrogate pair.
     """
     try:
         return b"\0" not in os.fsencode(value)
@@ -157,7 +158,7 @@ def _can_be_a_path(value: str | Path) -> bool:
         return False
 
 
-#: Conditions that a value of a type must satisfy in addition.
+#: Type -> condition that a value of this type must satisfy in addition.
 CONDITIONS: dict[Any, Callable[[Any], bool]] = {
     int: lambda value: not isinstance(value, bool) and abs(value) < 2**63,
     str: _can_be_a_path,
@@ -167,7 +168,7 @@ CONDITIONS: dict[Any, Callable[[Any], bool]] = {
 
 
 def _refusal(name: str, value: Any, hint: Any) -> str:
-    """Return the message for a wrong argument, or for the wrong item of a mapping."""
+    """Return the error message for a wrong argument, or wrong item of a mapping."""
     for member in (hint, *get_args(hint)):
         if get_origin(member) is Mapping and isinstance(value, Mapping):
             key_hint, item_hint = get_args(member)
@@ -187,7 +188,10 @@ def _refusal(name: str, value: Any, hint: Any) -> str:
 
 
 def _allowed_text(hint: Any, value: Any) -> str:
-    """Return the allowed values as text, with a suggestion that fits the value."""
+    """Return a text on the values that an annotation allows.
+
+    It contains a similar allowed name, or the call that loads `value`.
+    """
     kind, inner = get_origin(hint) or hint, get_args(hint)
     if kind in (Union, UnionType):
         return " or ".join(_allowed_text(member, value) for member in inner)

@@ -1,4 +1,4 @@
-"""Exceptions of the package, with one root, so that a command catches one type."""
+"""Exceptions of the package, which all derive from `CamRigError`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from collections.abc import Iterable
 
 #: Exit code of a command that Ctrl-C ended, as in shells.
 INTERRUPTED = 130
-#: Characters kept from the start of a message that is too long.
+#: Number of characters kept from the start of a message that is too long.
 HEAD_CHARACTERS = 700
-#: Characters kept from the end of a message that is too long. The end contains the remedy.
+#: Number of characters kept from the end of a message that is too long, which has the remedy.
 TAIL_CHARACTERS = 300
 
 
-#: Characters that control a terminal, except tab and end of line, or reverse the text direction.
+#: Pattern of characters that control a terminal, or reverse the text direction. Tab and end of line
+#: are not among them.
 CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 

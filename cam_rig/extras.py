@@ -1,4 +1,4 @@
-"""Optional libraries: the extra that installs each, and errors if one is missing."""
+"""Optional libraries, the extras that install them, and the errors without them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from importlib.util import find_spec
 
 from cam_rig.errors import ConfigError, MissingLibraryError
 
-#: Imported library -> extra of setup.py that installs it. All others are always installed.
+#: Library -> extra of setup.py that installs it. Other required libraries are always installed.
 EXTRAS = {
     library: extra
     for extra, libraries in {

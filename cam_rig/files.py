@@ -1,4 +1,4 @@
-"""Files: bounded reading of untrusted files, temporary folders and atomic writing."""
+"""Bounded reading of untrusted files, temporary folders and atomic writing."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from cam_rig.errors import ConfigError, OutputError
 
 #: Bytes in one MiB.
 MIB = 2**20
-#: Largest number of characters of a wrong value in an error.
+#: Largest number of characters of a wrong value that an error message contains.
 MAX_SHOWN = 60
 #: First characters of a formula in a spreadsheet.
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
 def shorten(text: str, quoted: bool = True) -> str:
-    """Return a text for an error: one line, shortened to `MAX_SHOWN` characters."""
+    """Return a text as one line of at most `MAX_SHOWN` characters, for an error."""
     whole = repr(text) if quoted else repr(text)[1:-1]
     return whole if len(whole) <= MAX_SHOWN else f"{whole[: MAX_SHOWN - 3]}..."
 
 
 def spreadsheet_text(value: Any) -> Any:
-    """Return a value for a cell of a CSV file; a text does not become a formula.
+    """Return a value for a cell of a CSV file, protected from evaluation as a formula.
 
-    Spreadsheets evaluate a text that starts with one of `FORMULA_STARTS`. The apostrophe before it
-    makes it a text. Numbers stay as they are.
+    Spreadsheets evaluate a text that starts with one of `FORMULA_STARTS`. An apostrophe is placed
+    before such a text. Other values are returned unchanged.
     """
     is_formula = isinstance(value, str) and value.startswith(FORMULA_STARTS)
     return f"'{value}" if is_formula else value
@@ -146,10 +146,10 @@ def write_new(folder: Path, texts: dict[str, str]) -> None:
 
 
 def new_yaml(out: str | Path | None) -> Path | None:
-    """Return the path of the option ``--out``, or None without it.
+    """Check that the option ``--out`` names a new YAML file, and return its path.
 
-    Raise ConfigError or OutputError if it is not the path of a new YAML file. Commands call this
-    before they compute.
+    Returns None without the option. Raise ConfigError or OutputError if the path does not end in
+    .yaml, exists or cannot be written. Commands call this before they compute.
     """
     if out is None:
         return None

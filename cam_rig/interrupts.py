@@ -1,4 +1,4 @@
-"""Signals that end a command, raised in its main thread after unfinished steps.
+"""Conversion of the signals that end a command into an exception at a safe point.
 
 A handler that raises immediately can leave import locks taken, worker processes without a parent
 and temporary folders on the disk. An interrupt therefore waits until the running functions of
@@ -31,11 +31,13 @@ UNINTERRUPTED = {
     "ProcessPoolExecutor.submit",
     "_BaseExitStack.enter_context",
 }
-#: Start of the file names of the code that executes imports. An interrupt waits for it as well.
+#: Prefix of the file names of Python's import code. An interrupt waits for this code as well.
 IMPORT_CODE = "<frozen importlib"
-#: Wall time (s) after a signal in which a library must return to Python, which alone can unwind.
+#: Longest wall time (s) after a signal until a library must return to Python. Only Python code can
+#: raise the interrupt. After this time the process is ended.
 UNWIND_S = 4.0
-#: Further wall time (s) in which a command must end. Closing a recording can take seconds.
+#: Longest further wall time (s) for the cleanup of a command, such as closing a recording, which
+#: can take seconds. After this time the process is ended.
 CLEANUP_S = 60.0
 Function = TypeVar("Function", bound=Callable[..., Any])
 #: Code of the functions that `interruptible` has wrapped.
@@ -64,7 +66,11 @@ class _Interrupt:
             self.deliver(frame)
 
     def deliver(self, frame: FrameType | None, outermost: FrameType | None = None) -> None:
-        """Raise now, or in the line after the outermost uninterrupted function."""
+        """Raise the interrupt now, or after the running functions of `UNINTERRUPTED`.
+
+        `frame` is the interrupted frame. The interrupt is raised in the line after the outermost of
+        these functions.
+        """
         while frame is not None and frame.f_code not in _interruptible:
             code = frame.f_code
             is_named = code.co_name in UNINTERRUPTED or code.co_qualname in UNINTERRUPTED
@@ -81,7 +87,7 @@ class _Interrupt:
             sys.settrace(anything.__init__)
 
     def throw_from_trace(self, *_event: object) -> None:
-        """Raise in the traced line, and stop tracing."""
+        """Stop tracing, and raise the interrupt in the traced line."""
         sys.settrace(None)
         if self.enabled and not self.has_raised:
             self.throw()

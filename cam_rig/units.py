@@ -1,4 +1,4 @@
-"""Units other than SI, as factors to SI, and small functions of arrays."""
+"""Factors of units to SI, formatting of times and numbers, and array statistics."""
 
 from __future__ import annotations
 
@@ -47,7 +47,10 @@ DATE_FROM_S = 1e7
 
 
 def format_time(seconds: float, begin_ns: int = 0) -> str:
-    """Return a time as seconds from the start of the bag (ns), or as its date if it is far."""
+    """Return a time within a bag as text: seconds since its start, or a date.
+
+    `begin_ns` is the start of the bag in ns. Times from `DATE_FROM_S` on are printed as a date.
+    """
     if abs(seconds) < DATE_FROM_S:
         return f"{seconds:.6g} s"
     date = datetime.fromtimestamp(begin_ns // NS + int(seconds), UTC)
@@ -55,15 +58,15 @@ def format_time(seconds: float, begin_ns: int = 0) -> str:
 
 
 def format_duration(seconds: float) -> str:
-    """Return a duration in s, min or h."""
+    """Return a duration (s) as text with its unit: s, min or h."""
     if seconds < 120.0:
         return f"{seconds:.3g} s"
     return f"{seconds / 60.0:.3g} min" if seconds < 7200.0 else f"{seconds / 3600.0:.3g} h"
 
 
-#: Real array of the rig, in double precision.
+#: Type of an array of real numbers in double precision.
 FloatArray = NDArray[np.float64]
-#: Complex array of the rig.
+#: Type of an array of complex numbers.
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 

@@ -21,17 +21,17 @@ from cam_rig.errors import ConfigError, RunError
 from cam_rig.extras import friendly_import_errors, require
 from cam_rig.interrupts import STOPPING, interruptible
 
-#: Warning filter. After a command was killed, Python's resource tracker cleans up, and would
-#: print a warning.
+#: Warning filter for Python's resource tracker, which would print a warning when it cleans up after
+#: a killed command.
 TRACKER_FILTER = "ignore:resource_tracker:UserWarning"
-#: Environment of a worker: one core for matrices. The limits of glibc (bytes) make it keep freed
-#: memory for the next point instead of returning it to the system.
+#: Environment variables of a worker. Matrix libraries use one core. The limits of glibc (bytes)
+#: make it keep freed memory for the next point instead of returning it to the system.
 WORKER_ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
     "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 26),
 }
-#: Longest wait (s) for a scheduler, and for its first worker.
+#: Longest time (s, wall clock) to wait for a Dask scheduler, and for its first worker.
 WAIT_S = 15.0
 
 
@@ -82,7 +82,10 @@ def _start_tracker() -> None:
 
 
 def _end_with_parent() -> None:
-    """End this worker when its command is gone: a killed command cannot end it."""
+    """Let this worker end when its command has ended.
+
+    A killed command cannot end its workers.
+    """
     parent = parent_process()
     assert parent is not None  # a worker has a parent
 

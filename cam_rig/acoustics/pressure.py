@@ -1,4 +1,4 @@
-"""Sound pressure of a rig: acoustic constants, and contact force to pressure.
+"""Sound pressure of a rig, computed from the contact force and acoustic constants.
 
 The pressure follows the rate of the contact force through a structure that is a low-pass filter:
 
@@ -104,7 +104,7 @@ class RadiationParameters:
         return np.asarray(peak**2 * math.pi**2 / (8.0 * self.contact_time))
 
 
-#: Number of samples per block of `first_order`, a power of two.
+#: Number of samples per block of the recursion in `first_order`, a power of two.
 BLOCK_SIZE = 64
 
 
@@ -143,7 +143,7 @@ def structure_response(
 
 
 def first_order(keep: float, drive: FloatArray, start: float) -> FloatArray:
-    """Return the recursion y ← keep · y + drive from y = ``start``, ``(n,)``.
+    """Return the values y ← keep · y + drive of a recursion from ``start``, ``(n,)``.
 
     All blocks are computed together from rest, by doubling. The contribution of the previous block
     is then added to each. This is as fast as scipy's filter, whose import takes half a second.
@@ -252,7 +252,10 @@ class SoundSource:
         return noise + p.gain * p.corner_rate * self._structure_force(force, impulse)
 
     def _structure_force(self, force: FloatArray, impulse: FloatArray) -> FloatArray:
-        """Return F − q with the pulses of landings, N."""
+        """Return the force F − q of the structure with the pulses of landings, N.
+
+        It has ``factor`` samples per sample of the force.
+        """
         if self._structure is None:  # at rest under the first force
             self._structure = self._force = float(force[0])
         earlier = np.concatenate(([self._force], force[:-1]))
@@ -280,7 +283,10 @@ class SoundSource:
 
 
 def _pulse(duration: float, rate: float) -> FloatArray:
-    """Return half a sine of unit area as means over the sample intervals, 1/s."""
+    """Return the half-sine pulse of a landing with unit area, as samples in 1/s.
+
+    A sample is the mean of the pulse over its sampling interval, so the area is exact.
+    """
     edges = np.arange(math.ceil(duration * rate) + 1) / rate
     integral = 0.5 * (1.0 - np.cos(math.pi * np.minimum(edges / duration, 1.0)))
     return np.asarray(rate * np.diff(integral))
@@ -350,9 +356,10 @@ GAUSS_NODES = 12
 def mean_square_rate(
     law: Law, follower: FollowerParameters, corner_rate: float, speed: float
 ) -> float:
-    """Return ⟨(ω_c (F − q))²⟩ in (N/s)² over a periodic turn at ``speed`` (rad/s).
+    """Return the mean square of ω_c (F − q) in (N/s)² over a periodic turn.
 
-    It is exact to rounding for a follower that stays on the cam.
+    ``speed`` is the cam speed in rad/s. The result is exact to rounding for a follower that stays
+    on the cam.
     """
     require_smooth(law)
     forces = force_ordinates(law, follower, speed)

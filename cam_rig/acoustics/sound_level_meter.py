@@ -1,4 +1,4 @@
-"""Sound-level meter of IEC 61672-1, class 1: weightings A, C, Z, F and S.
+"""Sound-level meter of IEC 61672-1, class 1, with weightings A, C, Z, F and S.
 
 The meter has a state, so the readings do not depend on the division of a signal into blocks. Class
 1 extends to 20 kHz and needs a sample rate of more than 40 kHz. The limit at a lower rate is
@@ -24,7 +24,7 @@ FREQUENCY_WEIGHTINGS = ("A", "C", "Z")
 TIME_WEIGHTINGS = {"F": 0.125, "S": 1.0}
 #: Range in dB of the paper's meter, a JTS-1357.
 RANGE_DB = (30.0, 130.0)
-#: Reading of silence, dB.
+#: Level that the meter reads for silence, dB, because the level of no sound would be infinite.
 SILENCE_DB = -200.0
 
 
@@ -268,7 +268,7 @@ def weighting_filter(curve: str, rate: int) -> FloatArray:
     zeros, poles = ZEROS[curve], np.exp(-2.0 * math.pi * np.array(POLES[curve]) / rate)
 
     def zeros_power(x: FloatArray) -> FloatArray:
-        """Return the |·|² that the fitted zeros must give at x = cos ω."""
+        """Return the squared magnitude that the fitted zeros must have at x = cos ω."""
         below = np.prod([1.0 + p * p - 2.0 * p * x for p in poles], axis=0)
         above = (2.0 - 2.0 * x) ** zeros
         frequency = np.arccos(x) * rate / (2.0 * math.pi)
@@ -307,7 +307,7 @@ def class_1_up_to_hz(rate: int) -> float:
 
 
 def _analog(curve: str, frequency: FloatArray) -> FloatArray:
-    """Return |H|² of the analog filter without its gain."""
+    """Return |H|² of the analog A or C filter at frequencies in Hz, without its gain."""
     square = np.square(frequency)
     gain = np.square(square) / np.square((square + CORNER_1_HZ**2) * (square + CORNER_4_HZ**2))
     if curve == "A":
@@ -323,7 +323,8 @@ BAND_NUMBERS = (11, 42)
 BAND_ORDER = 6
 #: Smallest ratio of half the sample rate to the mid-band frequency of a band.
 MIN_RATE_RATIO = 0.5 / 0.44
-#: Smallest ratio of half the decimated rate to the upper edge of a band.
+#: Smallest ratio of half the decimated sample rate to the upper edge of a band, so that the band
+#: is below the transition of the decimation filter.
 HEADROOM = 1.25
 #: Largest factor by which the rate of a low band is decimated.
 MAX_DECIMATION = 500
@@ -415,9 +416,9 @@ def measure(pressure: FloatArray, rate: int) -> Measurement:
 
 
 def full_scale(peak: float) -> float:
-    """Return the pressure (Pa) of the largest number of a sound file.
+    """Return the sound pressure (Pa) at full scale of a sound file.
 
-    It is the smallest of 1, 2, 5 · 10ⁿ that is not below ``peak``.
+    It is the smallest of 1, 2, 5 · 10ⁿ that is not below ``peak``, the largest pressure (Pa).
     """
     if peak <= 0.0:
         return 1.0

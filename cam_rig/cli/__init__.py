@@ -1,4 +1,4 @@
-"""The command line: the list of commands, and those that start the nodes."""
+"""Command line: the list of commands, and the commands that start the nodes."""
 
 import os
 import signal
@@ -12,9 +12,10 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 
 def start() -> None:
-    """Run ``cam-rig``. Print one line if a library or the working folder is missing.
+    """Run the command line of ``cam-rig``.
 
-    A stdout or stderr that the caller has closed is replaced by the null device.
+    If a library or the working folder is missing, the command prints one line and ends. A stdout or
+    stderr that the caller has closed is replaced by the null device.
     """
     # until the handlers are installed, Ctrl-C ends the process without a traceback (shell code 130)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:

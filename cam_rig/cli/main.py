@@ -1,4 +1,4 @@
-"""Command ``cam-rig``: its list of commands, which are imported when they are called."""
+"""List of the commands of ``cam-rig``, whose modules are imported on demand."""
 
 from __future__ import annotations
 
@@ -81,13 +81,19 @@ class Commands(TyperGroup):
         return list(COMMANDS)
 
     def get_command(self, _ctx: Any, name: str) -> TyperCommand | None:
-        """Return a command with its name and first sentence for the help, not imported."""
+        """Return a command for the help: its name and summary, without importing it.
+
+        Returns None if there is no such command.
+        """
         if name not in COMMANDS:
             return None
         return TyperCommand(name, help=summary(name), rich_help_panel=PANEL_OF[name])
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Import the command that the first argument names. Return it with the other arguments."""
+        """Import the command that the first argument names.
+
+        Returns its name, the command, and the other arguments.
+        """
         if args[0] not in COMMANDS:
             hint = did_you_mean(args[0], COMMANDS) or "; cam-rig --help lists the commands"
             raise typer.BadParameter(f"{args[0]!r} is not a command{hint}")
@@ -95,7 +101,7 @@ class Commands(TyperGroup):
         return name, resolved and command(resolved.name), others
 
     def main(self, *arguments: Any, **options: Any) -> Any:
-        """Run the command line, including the flush of stdout.
+        """Run the command line, and flush stdout.
 
         An OSError is reported in one line, and the exit code is that of `OutputError`. A closed
         pipe is not reported.
@@ -126,9 +132,9 @@ class Commands(TyperGroup):
 
 
 def _failed_output() -> str:
-    """Return the name of the output of an error without a file name.
+    """Return the probable output of a write error that does not name a file.
 
-    It is stdout if that does not accept a line break, else a temporary file.
+    It is stdout if a line break cannot be written to it, else a temporary file.
     """
     try:
         print(flush=True)
@@ -152,7 +158,7 @@ def one_line(error: typer.BadParameter) -> str:
     return f"{name}: is {first['input']!r}; allowed: {allowed}"
 
 
-#: Version of a package that is not installed.
+#: Text for the version of a package that is not installed.
 NOT_INSTALLED = "not installed"
 
 

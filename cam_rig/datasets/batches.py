@@ -1,4 +1,4 @@
-"""Batches of points: computed by an executor, and written to a dataset."""
+"""Computation of the points of a dataset in batches, by an executor."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ from cam_rig.datasets.point_files import Batch, PointFiles
 from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.workers import friendly_executor_errors
 
-#: Smallest processor time (s) of a batch that is aimed at.
+#: Target processor time (s) of a batch.
 BATCH_S = 1.0
-#: Processor time (s) of a batch per worker, if that is longer: twice the cost of a batch in the
-#: scheduler and in the only writer, so that workers never wait for them.
+#: Target processor time (s) of a batch per worker, used if the product with the number of workers
+#: is more than `BATCH_S`. It is twice the time that scheduler and writer need for a batch, so that
+#: workers never wait for them.
 BATCH_PER_WORKER_S = 0.01
 #: Approximate upper limit of the number of batches, and so of files.
 MAX_BATCHES = 20_000
-#: Largest number of batches in flight, of one point each, until the first cost is measured.
+#: Largest number of batches in flight until the cost of the first is measured. They have one point.
 MAX_PILOTS = 64
 #: Largest number of points of a batch.
 MAX_POINTS = 1 << 16
-#: Largest ratio of the size of a batch to that of the last measured batch.
+#: Largest ratio of the number of points of a batch to that of the last measured batch.
 MAX_GROWTH = 4
-#: Batches in flight per worker: one is computed, the others wait.
+#: Number of batches in flight per worker: one is being computed, the others are queued.
 IN_FLIGHT_PER_WORKER = 3
 
 

@@ -1,4 +1,4 @@
-"""A folder of Parquet files, one per batch of points, complete at every moment.
+"""Dataset of computed points: a folder of Parquet files, one per batch of points.
 
 A file gets its name only when all of it is on the disk, so readers can take ``folder/*.parquet``
 while a study runs, and after it was interrupted. The only writer locks the folder.
@@ -25,11 +25,11 @@ from typing import Any, Protocol
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.show.tables import pluralize
 
-#: File in the folder whose lock the only writer has.
+#: Name of the file in the folder that the only writer locks.
 LOCK_FILE = ".lock"
 #: Glob pattern of the files of batches.
 FILE_PATTERN = "points-*.parquet"
-#: Name of a file: first point, end (exclusive), digest.
+#: Pattern of the name of a file, which contains first point, end (exclusive) and digest.
 _NAME = re.compile(r"points-(\d+)-(\d+)-([0-9a-f]{16})\.parquet")
 #: Suffix of the name of a damaged file, whose points are computed again.
 DAMAGED_SUFFIX = ".damaged"
@@ -119,7 +119,7 @@ class PointFiles:
         return gaps
 
     def size(self) -> tuple[float, float]:
-        """Return the bytes of the files, and an estimate for the complete dataset.
+        """Return the present size of the dataset and an estimate of its final size, bytes.
 
         The estimate assumes that a file has as many fixed bytes as the smallest file, and the same
         number of bytes for each row. The missing files have as many rows as the largest one.

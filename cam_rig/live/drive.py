@@ -1,4 +1,4 @@
-"""Program of the drive: cam states, cam requests and end of the run."""
+"""Program of the drive: sequence of cam states, requests for cams, end of the run."""
 
 from __future__ import annotations
 
@@ -24,18 +24,19 @@ STANDSTILL_NS = NS
 
 @dataclass(frozen=True)
 class ScheduleState:
-    """Shift of a schedule from the scene's plan, active commands and last state.
+    """Active commands of an operator, and the resulting shift from the scene's plan.
 
     Parameters
     ----------
     time_shift
-        Shift of rig time in ns.
+        Difference of rig time from the plan, ns.
     angle_shift, turn_shift
-        Shift of the angle: a remainder in rad, and whole turns.
+        Difference of the cam angle from the plan: a remainder in rad, and whole turns.
     speed
         Commanded speed in rad/s, None for the scene's speeds.
     cam
-        Cam of the scene and the cam that overrides it, None without an override.
+        Name of the scene's cam and name of the cam that an operator mounted instead, None if no
+        cam is replaced.
     halted
         True from an emergency stop to the next reset.
     last
@@ -62,8 +63,8 @@ class SetpointSchedule:
 
     def __init__(self, scene: SceneConfig) -> None:
         self._scene = scene
-        #: Shortest tick (ns): it contains one sample. A short tick of a ramp that is commanded to
-        #: a higher speed would otherwise contain no sample.
+        #: Shortest permitted tick, ns: the sampling period. Without this limit a short tick of a
+        #: ramp that is commanded to a higher speed could contain no sample.
         self._min_tick = math.ceil(NS / scene.sample_rate.si)
         self.state = ScheduleState()
         self._start_plan()
@@ -103,7 +104,7 @@ class SetpointSchedule:
             self._shift(length - planned_length, speed * length / NS - turn)
 
     def command(self, speed: float | None) -> None:
-        """Set the speed (rad/s) from the next state on, or None for the scene's speeds."""
+        """Command a speed (rad/s) from the next state on, or None for the scene's speeds."""
         self.state = replace(self.state, speed=speed)
 
     def mount(self, cam: str) -> None:
@@ -156,10 +157,11 @@ class SetpointSchedule:
         return self.state.speed if turns else None
 
     def _with_speed(self, planned: CamState, speed: float) -> CamState:
-        """Return the planned state at another speed, at the end of the tick before it.
+        """Return the planned state with another speed.
 
-        A tick of an interrupted ramp still turns by its planned angle: at its first speed, or, if
-        it starts at rest, along a ramp to the new speed.
+        If this interrupts a ramp, the tick before the state changes, and with it the time of the
+        state. The tick still turns by its planned angle: at the speed at its start, or, if it
+        starts at rest, along a ramp to the new speed.
         """
         last = self.state.last
         if last is None or speed == planned.speed or not last.turns_until(planned):
@@ -188,7 +190,7 @@ class SetpointSchedule:
         return CamState(time_ns, angle, planned.speed, cam, planned.turns + state.turn_shift)
 
 
-# Conditions for sending a state.
+# Conditions under which the drive may publish its next state.
 
 #: Time (s, wall clock) after which an unanswered request for a cam is repeated.
 REQUEST_RETRY_S = 1.0
@@ -240,7 +242,11 @@ class DriveProgram:
         return self.schedule.state.halted
 
     def take(self, now: float) -> CamState | None:
-        """Return the next state if it may be sent at wall-clock time `now` (s), else None."""
+        """Take the next state if it may be sent at wall-clock time `now` (s).
+
+        Returns None if the state must wait, or if no state is left. A returned state counts as
+        sent.
+        """
         state = self.schedule.next_state
         if state is None or not self.running or not self.flow.may_send():
             return None
@@ -283,7 +289,7 @@ class DriveProgram:
     def time_ns(self, now: float) -> int | None:
         """Return the rig time (ns) of a paced run at wall-clock time `now` (s).
 
-        Returns None in a free run and while the cam is stopped.
+        It is always before the next state. Returns None in a free run and while the cam is stopped.
         """
         last, following = self.schedule.state.last, self.schedule.next_state
         rig_ns = self.pacing.rig_time_ns(now)
@@ -292,7 +298,10 @@ class DriveProgram:
         return min(rig_ns, following.time_ns - 1) if last.turns_until(following) else None
 
     def command(self, speed: float) -> None:
-        """Set the speed (rad/s) from the next state on, or 0 for the scene's speeds."""
+        """Command a speed (rad/s) from the next state on, or 0 for the scene's speeds.
+
+        Raise RefusedError if the speed is outside the limits.
+        """
         self.require_speed(speed)
         self.schedule.command(speed or None)
 
@@ -326,9 +335,9 @@ class DriveProgram:
         return state
 
     def reset(self) -> None:
-        """Stop, and return to the start of the scene.
+        """Stop the cam, and continue with the start of the scene at the next `run`.
 
-        Rig time and θ continue.
+        Rig time and the cam angle θ are not reset.
         """
         self.run(False)
         if self.schedule.overrides_cam:
@@ -340,9 +349,9 @@ class DriveProgram:
         self.sent += 1
 
     def _is_ready(self, state: CamState, now: float) -> bool:
-        """Return True if the law of the state's cam is known.
+        """Return True if the cam of a state is requested and its law is known.
 
-        Otherwise the cam is requested if necessary.
+        Otherwise request the cam, as soon as the ticks of the previous cam are acknowledged.
         """
         has_law, is_overridden = state.cam in self.laws, self.schedule.overrides_cam
         if has_law and (is_overridden or state.cam == self._requested_cam):

@@ -1,7 +1,8 @@
-"""Flow control of the drive: limited ticks in flight, and wall-clock pacing.
+"""Flow control of the drive: limit of ticks in flight, and wall-clock pacing.
 
-The bound makes every queue of the protocol bounded: a topic has one message per tick, so that a
-history of `HISTORY_DEPTH` messages never overflows.
+A tick is in flight until every consumer has acknowledged it. The limit bounds every queue of the
+protocol: a topic has one message per tick, so a history of `HISTORY_DEPTH` messages never
+overflows.
 """
 
 from __future__ import annotations
@@ -19,16 +20,20 @@ from cam_rig.units import NS
 MAX_TICKS_IN_FLIGHT = 4
 #: Maximum number of states that the recorder writes between two flushes; a kill can lose them.
 MAX_STATES_UNFLUSHED = 8
-#: Messages in the history of a topic. A node that is discovered late still receives the first
-#: ticks, of which there are at most `MAX_TICKS_IN_FLIGHT`. The remaining messages are a margin for
-#: changes of cam and speed.
+#: Number of messages in the history of a topic. A node that is discovered late still receives the
+#: first ticks, of which there are at most `MAX_TICKS_IN_FLIGHT`. The remaining messages are a
+#: margin for changes of cam and speed.
 HISTORY_DEPTH = 64
-#: Maximum number of blocks and states that wait for their counterpart: two histories.
+#: Maximum number of cam states, or of blocks of samples, that a node stores until the message on
+#: the other topic arrives: two histories.
 MAX_WAITING = 2 * HISTORY_DEPTH
 
 
 class FlowControl:
-    """Counters of the ticks sent, and of those acknowledged by each consumer."""
+    """Stamps of the states in flight, and the last acknowledged stamp per consumer.
+
+    A stamp is the rig time (ns) of a state.
+    """
 
     def __init__(self, consumers: list[str]) -> None:
         self._acknowledged = dict.fromkeys(consumers, -1)
@@ -79,10 +84,10 @@ class FlowControl:
 
 # Real-time factor of a run: rig seconds per wall-clock second.
 
-#: Time (s, wall clock) that a paced run may be late. If it is later, the lost time is reported and
-#: not made up.
+#: Longest delay (s, wall clock) of a state that a paced run makes up by sending the next states
+#: sooner. A longer delay is reported as lost time, and the run continues from there.
 MAX_LATENESS_S = 0.1
-#: Limits of the real-time factor.
+#: Smallest and largest real-time factor that can be requested.
 MIN_FACTOR = 1e-3
 MAX_FACTOR = 1e3
 
@@ -120,7 +125,7 @@ def factor_of(pacing: str) -> float | None:
 
 @dataclass
 class Pacing:
-    """Delay of each state until its rig time has come."""
+    """Real-time pacing: computes the wall-clock time at which each state is due."""
 
     #: Real-time factor, None for a free run, which never waits.
     factor: float | None = None
@@ -172,18 +177,18 @@ class Pacing:
         return wall + (rig_ns - reference_ns) / NS / self.factor
 
 
-#: Duration (s, wall clock) over which the pace of a run is compared with the requested one.
+#: Period (s, wall clock) over which the real-time factor of a run is compared with the requested.
 PACE_WINDOW_S = 10.0
-#: Shortest duration (s, wall clock) for this comparison at the end of a run.
+#: Shortest duration (s, wall clock) since the last comparison for a last one at the end of a run.
 MIN_PACE_WINDOW_S = 2.0
-#: Fraction of the requested real-time factor that a run may lose without a warning.
+#: Largest fraction of the requested real-time factor that a run may lose without a warning.
 MAX_LOST = 0.1
 
 
 class LostTime:
-    """Wall-clock time lost by a paced run in a window, and the nodes waited for.
+    """Wall-clock time that a paced run lost since the last report, and the slow nodes.
 
-    `start` is the wall-clock time (s) at which the first window starts.
+    `start` is the wall-clock time (s) from which lost time is counted.
     """
 
     def __init__(self, start: float) -> None:
@@ -191,17 +196,18 @@ class LostTime:
         self._waits = Counter[str]()
 
     def add(self, late: float) -> None:
-        """Add the time (s) given up at a state, `Pacing.late`."""
+        """Add the time (s, wall clock) that was lost at a state, `Pacing.late`."""
         self._lost += late
 
     def count_wait(self, node: str) -> None:
-        """Count a sample of the time in which a due state waits for a node."""
+        """Count a moment at which a due state cannot be sent because of a node."""
         self._waits[node] += 1
 
     def text(self, factor: float, now: float, window: float) -> str:
-        """Return a warning if much time was lost in a window (s), else "".
+        """Return a warning if the run lost more than `MAX_LOST`, else an empty text.
 
-        `now` is the wall-clock time (s).
+        `factor` is the requested real-time factor and `now` the wall-clock time (s). The text is
+        empty before `window` (s) since the last report. Then counting starts again.
         """
         duration = now - self._start
         if duration < window:

@@ -18,7 +18,10 @@ from cam_rig.units import FloatArray
 
 
 class CamMounting:
-    """Mounted cam of a scene's library (default: the first of the scene)."""
+    """Mounting of cams: the mounted cam of a scene's library, and its law.
+
+    At first the first cam of the scene is mounted, unless `cam` names another.
+    """
 
     def __init__(self, loaded: LoadedScene, cam: str = "") -> None:
         self._loaded = loaded
@@ -67,7 +70,7 @@ class CamMounting:
 
 # Comparison of received laws and contours with those of the cam's file.
 
-#: Number of points of the contour over one turn.
+#: Number of points of the published contour of a cam, over one turn.
 CONTOUR_POINTS = 180
 #: Tolerance of a received law, relative to the largest value. Two machines may round the law of the
 #: same file differently.
@@ -85,7 +88,7 @@ def contour_of(cam: CamConfig, law: Law) -> FloatArray:
 
 
 def require_own_law(loaded: LoadedScene, law: Law) -> None:
-    """Raise RefusedError if a law differs from that of the cam's file."""
+    """Raise RefusedError if a received law differs from that of the cam's file."""
     _mount(loaded, law.name)
     expected, file = loaded.laws[law.name], loaded.cam_files[law.name]
     for field in ("breaks", "ordinates"):
@@ -94,7 +97,7 @@ def require_own_law(loaded: LoadedScene, law: Law) -> None:
 
 
 def require_own_contour(loaded: LoadedScene, cam: str, points: FloatArray) -> None:
-    """Raise RefusedError if a contour differs from that of the cam's file.
+    """Raise RefusedError if a received contour differs from that of the cam's file.
 
     `points` are in m, shape (2, n).
     """

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, FloatArray
 
-#: Default margin (s, wall clock), for the motion topics such as /joint_states. It covers the time
-#: that drive, network and follower need.
+#: Default time (s, wall clock) that a tick may arrive late without a pause of the playback. It
+#: covers the time that drive, network and follower need for a tick.
 MARGIN_S = 0.03
-#: Time (s, wall clock) in which a deviation from the intended delay is corrected. Ticks never
-#: arrive at an exactly constant rate.
+#: Time (s, wall clock) over which the playback corrects a deviation from its intended delay behind
+#: the drive. Ticks never arrive at an exactly constant rate.
 SETTLE_S = 0.5
 #: Largest delay (s, wall clock), in addition to half a tick, that is corrected gradually. After a
 #: larger delay samples are skipped: a viewer that starts late receives several ticks at once.
@@ -27,7 +27,7 @@ MAX_GRADUAL_DELAY_S = 0.1
 
 
 class Tick(NamedTuple):
-    """A tick between two states of the cam, with its samples, shape (6, n)."""
+    """Tick between two states of the cam, with the samples `rows`, shape (6, n)."""
 
     start: CamState
     end: CamState
@@ -35,7 +35,7 @@ class Tick(NamedTuple):
 
 
 class PlaybackSamples(NamedTuple):
-    """Indices of samples of a tick and their times of display (s, wall clock).
+    """Samples of a tick to display: their indices, and display times (s, wall clock).
 
     Both arrays have shape (n,).
     """
@@ -46,7 +46,7 @@ class PlaybackSamples(NamedTuple):
 
 
 class Playback:
-    """Samples of the finished ticks that are to be shown at a wall-clock time.
+    """Buffer of finished ticks, which selects the samples to display at a time.
 
     The playback position is a rig time. It moves at the rate at which it reaches the end of the
     newest tick one margin after the next tick is due. The displayed cam therefore turns as fast as
@@ -123,9 +123,10 @@ class Playback:
         return min(self._position + self._rate * (now - self._since), self._end_ns)
 
     def samples_at(self, wall_times: FloatArray) -> PlaybackSamples | None:
-        """Return the new samples to show at rising times (s, wall clock), or None.
+        """Return the samples to display at rising times (s, wall clock).
 
-        All samples are of one tick. Each sample is shown once.
+        All samples are of one tick. Samples that were displayed before are left out. Returns None
+        if no sample remains.
         """
         if not self._ticks:
             return None

@@ -1,6 +1,6 @@
-"""Input queues of follower and microphone.
+"""Input queues of follower and microphone, which combine messages of two topics.
 
-Their messages arrive on two topics in any order.
+The order of arrival of messages on two topics is arbitrary.
 """
 
 from __future__ import annotations
@@ -52,7 +52,11 @@ class FollowerQueue:
         self._waiting.append(state)
 
     def complete(self) -> Iterator[tuple[CamState, CamState, FollowerState, Block]]:
-        """Yield start, end, follower state and samples of each tick whose law is known."""
+        """Yield the result of each tick whose law is known, and remove its state.
+
+        The result is the cam state at the start and at the end of the tick, the follower state at
+        the end, and the block of samples.
+        """
         while self._waiting and self._waiting[0].cam in self._simulator.laws:
             start, end = self._simulator.last, self._waiting.popleft()
             turned = self._simulator.turn_to(end)
@@ -83,7 +87,7 @@ class TickMatcher:
         self._blocks.append(rows)
 
     def complete(self) -> Iterator[tuple[CamState, CamState, FloatArray]]:
-        """Yield start, end and samples of each complete tick, in order.
+        """Yield cam state at start and end, and samples, of each complete tick in order.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Loopback interface, and JSON lines between a page's server and a node."""
+"""Loopback socket, with JSON lines between a page's server and a node."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def require_loopback() -> None:
 
 #: Maximum length of a line in bytes, sufficient for one second of samples at the highest rate.
 MAX_LINE = 1 << 24
-#: Maximum number of bytes that wait to be sent. If more wait, the server has stopped reading.
+#: Maximum number of bytes in the queue for sending. If it is longer, the server no longer reads.
 MAX_UNSENT = 1 << 25
 #: Number of bytes that are read or sent in one call.
 _CHUNK = 1 << 16

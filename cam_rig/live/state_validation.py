@@ -12,7 +12,7 @@ from cam_rig.schema.scene import MAX_SPEED, MIN_SAMPLES
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN
 
-#: Maximum number of samples in one tick. A message with this number has 48 MB.
+#: Maximum number of samples in one tick. It bounds the size of a message of samples to 48 MB.
 MAX_SAMPLES = 1_000_000
 
 
@@ -47,7 +47,7 @@ class StateValidator:
         return cls(scene.sample_rate.si, TURN / scene.schedule.ticks_per_turn)
 
     def validate(self, state: CamState) -> None:
-        """Accept a state, or raise RefusedError."""
+        """Accept a state as the next of the cam, or raise RefusedError if it cannot be."""
         require_possible(state)
         last = self._last
         is_stopped = last is not None and last.speed == 0.0 and not last.turns_until(state)

@@ -1,4 +1,4 @@
-"""Start of a node's process.
+"""Entry points of the executables: start one node in this process.
 
 Run `python -m cam_rig.nodes follower`, or the executable with the name of the node.
 
@@ -18,11 +18,11 @@ from importlib import import_module
 from cam_rig.errors import CamRigError
 from cam_rig.extras import friendly_import_errors, source_date
 
-#: Class of each node by the name of the node, which is also that of its module.
+#: Name of each node's class by the name of the node, which is also the name of its module.
 NODES = {"law_server": "LawServer", "cam_drive": "CamDrive", "follower": "Follower",
          "microphone": "Microphone", "recorder": "Recorder", "viewer": "Viewer",
          "player": "Player", "panel": "Panel"}  # fmt: skip
-#: Options that print the help text.
+#: Options of the command line that print the help text of a node.
 HELP = ("-h", "--help")
 #: Signals that end a node.
 STOPPING = (signal.SIGINT, signal.SIGTERM)
@@ -33,9 +33,9 @@ def main(name: str) -> None:
     try:
         start(name)
     except SystemExit as exit_request:
-        if isinstance(exit_request.code, str):  # a text, which the interpreter prints
+        if isinstance(exit_request.code, str):  # an error text, which the interpreter prints
             raise
-        # All resources are closed. The regular end would take twice as long, to free the modules.
+        # All resources are closed. The regular end takes twice as long, because it frees modules.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(exit_request.code or 0)
@@ -44,7 +44,7 @@ def main(name: str) -> None:
 def start(name: str) -> None:
     """Run a node until it ends or receives SIGINT or SIGTERM, or print its help."""
     if any(option in sys.argv[1:] for option in HELP):
-        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # a pager may be closed before the end
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # no error if a pager closes early
         print(import_module("cam_rig.nodes.parameters").usage(name))
         return
     # During the imports the process can end at once. The handler also replaces SIG_IGN, which a

@@ -27,9 +27,9 @@ from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import RPM
 
-#: Rate (Hz, wall clock) of /clock in a paced run. On a busy machine about 100 Hz remain.
+#: Rate (Hz, wall clock) of /clock in a paced run. A busy machine reaches about 100 Hz.
 CLOCK_HZ = 125.0
-#: Period (s, wall clock) at which a paced run that waits notes for which node.
+#: Period (s, wall clock) at which a waiting paced run counts the node that it waits for.
 WAIT_SAMPLE_S = 0.1
 #: Name of the law server's node in the drive's namespace.
 LAW_SERVER = "law_server"
@@ -55,7 +55,7 @@ class DriveControls:
         return "the cam turns"
 
     def stop(self) -> str:
-        """Stop after the current tick.
+        """Stop the cam after the current tick.
 
         Rig time stops with the cam.
         """
@@ -63,9 +63,9 @@ class DriveControls:
         return f"stopped after {self._program.sent} states"
 
     def reset(self) -> str:
-        """Stop, and return to the start of the scene.
+        """Stop the cam, and continue with the start of the scene at the next `start`.
 
-        Rig time and θ continue.
+        Rig time and the cam angle θ are not reset.
         """
         self._program.reset()
         self._node.set_parameters([Parameter("rpm", value=0.0)])
@@ -106,7 +106,10 @@ class LawServerClient:
         self._client = AsyncParameterClient(node, LAW_SERVER)
 
     def request(self, cam: str) -> bool:
-        """Request a cam, or return False if the law server is not available yet."""
+        """Request that the law server mounts a cam, and return True.
+
+        Returns False if the law server is not available yet.
+        """
         if not self._client.services_are_ready():
             return False
 

@@ -25,11 +25,13 @@ from cam_rig.runner.node_table import OPTIONAL, WAIT, blocking_text, order_by_ch
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, to_rpm
 
-#: Period (s, wall clock) at which optional consumers and the progress_timeout are checked.
+#: Period (s, wall clock) of the check for missing optional consumers and for a run that waits
+#: longer than the parameter progress_timeout.
 CHECK_PERIOD_S = 0.1
 #: Time (s, wall clock) without progress after which the activity names the nodes waited for.
 WAITING_AFTER_S = 1.0
-#: Time (s, wall clock) for which the run waits for optional consumers only.
+#: Time (s, wall clock) for which a run waits if only optional consumers do not answer. Then it
+#: continues without them. At most half of progress_timeout is waited.
 MAX_OPTIONAL_WAIT_S = 15.0
 #: Shortest period (ns) of the timer for the next state. rclpy rejects a period of zero.
 MIN_TIMER_NS = 100_000
@@ -44,7 +46,7 @@ ACKNOWLEDGEMENTS = {
 
 
 class SpeedLog:
-    """One log line per steady speed (at the end of a ramp)."""
+    """Log lines on cam and speed, one line per steady speed or change of the cam."""
 
     def __init__(self) -> None:
         self._previous = self._logged = ("", 0.0)  # cam, speed in rad/s
@@ -110,10 +112,13 @@ class ClockSource(RigNode):
         """True if the cam turns at a commanded speed instead of the scene's."""
         return False
 
-    # Flow of the states.
+    # Publishing of the states, as the acknowledgements of the consumers permit.
 
     def start_flow(self, consumers: list[str], flow: FlowControl) -> None:
-        """Subscribe to the acknowledgements, and publish once every consumer is ready."""
+        """Subscribe to the consumers' acknowledgements, and wait until all are ready.
+
+        The states are published from then on.
+        """
         self._flow, self._not_ready = flow, set(consumers)
         self._optional = OPTIONAL & self._not_ready
         for name in consumers:
@@ -216,7 +221,7 @@ class ClockSource(RigNode):
         self._factor_publisher.publish(Float64(data=factor or 0.0))
 
     def publish_time(self, time_ns: int) -> None:
-        """Publish a rig time unless /clock has reached it."""
+        """Publish a rig time (ns) on /clock, unless /clock has reached it already."""
         if time_ns > self.clock_ns:
             self.clock_ns = time_ns
             self._clock_publisher.publish(Clock(clock=to_time(time_ns)))
@@ -242,7 +247,7 @@ class ClockSource(RigNode):
     # End of the run.
 
     def monitor_run_end(self) -> None:
-        """Create the publisher of the run's end, which this node determines."""
+        """Create the publisher of /rig/finished: the run ends with this node."""
         self._finished_publisher, self._is_bag_closed = self.advertise(topics.FINISHED), False
         self.subscribe(topics.CLOSED, self._on_closed)
 
@@ -255,7 +260,7 @@ class ClockSource(RigNode):
             super().drain(spin_once)
 
     def conclude(self, spin_once: Callable[..., None]) -> None:
-        """Publish the end of the run, and wait for the recorder's closed bag."""
+        """Publish the end of the run, and wait until the recorder has closed its bag."""
         level, text = WARN, "stopped"
         if self.failure is not None:
             level, text = ERROR, str(self.failure)

@@ -1,4 +1,4 @@
-"""Conversion of types of the package to ROS messages, and QoS profiles."""
+"""Conversion of the package's data types to ROS messages, and QoS of topics."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ def message_class(topic: Topic) -> Any:
 
 
 def qos(topic: Topic, histories: int = 1) -> QoSProfile:
-    """Return the QoS profile of a topic for the histories of several publishers."""
+    """Return the QoS profile of a topic.
+
+    The depth of a subscription has room for the histories of `histories` publishers.
+    """
     durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE,
@@ -58,7 +61,7 @@ def to_header(time_ns: int, frame: str = "") -> Header:
 
 
 def to_joint_state(header: Header, **joints: tuple[float, float, float]) -> JointState:
-    """Return position, velocity and effort of each joint.
+    """Return a message with position, velocity and effort of each joint by name.
 
     The values are converted to float, because the message class does not check their type.
     """
@@ -71,7 +74,7 @@ def to_joint_state(header: Header, **joints: tuple[float, float, float]) -> Join
 
 
 def to_array(dimensions: Dimensions, data: NDArray[np.float64]) -> Float64MultiArray:
-    """Return an array with labelled dimensions as a message.
+    """Return a message with an array and the label and size of each dimension.
 
     The data are copied as one block instead of element by element.
     """

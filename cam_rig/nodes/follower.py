@@ -27,7 +27,7 @@ from cam_rig.units import to_rpm
 
 
 class Follower(RigNode):
-    """Publishes samples and state of the follower for each tick, and its motion."""
+    """Publishes the follower's samples, state and displayed motion for each tick."""
 
     waits_for = ("cam_drive", "law_server")
 

@@ -51,14 +51,14 @@ MAX_REQUEST = 1 << 20
 #: Number of file descriptors of a request: leash, stdout, stderr, and a pipe for the drive's
 #: progress. The leash is a pipe that is closed without a byte if the node must not start.
 MAX_STREAMS = 4
-#: Option PR_SET_NAME of prctl, which sets the name of this process.
+#: Number of the option of prctl(2) that sets the name of this process.
 PR_SET_NAME = 15
 
 
 def preload() -> None:
-    """Import the modules of the nodes.
+    """Import the modules in `PRELOADED`.
 
-    A failed import is repeated and reported in the node.
+    A failed import is ignored here: the node repeats it and reports the error.
     """
     for name in PRELOADED:
         with suppress(Exception):
@@ -127,11 +127,10 @@ def run_node(request: dict[str, Any], streams: list[int]) -> None:
 
 
 def show_command(name: str, command: list[str]) -> None:
-    """Make `ps` and `pgrep -f` display a command line of the node.
+    """Set the command line of this process that `ps` and `pgrep -f` display.
 
-    It is truncated to the length of the original command line.
-
-    The text of the command line in the memory of the process is overwritten.
+    The text of the original command line in the memory of the process is overwritten, so the new
+    text is truncated to its length.
     """
     with suppress(OSError, ValueError):
         fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()

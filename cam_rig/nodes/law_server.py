@@ -24,13 +24,14 @@ from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.units import TURN
 
-#: Number of intervals of the sampled law on /cam/law, per turn.
+#: Number of intervals per turn into which the law on /cam/law is sampled.
 LAW_INTERVALS = 180
 
 
 class LawServer(RigNode):
-    """Publishes law, contour and markers of each cam, and /cam/law per speed.
+    """Mounts cams, and publishes law, contour and markers of the mounted cam.
 
+    /cam/law, the motion over one turn at the present speed, is published for each new speed.
     All topics are latched, so a node that subscribes later receives the mounted cam.
     """
 
@@ -89,7 +90,10 @@ def to_polygon(cam: CamConfig, law: Law) -> PolygonStamped:
 
 
 def to_trajectory(law: Law, state: CamState) -> JointTrajectory:
-    """Return s (m), ds/dt (m/s) and d²s/dt² (m/s²) over one turn at the cam's speed."""
+    """Return lift (m), velocity (m/s) and acceleration (m/s²) over one cam turn.
+
+    They are those of the law at the constant speed of `state`.
+    """
     message = JointTrajectory(header=to_header(state.time_ns, law.name), joint_names=["follower"])
     angle = np.linspace(0.0, TURN, LAW_INTERVALS + 1)
     motion = np.stack([law(angle, order) * state.speed**order for order in range(3)])

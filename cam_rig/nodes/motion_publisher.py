@@ -22,8 +22,8 @@ from cam_rig.nodes.base.diagnostics import OK, make_diagnostics
 from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.units import FloatArray
 
-#: Time (s, wall clock) for which a topic is skipped after a slow subscriber has blocked its writer.
-#: Each attempt to publish blocks for 0.1 s.
+#: Time (s, wall clock) for which a topic is not published after a slow subscriber has blocked its
+#: writer. It limits the lost time, because each attempt to publish blocks for 0.1 s.
 SKIP_S = 1.0
 #: Period (s, wall clock) of the reports of the delay between drive and playback.
 REPORT_PERIOD_S = 1.0
@@ -103,7 +103,7 @@ class MotionPublisher:
                 self._playback.clear()
 
     def _play(self) -> None:
-        """Publish one instant per period until closed (playback thread).
+        """Publish the messages of one instant per period until closed (playback thread).
 
         The instants are prepared in batches. A batch becomes invalid when a tick is added, because
         the playback position then changes; `Playback.version` counts these changes.
@@ -131,13 +131,13 @@ class MotionPublisher:
             due += self._period * (1.0 + missed_periods)
 
     def _prepare(self, samples: PlaybackSamples) -> list[Instant]:
-        """Return the messages of the subscribed topics, by instant."""
+        """Return the messages of the subscribed topics, grouped by instant."""
         messages = self._motion.of_tick(*samples.tick, self._subscribed_topics(), samples.indices)
         groups = groupby(messages, attrgetter("time_ns"))
         return [Instant(samples, index, list(group)) for index, (_, group) in enumerate(groups)]
 
     def _responsive_topics(self) -> set[Topic]:
-        """Return the topics that no slow subscriber blocks."""
+        """Return the topics that are not being skipped because of a slow subscriber."""
         now = time.monotonic()
         return {topic for topic, until in self._skipped_until.items() if until <= now}
 
@@ -169,7 +169,7 @@ class MotionPublisher:
             )
 
     def _report(self) -> None:
-        """Report the delay between drive and playback while the playback moves."""
+        """Publish the delay between drive and playback if a new sample was displayed."""
         with self._lock:
             lag, time_ns = self._playback.lag, self._playback.shown_ns
         if time_ns == self._reported_ns:

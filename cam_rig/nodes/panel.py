@@ -1,4 +1,4 @@
-"""Panel node: forwards commands of a page to the nodes, and messages back."""
+"""Panel node: forwards commands of a browser page to the nodes, and messages back."""
 
 from __future__ import annotations
 
@@ -117,7 +117,10 @@ class Panel(RigNode):
         self._send_levels()
 
     def _send_levels(self) -> None:
-        """Queue each level with the stamp of its pressure, which has the same number."""
+        """Queue each sound level for the page, with its rig time.
+
+        A level has no stamp. The n-th level belongs to the n-th stamped pressure.
+        """
         while self._stamps and self._levels:
             reading = {"time_ns": self._stamps.popleft(), "level": self._levels.popleft()}
             self._socket.queue(reading)

@@ -16,7 +16,7 @@ from cam_rig.runner.node_table import CONSUMERS, END, OPTIONAL, STAY, WAIT
 from cam_rig.schema.load import resolve_path
 from cam_rig.schema.scene import MAX_SAMPLES_PER_TURN
 
-#: Description of the values of each type, for messages and help texts.
+#: Type of a parameter -> description of its values, for messages and help texts.
 KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text",
          list: "a list of texts"}  # fmt: skip
 
@@ -56,7 +56,7 @@ class Spec:
     read: Callable[[Any], Any] | None = None
 
     def convert(self, value: Any) -> Any:
-        """Return a value in the type of this parameter, such as 250.0 for 250.
+        """Return a value, converted to the type of this parameter, such as 250.0 for 250.
 
         Raises
         ------
@@ -126,7 +126,8 @@ _SAMPLES_PER_TURN = Spec(
 COMMON = (topics.DIAGNOSTICS, topics.READY)
 #: Consumers that the drive waits for by default. Displays are optional.
 ESSENTIAL = tuple(name for name in CONSUMERS if name not in OPTIONAL)
-#: Parameters of the microphone, in the order of their letters in a quantity such as LAF.
+#: Names of the microphone's weighting parameters, in the order of their letters in a quantity such
+#: as LAF.
 WEIGHTING_PARAMETERS = ("frequency_weighting", "time_weighting")
 _ACKNOWLEDGEMENTS = (topics.FOLLOWER_STATE, topics.PRESSURE, topics.RECORDER_ACK)
 
@@ -304,7 +305,7 @@ def usage(node: str) -> str:
 
 
 def _parameter(spec: Spec) -> list[str]:
-    """Return the lines of the help text on a parameter."""
+    """Return the lines of the help text that describe a parameter."""
     default = ", ".join(spec.default) if isinstance(spec.default, list) else spec.default
     text = str(default).lower() if isinstance(default, bool) else default
     head = f"  {spec.name}{' *' if spec.live else ''}"

@@ -18,9 +18,8 @@ from cam_rig.runner.node_table import blocking_text
 class Player(ClockSource):
     """Publishes recorded cam states and laws, at the pace of the consumers.
 
-    The messages are equal to those of the bag byte by byte.
-
-    Before a tick that was recorded with other weightings, the microphone's parameters are set.
+    The published messages are byte for byte those of the bag. If a tick was recorded with other
+    frequency and time weightings, the microphone's parameters are set before the tick.
     """
 
     def __init__(self) -> None:
@@ -28,7 +27,8 @@ class Player(ClockSource):
         self._messages = replay_steps(Path(self.settings["input_uri"]))
         self._next: ReplayStep | None = next(self._messages, None)
         self._sent = 0
-        #: Quantity (such as LAF) that the microphone measures, and the requested one.
+        #: Sound level quantity (such as LAF) that the microphone measures, and the quantity that
+        #: was requested last.
         self._quantity = self._requested_quantity = ""
         self._microphone = AsyncParameterClient(self, "microphone")
         self._publishers_by_topic = {
@@ -56,7 +56,10 @@ class Player(ClockSource):
         return True
 
     def _is_weighted(self, step: ReplayStep) -> bool:
-        """Return True if the microphone measures the recorded quantity, else request it."""
+        """Return True if the microphone measures the recorded quantity of a step.
+
+        Otherwise set the weightings of the microphone when no tick is in flight.
+        """
         quantity = step.quantity or self._quantity
         if quantity == self._quantity:
             return True

@@ -35,22 +35,23 @@ try:  # uses less CPU time per message; not part of every distribution
 except ImportError:
     Executor = SingleThreadedExecutor
 
-#: Period (s) at which the executor returns to Python, which then handles signals.
+#: Period (s, wall clock) at which the executor returns to Python, which then handles signals.
 SIGNAL_POLL_S = 0.1
 #: Time (s, wall clock) for DDS to shut down, which usually takes less than one second. It is
 #: shorter than the time after which the runner kills a node.
 MAX_TEARDOWN_S = 3
-#: Time (s, wall clock) in which a node that cannot start looks for subscribers of /rosout in the
-#: graph. Discovery takes 0.06 to 0.08 s on a free machine.
+#: Longest time (s, wall clock) for which a node that cannot start waits until a subscriber of
+#: /rosout is discovered. Discovery takes 0.06 to 0.08 s on a free machine.
 ROSOUT_DISCOVERY_S = 0.5
-#: Time (s, wall clock) for a subscriber in the graph to match, and then to acknowledge the error.
+#: Longest time (s, wall clock) to wait until a discovered subscriber of /rosout is connected, and
+#: again until it has acknowledged the error message.
 ROSOUT_DELIVERY_S = 5.0
-#: Period (s) at which both are checked.
+#: Polling period (s, wall clock) of both waits above.
 ROSOUT_POLL_S = 0.02
 
 
 class StopRequest:
-    """Signals to stop (SIGINT, SIGTERM), which may arrive before there is a node.
+    """Request to stop by SIGINT or SIGTERM, which may arrive before the node exists.
 
     Python runs signal handlers on the main thread between two bytecodes. This is also the thread of
     the executor, so `act` needs no lock.
@@ -142,7 +143,10 @@ def _wait_for(condition: Callable[[], bool], seconds: float) -> bool:
 
 
 def _run(name: str, make: Callable[[], RigNode], request: StopRequest) -> int:
-    """Run a node once, or once per run if it stays, and return the exit code."""
+    """Run a node until it is done, and return the exit code.
+
+    With on_finish `stay`, the node is created again for each further run of the rig.
+    """
     staying_node = None
     while True:
         try:
@@ -167,7 +171,7 @@ def _run(name: str, make: Callable[[], RigNode], request: StopRequest) -> int:
 
 
 def _spin(node: RigNode, request: StopRequest) -> int:
-    """Spin a node to its end, destroy it, and return the exit code."""
+    """Process a node's callbacks until it ends, destroy it, and return the exit code."""
     request.act = node.interrupt
     if request.received:
         node.interrupt()

@@ -35,9 +35,10 @@ from cam_rig.simulation.scene import open_scene
 
 #: Number of nodes that may publish on /diagnostics in one run, for the depth of its queue.
 MAX_NODES = 16
-#: Time (s, wall clock) without a message after which the last ticks of a finished run are given up.
+#: Time (s, wall clock) without a message after which the recorder of a finished run no longer waits
+#: for missing messages of the last ticks.
 QUIET_S = 3.0
-#: Period (s, wall clock) of flushing the bag.
+#: Period (s, wall clock) at which written messages are flushed to the file of the bag.
 FLUSH_PERIOD_S = 0.25
 #: Period (s, wall clock) at which `close` checks whether the drive has left.
 LEAVE_POLL_S = 0.02
@@ -46,7 +47,7 @@ UNKNOWN_GID = b"?"
 
 
 class Recorder(RigNode):
-    """Records the topics `RECEIVED`, and acknowledges the written ticks."""
+    """Writes the messages of the topics `RECEIVED`, and acknowledges written ticks."""
 
     needs_message_info = True
 
@@ -112,7 +113,10 @@ class Recorder(RigNode):
             self._finish_if_complete()
 
     def _require_one_drive(self, gid: bytes) -> None:
-        """Raise RunError if another node may have published the end of the run."""
+        """Raise RunError if a node other than the drive may have published the run's end.
+
+        `gid` is the DDS identifier of the publisher of /rig/finished.
+        """
         owner, topic = topics.FINISHED.owner, topics.FINISHED
         names = self.publisher_monitor.find_publishers(topic).values()
         if len(names) > 1:
@@ -143,7 +147,10 @@ class Recorder(RigNode):
         return f"closed {self._path}: {self.ticks} states, {self._bag.count} messages"
 
     def close(self) -> None:
-        """Close the bag, and publish its folder."""
+        """Close the bag, publish its folder, and wait until the drive has left.
+
+        A bag is removed if the node stayed for another run that was not started.
+        """
         self._lock.close()
         if self._is_unused:
             self._bag.discard()
@@ -156,12 +163,16 @@ class Recorder(RigNode):
 
 
 def choose_bag(bag: Path, runs_before: int) -> Path:
-    """Return the folder of a bag: `bag`, or bag_2, bag_3 after earlier runs."""
+    """Return the folder of the next bag.
+
+    It is `bag` in the first run of the process. After earlier runs it is the first of `bag`,
+    bag_2, bag_3, ... that does not exist yet.
+    """
     names = (bag.with_name(f"{bag.name}_{number}") for number in count(2))
     return next(name for name in chain([bag], names) if not (runs_before and name.exists()))
 
 
 def gid_of(info: dict[str, Any]) -> bytes:
-    """Return the identifier of the publisher of a message."""
+    """Return the DDS identifier of the publisher from the message info of rclpy."""
     gid = info.get("publisher_gid")
     return bytes(gid["data"]) if gid else UNKNOWN_GID

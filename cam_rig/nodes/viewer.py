@@ -1,4 +1,4 @@
-"""Viewer node: draws the messages of the run in Rerun."""
+"""Viewer node: displays the messages of the run in Rerun."""
 
 from __future__ import annotations
 
@@ -22,16 +22,18 @@ from cam_rig.simulation.schedule import tick_count
 from cam_rig.viewer.process import require_display, window
 from cam_rig.viewer.recording import SEND_EVERY_S, LiveView, polygon
 
-#: History of each topic, so that the drive does not wait for the viewer.
+#: Number of messages in the queue of each subscription, so many that a slow viewer does not block
+#: the publishers.
 QUEUE_DEPTH = 256
-#: Number of spins without a message after which the queues are empty: more than one for each
-#: subscription, because a spin handles one message.
+#: Number of spins between two checks for further messages at the end of a run. It is larger than
+#: the number of subscriptions, because a spin handles one message.
 SPINS_PER_DRAIN = 10
-#: Time (s, wall clock) to wait for the level of the last tick, which is not acknowledged.
+#: Longest time (s, wall clock) to wait for the sound level of the last tick, for which the drive
+#: does not wait.
 LEVEL_TIMEOUT_S = 2.0
-#: Period (s, wall clock) of sending drawn data in a free run.
+#: Period (s, wall clock) at which a free run sends drawn data to Rerun.
 FREE_PERIOD_S = SEND_EVERY_S
-#: Period (s, wall clock) in a paced run, in which data are sent at their time of display.
+#: Period (s, wall clock) at which a paced run sends the data that are due for display.
 FRAME_S = 1.0 / 60.0
 
 
@@ -70,7 +72,10 @@ class Viewer(RigNode):
             self._frame_timer.cancel()
 
     def _drawing(self, handle: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback that draws and acknowledges the ticks of a message."""
+        """Return a callback that passes a message to `handle` and draws complete ticks.
+
+        Each drawn tick is acknowledged to the drive.
+        """
 
         def draw(message: Any) -> None:
             self._received += 1

@@ -24,7 +24,7 @@ _TORQUE = {"N*m": 1.0, "Nm": 1.0, "N·m": 1.0, "mN*m": 1e-3}
 _UPPER: tuple[Sense, ...] = ("<=",)
 _LOWER: tuple[Sense, ...] = (">=",)
 _BOTH: tuple[Sense, ...] = ("<=", ">=")
-#: Derivatives of s by order: name, title, end of the unit, and units with their factors.
+#: Derivatives of s by order: name, title, divisor of the unit, and units with factors to SI.
 _DERIVATIVES = tuple(
     (name, title, over, {f"mm{over}": 1e-3, f"m{over}": 1.0, f"um{over}": 1e-6})
     for name, title, over in (
@@ -38,7 +38,7 @@ _jump = partial(LawQuantity, unit="rpm", units=SPEED_UNITS, senses=_LOWER, campa
 _at_speed = partial(LawQuantity, where="rpm")
 _of_run = partial(_at_speed, campaign=True, of_run=True)
 
-#: Goals and limits of designs. A campaign measures some of them, too.
+#: Quantities that a design can optimise or limit. Campaigns can measure some of them, too.
 _DESIGN = (
     _jump("jump_speed", "jump speed from rest",
           value=lambda subject, *_: values.jump(
@@ -82,7 +82,7 @@ _DESIGN = (
     ),
 )  # fmt: skip
 
-#: Quantities of campaigns only: of steady runs of the scene's model, and of whole turns.
+#: Quantities that only campaigns measure: of steady runs of the scene's model, and of whole turns.
 _MEASURED = (
     _at_speed("residual_vibration_steady",
               "residual vibration of one mass on its stem in steady state", "um", _LENGTH,
@@ -102,7 +102,7 @@ _MEASURED = (
 QUANTITIES: Mapping[str, LawQuantity] = {q.name: q for q in (*_DESIGN, *_MEASURED)}
 #: Quantities that can be a goal or a limit of a design.
 DESIGN_QUANTITIES = {name: q for name, q in QUANTITIES.items() if q.senses}
-#: Moving parts of each model of a scene, as titles name them.
+#: Model of a scene -> description of its moving parts, for titles.
 MOVING_PARTS = {
     "kinetostatic": "one rigid mass held on the cam",
     "one_mass": "one rigid mass free to leave the cam",

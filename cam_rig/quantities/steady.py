@@ -1,9 +1,9 @@
 """Steady turns of a scene's model at one speed: forces, sound level and lift-offs.
 
-While contact is kept, the periodic state is one linear solve, and the smallest and the largest
-force are found between samples, too. A follower that lifts off is turned from rest until a turn no
-longer changes its state. If it does not become steady, the turns after `MAX_FORCE_TURNS` are
-measured and reported as not steady.
+If the follower keeps contact, the periodic state is the solution of one linear system, and the
+extreme forces are exact, also between samples. If it lifts off, turns are simulated from rest until
+a turn no longer changes the state. If the state does not become steady within `MAX_FORCE_TURNS`
+turns, the turns after them are measured and reported as not steady.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.simulation.simulate import TransientFilter, simulate, simulate_ticks, step_levels
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
-#: Sample rate (Hz) of turns that are not measured: the smallest rate.
+#: Sample rate (Hz) of simulated turns whose samples are not used. It is the smallest rate.
 UNMEASURED_RATE_HZ = 1
 #: Largest number of samples of a tick, little more than fits in the cache of a core.
 MAX_TICK_SAMPLES = 1 << 15
-#: Row of the contact force in the outputs of a mass on its stem.
+#: Index of the contact force among the outputs of the model of a mass on its stem.
 FORCE_ROW = 3
 
 
@@ -55,7 +55,7 @@ class SteadyStart:
     Parameters
     ----------
     state : FollowerState or None
-        State of the follower (None: put down on the cam at rest).
+        State of the follower (None: at rest on the cam).
     is_steady : bool
         False if the turns do not repeat.
     forces : (float, float) or None
@@ -134,10 +134,10 @@ def _one_turn(speed: float) -> Interval:
 
 
 def _long_ticks(scene: SceneConfig) -> Iterator[CamState]:
-    """Yield the states of the cam that start the fewest and longest ticks.
+    """Yield the cam states of a scene, divided into as few ticks as possible.
 
-    A tick starts where a speed starts, where it becomes steady, and after `MAX_TICK_SAMPLES`
-    samples.
+    A new tick starts where a speed starts, where its transient turns are over, and after
+    `MAX_TICK_SAMPLES` samples.
     """
     transient = TransientFilter(scene.schedule.transient_turns.si)
     max_duration = MAX_TICK_SAMPLES / scene.sample_rate.si
@@ -225,9 +225,10 @@ def _settle_from_rest(law: Law, rig: RigConfig, scene: SceneConfig, speed: float
 
 
 def _scale(law: Law, rig: RigConfig, speed: float) -> tuple[float, float]:
-    """Return a displacement (m) and a velocity (m/s) as scales of a state.
+    """Return a displacement (m) and a velocity (m/s) by which states are scaled.
 
-    They correspond to the whole contact force in the stem.
+    The displacement is the compression of the stem by the largest contact force. The velocity is
+    that of a vibration with this amplitude.
     """
     p = FollowerParameters.from_rig(rig)
     force = float(force_weights(p, speed) @ np.array(law.bounds)) + p.preload
@@ -237,10 +238,10 @@ def _scale(law: Law, rig: RigConfig, speed: float) -> tuple[float, float]:
 
 
 def _scaled_state(state: FollowerState, scale: tuple[float, float]) -> FloatArray:
-    """Return a state relative to its scales.
+    """Return a state as dimensionless numbers, by dividing it by its scales.
 
-    On the cam it is the vibration only. Displacements and velocities alternate, and the last number
-    is 1 in contact and 0 in flight.
+    Displacements and velocities alternate. In contact they are those of the vibration only. The
+    last number is 1 in contact and 0 in flight.
     """
     flight = () if state.in_contact else (state.displacement, state.velocity)
     numbers = np.array([*flight, *state.inner])
@@ -248,9 +249,9 @@ def _scaled_state(state: FollowerState, scale: tuple[float, float]) -> FloatArra
 
 
 def _difference(current: FloatArray, before: FloatArray | None) -> float:
-    """Return the largest difference of two states.
+    """Return the largest difference of two scaled states.
 
-    It is infinite if only one of them is in contact.
+    It is infinite if one state is in contact and the other in flight, and without `before`.
     """
     if before is None or before.size != current.size or current[-1] != before[-1]:
         return math.inf

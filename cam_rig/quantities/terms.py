@@ -1,4 +1,4 @@
-"""Text form of quantities, their speeds or angles, and limits on them.
+"""Parser of texts that name a quantity, its speeds or angles, and a limit on it.
 
 Examples are ``peak_acceleration<=start``, ``lift@90deg>=30mm`` and
 ``residual_vibration@200-400rpm<=1um``.
@@ -23,7 +23,7 @@ Sense = Literal["<=", ">="]
 SPEED_UNITS = {"rpm": RPM, "rad/s": 1.0}
 #: Units of an angle and their factors to rad.
 ANGLE_UNITS = {"deg": math.pi / 180.0, "rad": 1.0}
-#: Limit that is the value of the start law.
+#: Text of a limit that means the value of the law at the start of the design.
 START = "start"
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
@@ -33,7 +33,7 @@ _TERM = re.compile(
 
 _LIMIT = re.compile(r"(?P<term>[^<>=]+?)\s*(?P<sense><=|>=|≤|≥)\s*(?P<value>.+)")
 _VALUE = re.compile(rf"(?P<number>{_NUMBER})\s*(?P<unit>\S+)?")
-#: Characters of units as tables print them.
+#: Character translation of units for tables, such as m/s² for m/s^2.
 _TYPESET = str.maketrans({"*": "·", "^": ""}) | str.maketrans("23", "²³")
 
 

@@ -35,18 +35,20 @@ from cam_rig.units import RPM, TURN, FloatArray
 
 #: Number of speeds of a range at which a level or the largest vibration is computed.
 SPEEDS = 41
-#: Number of speeds of a range with landings. It is smaller, because a turn of each is simulated.
+#: Number of speeds of a range at which a level with landings is computed. It is smaller, because
+#: turns are simulated at each speed.
 SPEEDS_WITH_LANDINGS = 13
-#: Number of Gauss points of a cell of a piece.
+#: Number of Gauss points per cell. The pieces of a law are divided into cells for the integration
+#: of the vibration.
 GAUSS_POINTS = 12
-#: Largest phase (rad) of the vibration in a cell.
+#: Largest change (rad) of the vibration's phase within a cell.
 MAX_CELL_PHASE = 2.0
 #: Largest relative distance of a value on the grid below the maximum, or below a limit, at which
 #: its peak is computed.
 PEAK_SEARCH_RTOL = 0.01
 #: Number of speeds per beat. The largest amplitude between two of them is higher by at most 0.4 %.
 SPEEDS_PER_BEAT = 32
-#: Largest number of speeds of a range.
+#: Largest number of speeds at which vibration over a range is computed.
 MAX_SPEEDS = 4096
 
 
@@ -117,12 +119,18 @@ def jump(subject: Subject, follower: AnyFollower, duration: float | None) -> flo
 
 
 def peak_of(order: int) -> Callable[..., float]:
-    """Return a function of the largest magnitude of a derivative."""
+    """Return the function that computes the largest magnitude of a derivative of s.
+
+    `order` is the order of the derivative.
+    """
     return lambda subject, *_: abs(peak(subject.law, order).value)
 
 
 def at_angles(order: int) -> Callable[[Subject, Term, Sense], float]:
-    """Return a function of a derivative's maximum (``<=``) or minimum over angles."""
+    """Return the function that computes a derivative's extreme over a range of angles.
+
+    It is the maximum for the sense ``<=`` and the minimum for ``>=``.
+    """
 
     def value(subject: Subject, term: Term, sense: Sense) -> float:
         law = subject.law
@@ -245,7 +253,7 @@ def speeds_of(mode: VibrationMode, longest: float, low: float, high: float) -> F
 
 
 def minima(values: FloatArray) -> NDArray[np.bool_]:
-    """Return the mask of values that are not larger than their neighbours."""
+    """Return a mask that is True at local minima, including equal neighbours."""
     padded = np.pad(values, 1, constant_values=np.inf)
     return (values <= padded[:-2]) & (values <= padded[2:])
 
@@ -316,7 +324,7 @@ def steady_residual(subject: Subject, term: Term, _: Sense) -> float:
 
 
 def row_value(name: str) -> Callable[[Subject, Term, Sense], float]:
-    """Return a function of a number of the steady turns at a speed."""
+    """Return the function that reads a field of the row of steady turns at a speed."""
     return lambda subject, term, _: float(getattr(subject.run(term.low), name))
 
 
@@ -330,7 +338,7 @@ def run_level(subject: Subject, term: Term, _: Sense) -> float:
 
 
 def rigid_level(subject: Subject, term: Term, _: Sense) -> float:
-    """Compute the level (dB) of the mean power over speeds, without landings."""
+    """Compute the sound level (dB) of the mean power over speeds, without landings."""
     radiation = RadiationParameters.from_rig(subject.rig, lands=False)
     rates = [
         mean_square_rate(subject.law, subject.rigid, radiation.corner_rate, speed)
@@ -346,16 +354,17 @@ def _background(radiation: RadiationParameters, term: Term) -> float:
 
 
 def level_of(rig: RigConfig, term: Term, rate: float) -> float:
-    """Return the level (dB) of an r.m.s. rate of force (N/s), with the background."""
+    """Return the sound level (dB) of background and an r.m.s. rate of force (N/s)."""
     radiation = RadiationParameters.from_rig(rig, lands=False)
     power = _background(radiation, term) + (radiation.gain * rate) ** 2
     return float(level_db(np.array([math.sqrt(power)]))[0])
 
 
 def rate_of(rig: RigConfig, term: Term, level: float) -> float:
-    """Return the r.m.s. rate of force (N/s) of a level (dB).
+    """Return the r.m.s. rate of force (N/s) that causes a sound level (dB).
 
-    It is the inverse of `level_of`, and not above zero if the background alone has that level.
+    It is the inverse of `level_of`. It is zero or negative if the background alone reaches the
+    level.
     """
     radiation = RadiationParameters.from_rig(rig, lands=False)
     power = float(pressure_pa(level)) ** 2 - _background(radiation, term)
@@ -363,7 +372,7 @@ def rate_of(rig: RigConfig, term: Term, level: float) -> float:
 
 
 def level_with_jumps(subject: Subject, term: Term, *_: object) -> float:
-    """Compute the level (dB) of the mean power over speeds, with landings."""
+    """Compute the sound level (dB) of the mean power over speeds, with landings."""
     count = 1 if term.low == term.high else SPEEDS_WITH_LANDINGS
     speeds = np.linspace(term.low, term.high, count)
     turns = simulate_steady_turns(subject.law, "one_mass", subject.rigid, speeds)
@@ -374,11 +383,12 @@ def level_with_jumps(subject: Subject, term: Term, *_: object) -> float:
 
 # Quantities that depend on s, s', s'' at one cam angle: torque and contour.
 
-#: Function that returns the branches ``(b, ...)`` of a quantity. The greatest is its value.
+#: Function that returns the branches ``(b, ...)`` of a quantity at cam angles. The value of the
+#: quantity is the greatest branch.
 Branches = Callable[[Motion], FloatArray]
-#: Smallest number of samples of a piece.
+#: Smallest number of samples of a piece of a law in the search for maxima.
 SAMPLES = 65
-#: Number of samples of a turn.
+#: Number of samples of a turn in the search for maxima, divided among the pieces.
 SAMPLES_PER_TURN = 4096
 #: Largest relative distance of a local maximum from the greatest one at which it is computed to
 #: rounding.

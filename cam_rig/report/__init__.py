@@ -1,1 +1,1 @@
-"""The report of a scene as one self-contained page, and the builder of such pages."""
+"""Report of a scene as one self-contained page, and the builder of such pages."""

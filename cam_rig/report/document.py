@@ -1,4 +1,4 @@
-"""Self-contained page of numbered sections, figures and tables, as HTML or Markdown."""
+"""Builder of self-contained pages with numbered sections, in HTML or Markdown."""
 
 from __future__ import annotations
 
@@ -123,13 +123,13 @@ def fill(
 
 
 def data(contents: Iterable[Content]) -> dict[str, Any]:
-    """Return the JSON data of all results, by the name of the command that writes the same."""
+    """Return the JSON data of all results by the name of the corresponding command."""
     results = [item for content in contents for item in content.results.items()]
     return {name: item.data() if isinstance(item, Result) else item for name, item in results}
 
 
 def uris(figure: Figure, dpi: float | None = None) -> list[str]:
-    """Return the strips of a figure as data URIs of SVG, from the top.
+    """Return a figure as SVG data URIs, one per strip, from top to bottom.
 
     The URIs are the same in each call, because the date of the SVG is removed.
     """
@@ -155,7 +155,10 @@ class Numbering:
         self._first = True
 
     def restart(self) -> None:
-        """Start the second rendering: count from 1 again, and keep all numbers for references."""
+        """Start the second rendering, with counts from 1.
+
+        The numbers of the first rendering are kept for references.
+        """
         self._counts.clear()
         self._numbered.clear()
         self._first = False
@@ -224,7 +227,7 @@ def render(
 def _render_sections(
     templates: Environment, contents: Mapping[Section, Content], parts: Mapping[str, Any]
 ) -> tuple[dict[Section, str], dict[Section, str]]:
-    """Return the texts of the sections, and the texts of their parts in the appendix.
+    """Return two mappings: the text of each section, and its text in the appendix.
 
     The appendix of a section has its macro ``appendix`` and the tables not shown in the section.
     """

@@ -14,7 +14,7 @@ from markupsafe import Markup, escape
 
 #: Token of an equation: a number, letters with dots and primes, or any other character.
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|(?:[^\W\d_][\u0300-\u036f]*)+[′″‴]?|\S")
-#: Letter with an index in a sentence, such as k_s.
+#: Pattern of a letter with an index in a sentence, such as k_s.
 _INDEX = re.compile(r"(?<![\w_])([^\W\d_])_(\w+)")
 #: Combining dots of a decomposed (NFD) text -> the dots in MathML.
 _DOTS = {"\u0307": "˙", "\u0308": "¨"}

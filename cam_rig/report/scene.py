@@ -1,4 +1,7 @@
-"""Page of a scene: results of each study for its cams on its rig, or the error of the study."""
+"""Sections of the page of a scene, with the results of each study of its cams.
+
+If a study raises an error, the page contains the error.
+"""
 
 from __future__ import annotations
 
@@ -98,11 +101,11 @@ class SceneStudies:
         return JumpResult(self.cam_set, rows)
 
 
-# Section "In short": a summary row for each cam.
+# Section "In short", a table with a summary row for each cam.
 
 
 def _summary_table(scene: SceneStudies) -> DataTable:
-    """Return one row per cam: checks, loss of contact, jump speed and levels."""
+    """Return a table with checks, contact loss, jump speed and levels of each cam."""
     jumps = {row.cam: row.jump.rpm for row in scene.jumps.rows}
     curves = scene.run.noise.curves
 
@@ -215,7 +218,10 @@ def _vibration(scene: SceneStudies) -> Content:
 
 
 def _sound(scene: SceneStudies) -> Content:
-    """Return levels over speed, and orders if the model has a closed form of them."""
+    """Return the section on sound: levels over speed, and orders.
+
+    The orders are left out if the model has no closed form of its force.
+    """
     model, rig = scene.loaded.scene.model, scene.loaded.rig
     speeds = [rpm * RPM for rpm in spread_speeds(speeds_of(scene.loaded.scene), ORDER_SPEEDS)]
     by_cam = scene.study_each_cam(
@@ -242,7 +248,10 @@ def _sound(scene: SceneStudies) -> Content:
 
 
 def _levels(scene: SceneStudies) -> DataTable:
-    """Return one row per cam: lowest and highest level, and the difference to published levels."""
+    """Return a table with the lowest and highest level (dB) of each cam.
+
+    It also contains the r.m.s. difference to published levels.
+    """
     return tabulate(
         "Sound pressure level over the scene's speeds",
         scene.run.noise.curves.values(),

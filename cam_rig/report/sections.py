@@ -67,7 +67,10 @@ def recorded_table(
     titles: Mapping[str, str],
     published: Mapping[str, FloatArray] | None = None,
 ) -> DataTable:
-    """Return the differences of recorded levels to simulated and published levels (dB) by cam."""
+    """Return a table of the differences (dB) of recorded and other levels, by cam.
+
+    The other levels are the simulated and, if there are any, the published levels.
+    """
     reference = published or {}
     difference = Header("largest difference to this run", "dB", ".4f")
     rms_error = Header("r.m.s. difference to published", "dB", ".2f")
@@ -103,7 +106,10 @@ def _require_same(bag: Path, recorded: LoadedScene, loaded: LoadedScene) -> None
 
 
 def _determining_numbers(loaded: LoadedScene) -> dict[str, Any]:
-    """Return the numbers that determine the levels. Texts of the files do not."""
+    """Return the numbers of a scene on which the levels depend, by subject.
+
+    Titles and other texts of the files are left out.
+    """
     laws = loaded.laws.items()
     return {
         "schedule": loaded.scene.schedule.speeds.si_list,
@@ -116,9 +122,10 @@ def _determining_numbers(loaded: LoadedScene) -> dict[str, Any]:
 
 # Tables of the laws, and of the origin of each number.
 
-#: Number of values of a quantity that are all displayed. Of more, the first 3 and the last 2 are.
+#: Largest number of values of a quantity that are all displayed. Of a longer list only the first 3
+#: and the last 2 values are displayed.
 MAX_SHOWN_NUMBERS = 8
-#: Derivative of the lift in the cam angle by its order: symbol, and divisor of the unit.
+#: Symbol, and divisor of the unit, of the derivatives of the lift in the cam angle, by order.
 DERIVATIVES = (("", ""), ("s′", "rad"), ("s″", "rad²"), ("s‴", "rad³"))
 
 

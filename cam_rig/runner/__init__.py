@@ -1,1 +1,1 @@
-"""The node graph as processes: started, monitored, ended."""
+"""Processes of the nodes of a run: their start, monitoring and end."""

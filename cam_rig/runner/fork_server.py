@@ -1,8 +1,8 @@
-"""Client of the fork server, from which nodes start with all their imports in memory.
+"""Client of the fork server, a process from which the nodes are forked.
 
-Five interpreters would import the same hundreds of modules. One process imports them once
-(`cam_rig.nodes.fork_server`), and each node is forked from it. A forked node is a separate process
-and a child of the runner, with its own pid, session, output and exit code.
+The fork server (`cam_rig.nodes.fork_server`) imports the modules of the nodes once, so a forked
+node starts with its imports in memory, and the five nodes of a run start faster. A forked node is
+a separate process and a child of the runner, with a separate pid, session, output and exit code.
 
 If the server is not available (the system is not Linux, or the server was killed), each node is
 started in a new interpreter, as by `ros2 run`.
@@ -32,21 +32,23 @@ from cam_rig.interrupts import interruptible
 PR_SET_CHILD_SUBREAPER = 36
 #: Option of prctl(2): read whether this process is the parent of orphaned descendants.
 PR_GET_CHILD_SUBREAPER = 37
-#: Wall time (s) in which the server must answer a request. A suspended server never does.
+#: Longest wall time (s) to wait for the server's answer to a request. A suspended server never
+#: answers.
 ANSWER_TIMEOUT_S = 60.0
 #: Period (s, wall clock) of the check for the end of a node in `ForkedProcess.wait`.
 POLL_S = 0.01
-#: Bytes reserved in the server's command line, in which a node writes its own for `ps`.
+#: Number of bytes reserved in the server's command line. A forked node replaces them by the text
+#: that `ps` displays for it.
 COMMAND_LINE_BYTES = 8192
 #: Default environment of the server and its nodes: one thread per numerical library. The server
 #: exits instead of forking if it has several threads, because their locks would stay locked.
 SINGLE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-#: Taken while this process adopts orphans, so that the setting is restored in order.
+#: Lock of the process-wide setting that `_adopt_orphans` changes and restores.
 _adoption_lock = Lock()
 
 
 class ForkedProcess:
-    """Forked node, a child of this process, with the part of `subprocess.Popen` that is used.
+    """Forked node, a child of this process, with an interface as `subprocess.Popen`.
 
     A lock ensures that only one thread waits for the child, because a second would not find it.
     """
@@ -92,7 +94,7 @@ class ForkedProcess:
 
 
 class ForkServer:
-    """Process from which nodes are forked. It starts with the first node and ends with the runner.
+    """Process from which nodes are forked, started with the first node.
 
     As a context manager it is closed at the end of the block.
     """
@@ -197,7 +199,7 @@ class ForkServer:
 
 @contextmanager
 def block_signals() -> Iterator[None]:
-    """Block SIGINT and SIGTERM in processes started in this context.
+    """Start processes with SIGINT and SIGTERM blocked in this context.
 
     Such a process receives these signals only after it has unblocked them.
     """
@@ -210,7 +212,10 @@ def block_signals() -> Iterator[None]:
 
 @contextmanager
 def _adopt_orphans() -> Iterator[None]:
-    """Make orphaned processes of the server children of this process in this context."""
+    """Make this process the parent of forked nodes in this context.
+
+    The fork server lets each node become an orphan, which this process adopts.
+    """
     prctl, before = ctypes.CDLL(None).prctl, ctypes.c_int()
     with _adoption_lock:
         prctl(PR_GET_CHILD_SUBREAPER, ctypes.byref(before))

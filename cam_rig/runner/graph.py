@@ -152,7 +152,10 @@ class Graph:
         return reports
 
     def require_closed(self) -> None:
-        """Raise RunError if the recorder has not closed the bag. Call it after all nodes ended."""
+        """Raise RunError if the recorder has not closed the bag.
+
+        The method must be called after all nodes have ended.
+        """
         if self._is_bag_unclosed:
             raise RunError(self._exit_text(RECORDER) + self._last_line(RECORDER))
 
@@ -184,7 +187,7 @@ class Graph:
         return reports
 
     def _handle_exit(self, name: str) -> None:
-        """End the run if an essential node has ended; continue without an optional node."""
+        """Raise RunError if the ended node is essential, or else log its end."""
         text = self._exit_text(name) + self._last_line(name)
         if ENTRIES[name].essential:
             raise RunError(text)
@@ -195,7 +198,7 @@ class Graph:
         return f"node {self.processes[name].exit_summary()} {self._progress_text}"
 
     def _last_line(self, name: str) -> str:
-        """Return the error of a node that was not killed, from its stderr."""
+        """Return ": " and the error on a node's stderr, or "" if the node was killed."""
         process = self.processes[name]
         return "" if process.was_killed else f": {process.last_stderr_line()}"
 

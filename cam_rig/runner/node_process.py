@@ -29,15 +29,15 @@ from cam_rig.runner.node_table import (
 )
 from cam_rig.runner.resources import explain_signal, log_folder
 
-#: Wall time (s) in which a node must end after SIGINT. Then it is killed.
+#: Wall time (s) after SIGINT within which a node must end. After it the node is killed.
 SHUTDOWN_GRACE_S = 10.0
 #: Environment variable with the path of the Fast DDS profile.
 PROFILE_VARIABLE = "FASTDDS_DEFAULT_PROFILES_FILE"
-#: Number of stored lines of a node's stderr. Further lines replace the last.
+#: Maximum number of stored lines of a node's stderr. Each further line replaces the last.
 MAX_STDERR_LINES = 1000
-#: Parameters of a node by name.
+#: Type of the parameters of a node, by name.
 Arguments = dict[str, str | bool | float | list[str]]
-#: Process of a node, started in a new interpreter or forked.
+#: Type of a node's process: started in a new interpreter, or forked.
 Process = subprocess.Popen[str] | ForkedProcess
 
 
@@ -169,9 +169,10 @@ class NodeProcess:
 def _start(
     command: list[str], subnet: bool, reports: bool, server: ForkServer | None
 ) -> tuple[Process, Iterable[str]]:
-    """Start a node. Return its process and the lines of its progress, read from a pipe.
+    """Start a node, and return its process and an iterable of its progress lines.
 
-    If `reports` is False there is no pipe and there are no lines.
+    The node writes these lines to a pipe. If `reports` is False, the node gets no pipe and the
+    iterable is empty.
     """
     if not reports:
         return _launch(command, subnet, None, server), ()

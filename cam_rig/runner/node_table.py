@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-#: Patience (s, wall clock) of the drive of a run: time without an answer before it gives up.
+#: Longest time (s, wall clock) for which the drive waits for a node before it ends the run.
 PROGRESS_TIMEOUT_S = 120.0
 #: Value of the parameter on_finish: the node ends with the run.
 END = "end"
-#: Value of on_finish: the node stays for another run.
+#: Value of the parameter on_finish: the node stays for another run of the rig.
 STAY = "stay"
-#: Value of on_finish: the node waits until the runner ends it.
+#: Value of the parameter on_finish: the node waits until the runner ends it.
 WAIT = "wait"
 
 
@@ -44,22 +44,25 @@ PLAYER = NodeEntry("player")
 PANEL = NodeEntry("panel")
 #: All nodes by name.
 ENTRIES = {entry.name: entry for entry in (*NODES, PLAYER, PANEL)}
-#: Nodes whose messages other nodes consume, in a run and in a replay.
+#: Names of the nodes that publish the cam's laws and states, in a run or in a replay.
 SOURCES = ("law_server", DRIVE, PLAYER.name)
-#: Nodes for which the drive may wait in addition to the law server. The run can continue without
-#: the optional nodes.
+#: Names of the nodes for which the drive may wait in addition to the law server. The run can
+#: continue without the optional nodes.
 CONSUMERS = tuple(entry.name for entry in NODES if entry.name not in SOURCES)
 #: Names of the nodes without which a run continues.
 OPTIONAL = frozenset(entry.name for entry in NODES if not entry.essential)
 
 
 def order_by_chain(names: Sequence[str]) -> list[str]:
-    """Sort nodes by their position in the chain, in which each waits for the nodes before it."""
+    """Sort nodes by the order of processing: each node waits for the nodes before it."""
     order = [entry.name for entry in NODES]
     return sorted(names, key=order.index, reverse=True)
 
 
 def blocking_text(names: Sequence[str]) -> str:
-    """Return a text on nodes without an answer: the node that blocks the others, then these."""
+    """Return a text on nodes that do not answer.
+
+    It names first the node for which the others wait.
+    """
     first, *others = order_by_chain(names)
     return f"{first}, which blocks {', '.join(others)}" if others else first

@@ -27,7 +27,9 @@ from cam_rig.files import MIB, no_space_error, temporary_root
 
 
 def user_folder() -> Path:
-    """Return the runtime folder of the user, or else a private folder in the temporary folder.
+    """Return a folder that only this user can access, for locks.
+
+    It is the runtime folder of the user, or else a folder in the temporary folder.
 
     Raises
     ------
@@ -95,11 +97,12 @@ def log_folder() -> tuple[Path, str]:
 
 #: Largest ROS domain whose ports DDS can use.
 MAX_DOMAIN = 232
-#: Value of ROS_DOMAIN_ID, which ROS reads as in C: a leading 0 means octal, 0x hexadecimal.
+#: Pattern of a value of ROS_DOMAIN_ID. ROS reads it as C does: a leading 0 means octal, 0x
+#: hexadecimal.
 DOMAIN_NUMBER = re.compile(r"\s*\+?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)", re.ASCII)
 #: Maximum number of characters of ROS_DOMAIN_ID. Longer texts are rejected unread.
 MAX_DOMAIN_CHARACTERS = 64
-#: Namespace of ROS, with its leading slash.
+#: Pattern of a namespace that ROS accepts, with its leading slash.
 NAMESPACE = re.compile(r"(/(?:_?[A-Za-z]|_[0-9])(?:_?[A-Za-z0-9])*_?)+", re.ASCII)
 #: Maximum number of characters of a namespace. Namespace and topic together may have 255.
 MAX_NAMESPACE = 200
@@ -148,7 +151,10 @@ def reserve_recorder(domain: int, namespace: str) -> Iterator[None]:
 
 @contextmanager
 def _exclusive_lock(role: str, domain: int, namespace: str) -> Iterator[str]:
-    """Lock a role of a rig. Yield an empty text, or domain and namespace if it is locked."""
+    """Lock a role of a rig, such as "recorder", and yield an empty text.
+
+    If another process has the lock, yield a text with ROS domain and namespace of the rig.
+    """
     name = f"cam_rig-{role}-{domain}{namespace.replace('/', '-')}.lock"
     with open(_open_lock(user_folder() / name), "rb") as lock:
         try:
@@ -160,7 +166,9 @@ def _exclusive_lock(role: str, domain: int, namespace: str) -> Iterator[str]:
 
 
 def parse_namespace(text: str) -> str:
-    """Return a namespace with its leading slash: /rig1 for rig1 and /rig1, empty for the root.
+    """Return a namespace with its leading slash, such as /rig1 for rig1.
+
+    The root namespace is returned as an empty text.
 
     Raises
     ------
@@ -177,7 +185,9 @@ def parse_namespace(text: str) -> str:
 
 
 def domain_number(text: str | None = None) -> int:
-    """Return the ROS domain of a text, by default of the variable ROS_DOMAIN_ID.
+    """Return the number of the ROS domain from a text in the form of ROS_DOMAIN_ID.
+
+    Without a text the environment variable ROS_DOMAIN_ID is read.
 
     The text 030 gives 24, 0x10 gives 16, and an empty text 0.
 
@@ -202,7 +212,7 @@ def domain_ports(domain: int) -> range:
 
 
 def _open_lock(path: Path) -> int:
-    """Return the descriptor of a lock file of this user, which is made if it is missing.
+    """Open a lock file of this user and return its descriptor. Create it if missing.
 
     Links are not followed, and the call does not wait for the other end of a pipe.
     """
@@ -223,17 +233,19 @@ def _open_lock(path: Path) -> int:
 
 # Shared memory, in which Fast DDS stores its segments: free space, and segments of killed nodes.
 
-#: Bytes that must be free before a run: several times a page for each lock of seven nodes.
+#: Number of bytes of shared memory that must be free before a run. The locks of seven nodes need
+#: one page of memory each; the limit is several times their sum.
 MIN_FREE_BYTES = MIB
-#: Remedy in the messages on a full shared memory.
+#: Text of the remedy in messages about a full shared memory.
 REMEDY = "remove files from it, or give a container more (docker run --shm-size=256m)"
 #: Folder of the shared memory on Linux.
 SHARED_MEMORY = Path("/dev/shm")
-#: File name of a segment or a port of Fast DDS.
+#: Pattern of the file name of a shared memory segment or port of Fast DDS.
 SEGMENT = re.compile(r"fastdds_(?:[0-9a-f]{16}|port(\d{1,5}))")
 #: Suffixes of the lock file next to a segment or port. Its owner locks it until the owner ends.
 LOCK_SUFFIXES = ("_el", "_sl")
-#: Age (s) below which a segment may not have its lock yet. A new port is open in its process.
+#: Age (s) up to which a segment is kept, because its owner may not have locked it yet. It does not
+#: apply to ports, which are recognised as open in a process.
 LOCK_GRACE_S = 1.0
 
 
@@ -251,7 +263,9 @@ def require_shared_memory(folder: Path = SHARED_MEMORY) -> None:
 
 
 def explain_signal(code: int, folder: Path = SHARED_MEMORY) -> str:
-    """Return the cause of the signal in an exit code as text, empty if it is not known.
+    """Return the cause of the signal that ended a node as text.
+
+    The text is empty if the cause is unknown. `code` is the exit code of the node.
 
     Only SIGBUS has a known cause: a full shared memory.
     """
@@ -273,7 +287,7 @@ def _available_bytes(folder: Path) -> int | None:
 def remove_segments(
     since: float, folder: Path = SHARED_MEMORY, domain: int | None = None
 ) -> list[str]:
-    """Remove unlocked segments and ports of ended processes of this user. Return the file names.
+    """Remove the shared memory of this user's ended processes, and return the files.
 
     Ports are removed only if they belong to one domain. All domains share the other ports, so a
     node of another run may be about to use one. Without its file it would receive no messages,

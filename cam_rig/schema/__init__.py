@@ -1,4 +1,4 @@
-"""YAML files and tables of numbers: read, checked once, and converted to SI units."""
+"""Reading of YAML files and tables of numbers, their checks, and conversion to SI."""
 
 from cam_rig.schema.cam import CamConfig
 from cam_rig.schema.load import (

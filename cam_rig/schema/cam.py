@@ -37,7 +37,7 @@ class ContactParts(Strict):
     youngs_modulus, poisson_ratio : Quantity
         Young's modulus (Pa) and Poisson ratio of the cam.
     follower_youngs_modulus, follower_poisson_ratio : Quantity or None
-        The same of the follower (default: the material of the cam).
+        Young's modulus (Pa) and Poisson ratio of the follower (default: those of the cam).
     most_pressure : Quantity
         Permissible Hertzian pressure, Pa. It bounds the base radius from below.
     most_sliding_speed : Quantity
@@ -68,11 +68,11 @@ class ContactParts(Strict):
 
 Length = Annotated[Quantity, must_be("length", gt=0.0, le=100.0)]
 Offset = Annotated[Quantity, must_be("length", ge=-100.0, le=100.0)]
-#: Inclination of a face. The limits are a little less than a right angle.
+#: Inclination of a flat face, rad. The limits are a little less than a right angle.
 Inclination = Annotated[Quantity, must_be("angle", ge=-1.5, le=1.5)]
 #: Largest permissible pressure angle, up to a right angle.
 MaxPressureAngle = Annotated[Quantity, must_be("angle", gt=0.0, le=0.5 * math.pi)]
-#: Angle between the two arms of a rocker.
+#: Angle between the two arms of an oscillating conjugate follower, rad.
 ArmsAngle = Annotated[Quantity, must_be("angle", gt=0.0, le=2.0 * math.pi)]
 Radius = Annotated[Quantity, must_be("length", ge=0.0, le=100.0)]
 
@@ -371,5 +371,5 @@ class CamConfig(NamedConfig):
 
     @property
     def files(self) -> list[str]:
-        """Names of the files of points that the cam's file refers to."""
+        """Names of the CSV files of measured points that the laws ``table`` refer to."""
         return [segment.file.file for segment in self.segments if isinstance(segment, Table)]

@@ -16,11 +16,11 @@ from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.schema.quantity import PYTHON_CONTEXT
 
 Config = TypeVar("Config", bound=BaseModel)
-#: Largest number of other wrong keys that a message names.
+#: Largest number of wrong keys that a message names in addition to the explained key.
 MAX_OTHER_KEYS = 3
-#: Remedy for a decimal comma.
+#: Text of the remedy for a number with a decimal comma.
 DECIMAL_POINT = "a number has a decimal point, not a comma"
-#: Allowed form of a quantity, with an example.
+#: Text on the allowed form of a quantity, with an example.
 QUANTITY_FORM = "a number by its origin, with its unit, as {given: 15, unit: mm, source: drawing}"
 
 
@@ -33,9 +33,10 @@ def describe_type(value: object) -> str:
 
 
 def validate_in_python(kind: type[Config], data: Mapping[str, Any], label: str) -> Config:
-    """Validate data from Python, with plain numbers and texts with a unit.
+    """Validate the values of a cam or rig that Python code constructs.
 
-    Raise ConfigError if the data are wrong. `label` is the kind of the thing, for the message.
+    Plain numbers in SI units and texts with a unit are accepted. Raise ConfigError if a value is
+    wrong. `label` is "cam" or "rig", for the message.
     """
     try:
         return kind.model_validate(dict(data), context=PYTHON_CONTEXT)
@@ -65,7 +66,7 @@ def python_error(
 
 
 def explain(error: ValidationError, kind: type[BaseModel]) -> str:
-    """Return the most informative problem as text, and the keys of the others."""
+    """Return a message that explains one problem, and names the keys of the others."""
     problems = error.errors()
     # first an unknown key, because it is often the misspelt name of a missing key
     first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
@@ -130,7 +131,10 @@ def _schema(kind: type[BaseModel]) -> Any:
 
 
 def _nodes(kind: type[BaseModel], loc: tuple[int | str, ...]) -> list[Any]:
-    """Return the nodes of a JSON schema along a location, that of the model first."""
+    """Return the nodes of a model's JSON schema along pydantic's location of an error.
+
+    The first node is that of the model.
+    """
     schema = _schema(kind)
     nodes = [_resolve(schema, schema)]
     for part in loc:
@@ -168,7 +172,11 @@ def _key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
 
 
 def _resolve(node: Any, schema: Any) -> Any:
-    """Return the node that a reference or an optional node leads to."""
+    """Return the described type of a JSON schema node.
+
+    References are followed, and of an optional node the alternative to null is taken. An unknown
+    node gives an empty mapping.
+    """
     while isinstance(node, dict):
         if "$ref" in node:
             node = schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]

@@ -1,4 +1,4 @@
-"""Grammar of the headings of measured tables: quantity, factor and unit.
+"""Parser of the headings of measured tables: quantity, factor and unit.
 
 A heading consists of words for a quantity, an optional factor and a unit, such as ``Lift (0.001
 in)``, ``Nockenwinkel / °`` or ``cycle [%]``. Words that do not change the meaning may be next to
@@ -21,10 +21,10 @@ _POUND_FORCE = 4.4482216152605
 
 
 def _names(dimension: str, names: dict[str | float, str]) -> dict[str, float]:
-    """Return the factors of units by name.
+    """Return the factor to SI of each name of the units of a dimension.
 
-    A key of `names` is a unit of the rig's files, or the factor of another unit. Its value contains
-    the other names of the unit.
+    A key of `names` is a unit of the rig's files, or the factor of a unit that the files do not
+    have. Its value contains further names of the unit, separated by spaces.
     """
     factors = dict[str, float]()
     for key, listed in names.items():
@@ -90,8 +90,9 @@ UNITS: dict[str, dict[str, float]] = {
     ),
     "level": _names("level", {"dB": "decibel decibels decibelios dezibel"}),
 }
-#: Words for a fraction, and the unit that they mean without another (None: a unit is required).
-#: Machinists call a thousandth of an inch a thousandth. In the other languages the unit is the mm.
+#: Words for a fraction -> the fraction, and the length (m) of the unit if the heading has no unit.
+#: None means that the heading must have a unit. Machinists call a thousandth of an inch a
+#: thousandth. In the other languages the unit is the mm.
 FRACTIONS: dict[str, tuple[float, float | None]] = {
     **dict.fromkeys(("thousandth", "thousandths"), (1e-3, _INCH)),
     **dict.fromkeys(("hundredth", "hundredths"), (1e-2, None)),
@@ -102,13 +103,14 @@ FRACTIONS: dict[str, tuple[float, float | None]] = {
     **dict.fromkeys(("milesimas", "milesima", "millesimo"), (1e-3, None)),
     **dict.fromkeys(("zehntel", "dixiemes", "dixieme", "decimi", "decimas"), (1e-1, 1e-3)),
 }
-#: Units whose name is also a word or a symbol: they count in brackets, after a number, or last.
+#: Units whose name is also a word or a symbol. They count as units only in brackets, after a number
+#: or at the end of the heading.
 AMBIGUOUS = frozenset(("in", "m", "g", "n", "mil", '"'))
 
 
 @dataclass(frozen=True)
 class QuantityWords:
-    """Words of a quantity.
+    """Words by which a heading names a quantity.
 
     `stems` are parts of a word, `symbols` are whole words, and `neutral` are further words that do
     not change the meaning of such a heading.
@@ -124,7 +126,7 @@ class QuantityWords:
         return word in self.symbols.split() or any(stem in word for stem in self.stems.split())
 
 
-#: Quantities of columns. If a heading has words of several, the first in this order is meant.
+#: Quantities of columns by name. If a heading has words of several, the first in this order counts.
 QUANTITIES: dict[str, QuantityWords] = {
     "other": QuantityWords(
         "",
@@ -173,7 +175,7 @@ QUANTITIES: dict[str, QuantityWords] = {
     "y": QuantityWords("length", "", "y"),
     "z": QuantityWords("length", "", "z"),
 }
-#: Quantity of a heading that has a unit but no word of a quantity.
+#: Dimension of the unit -> quantity of a heading that has a unit but no word of a quantity.
 BY_UNIT = {"angle": "angle", "length": "lift", "speed": "speed", "level": "level"}
 #: Words of an angle of the crankshaft, which turns twice as fast as the cam.
 CRANK = QuantityWords(
@@ -194,11 +196,13 @@ _NEUTRAL = (
 )
 #: Words that do not change the meaning of a heading.
 NEUTRAL = frozenset(_NEUTRAL.split())
-#: Letters that distinguish columns of lifts and angles, but are a frequency weighting of a level.
+#: Letters that are neutral in headings of lifts and angles, where they distinguish columns. In the
+#: heading of a level they are not neutral, because they would be a frequency weighting.
 LETTERS = frozenset("abcd")
-#: Words for the divisions of a dial, whose size is not part of the word: they need a factor.
+#: Words for the divisions of a dial. The heading must also contain a unit or a factor, because the
+#: words do not define the size of a division.
 DIVISIONS = frozenset(("div", "divs", "division", "divisions", "teilstrich", "teilstriche"))
-#: Largest number that counts as the index of a column, such as in "lift 2".
+#: Largest number in a heading that counts as the index of a column, as in "lift 2".
 MAX_INDEX = 99
 
 _BRACKETS = re.compile(r"[(\[{]([^)\]}]*)[)\]}]")
@@ -209,7 +213,7 @@ _TOKEN = re.compile(
 )
 #: Largest number of tokens of the name of a unit, such as ``rad / s``.
 _MAX_UNIT_TOKENS = 3
-#: Tokens before the factor of a unit, as in ``mm x 10``.
+#: Tokens after which a number is the factor of a unit and not a column index, as in ``mm x 10``.
 _FACTOR_MARKS = (["x"], ["×"], ["*"], ["^"], ["/"])
 #: Units of time, which make a length or an angle a speed, as in ``mm/s``.
 _TIMES = frozenset(
@@ -294,7 +298,10 @@ def parse_heading(text: str) -> Heading:
 
 
 def _explain_other(plain: str) -> str:
-    """Return the reason why a heading without a quantity is not neutral, or an empty text."""
+    """Return the reason why a heading without a quantity is unclear.
+
+    The text is empty if all words of the heading are neutral.
+    """
     if re.fullmatch(r"column \d+", plain):  # of a table without headings
         return ""
     words = [word for word in _tokens(plain) if word not in NEUTRAL]
@@ -319,7 +326,7 @@ def _tokens(text: str) -> list[str]:
 def _take_units(tokens: list[str], alone: bool) -> tuple[list[_Unit], list[str]]:
     """Return the units among tokens with their factors, and the other tokens.
 
-    `alone` allows a unit whose name is ambiguous at the end.
+    If `alone` is True, an ambiguous name at the end counts as a unit.
     """
     units, words, i, end = list[_Unit](), list[str](), 0, 0
     while i < len(tokens):
@@ -360,7 +367,10 @@ def _unit_at(tokens: list[str], i: int) -> tuple[_Unit | None, int]:
 
 
 def _divisor_after(tokens: list[str], i: int) -> tuple[float, int]:
-    """Return the divisor of a unit before token `i`, as in mm/100, and its number of tokens.
+    """Return the divisor after a unit, and its number of tokens.
+
+    In mm/100 the divisor is 100. Token `i` is the first after the unit. Without a divisor the
+    result is 1 and 0.
 
     Raise ValueError for a divisor of 0, and for a quantity per time or unit, as in mm/10 deg.
     """
@@ -411,7 +421,7 @@ def _number(token: str) -> float | None:
 
 
 def _quantity(words: list[str], units: list[_Unit]) -> str:
-    """Return the quantity that words and units mean, or an empty text."""
+    """Return the name of the quantity that words and units mean, or an empty text."""
     dimensions = [unit.dimension for unit in units]
     for name, quantity in QUANTITIES.items():
         is_point = name in ("x", "y", "z")
@@ -434,7 +444,10 @@ def _unit_names(dimension: str) -> str:
 
 
 def _explain_words(quantity: str, words: list[str], has_unit: bool) -> str:
-    """Return the reason why words or numbers are not understood, or an empty text."""
+    """Return the reason why a word or number of a heading is not understood.
+
+    The text is empty if all are understood.
+    """
     meaning = QUANTITIES[quantity]
     for i, word in enumerate(words):
         value = _number(word)

@@ -1,4 +1,4 @@
-"""Tables of numbers from gauges, spreadsheets and text editors.
+"""Reader of tables of numbers from gauges, spreadsheets and text editors.
 
 A file is divided into lines and cells. Its separator may be semicolon, tab, comma or space, its
 decimal mark comma or point, and its encoding UTF-8, UTF-16 or Windows-1252. The module `headings`
@@ -18,12 +18,13 @@ from cam_rig.units import TURN
 
 #: Separators of cells, and their names in messages.
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "space"}
-#: Number with decimal point or comma.
+#: Pattern of a number with decimal point or comma.
 NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?")
-#: Cell whose mark could separate thousands or decimals, and an integer of two digits or more.
+#: Pattern of a number whose comma or point could separate thousands or decimals, such as 1,084.
 GROUPED = re.compile(r"[-+−]?[1-9]\d{0,2}[.,]\d{3}")
+#: Pattern of an integer of two digits or more.
 LARGE_INTEGER = re.compile(r"[-+−]?[1-9]\d+")
-#: Text of the number of an empty cell.
+#: Text that represents an empty cell among the numbers of a line.
 NOTHING = "nan"
 #: Smallest range of angles without a unit that means rad: three quarters of a turn. A table of a
 #: smaller range could be in another unit.
@@ -32,22 +33,23 @@ MIN_RANGE_RAD = 0.75 * TURN
 MAX_RANGE_RAD = 1.02 * TURN
 #: Largest range of angles without a unit that means deg: four turns, of cam or crank.
 MAX_RANGE_DEG = 1440.0
-#: Units of which one turn has the given number. A range near it does not mean deg.
+#: Units other than deg and rad -> their name, by the number of them in one turn. Angles without a
+#: unit whose range is near this number are not read as deg.
 OTHER_UNITS_PER_TURN = {100.0: "percent", 400.0: "gon"}
-#: Relative tolerance of a range that is one turn in another unit. A table without its closing
-#: reading lacks one step, 0.5 % of 200 steps.
+#: Relative tolerance within which a range of angles counts as one turn in another unit. A table
+#: without its closing reading lacks one step, 0.5 % of 200 steps.
 OTHER_UNITS_RTOL = 0.005
-#: Words in the heading of an angle in turns, from 0 to 1.
+#: Pattern of words by which a heading indicates an angle in turns, from 0 to 1.
 PHASE_WORDS = re.compile("phase|fase|cycle|zyklus|ciclo|takt", re.I)
-#: Smallest range of such an angle without a unit that means turns. A smaller range could be of
-#: another unit.
+#: Smallest range of an angle under such a heading that is read as turns, if it has no unit. A
+#: smaller range could be in another unit.
 MIN_PHASE_RANGE = 0.75
-#: Largest range of such an angle without a unit that means turns: one turn, and a step.
+#: Largest range of an angle under such a heading that is read as turns: one turn and a step.
 MAX_PHASE_RANGE = 1.02
-#: Smallest range of such an angle without a unit that means deg. A smaller range could be of
+#: Smallest range of an angle under such a heading that is read as deg. A smaller range could be in
 #: percent.
 MIN_PHASE_RANGE_DEG = 250.0
-#: Heading of minutes of arc in a column next to the degrees.
+#: Pattern of the heading of a column with minutes of arc, next to the column of degrees.
 MINUTES = re.compile(r"\W*(?:min|mins|minutes?|minuten|minutos?|minuti|arcmin|['′])\W*", re.I)
 #: Largest size of a file in bytes, more than a million characters of numbers.
 MAX_BYTES = 2 * MIB
@@ -62,9 +64,10 @@ MAX_COLUMNS = 1000
 def read_lines(
     path: Path, content: str, max_bytes: int = MAX_BYTES
 ) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
-    """Return the lines of a table and its comments (#), each with its line number.
+    """Return two lists: the lines of a table, and its comment lines (#).
 
-    Empty lines are left out. `content` describes the lines of numbers for messages. Raise
+    Each line has its line number. Empty lines are left out. `content` describes the lines of
+    numbers for messages. Raise
     ConfigError if the file cannot be read, is empty, or has more than `MAX_LINES` lines.
     """
     lines = [
@@ -231,7 +234,11 @@ class CellTable:
                 )
 
     def guess_angle_unit(self, heading: Heading, angles: list[float]) -> tuple[float, str]:
-        """Return factor (rad) and name of the unit that the range of angles indicates."""
+        """Return the unit of angles without a unit, determined from their range.
+
+        The result is the factor to rad and the name of the unit. Raise ConfigError if the range
+        could be of several units.
+        """
         span = max(angles) - min(angles)
         is_phase = PHASE_WORDS.search(heading.text) is not None
         if is_phase and MIN_PHASE_RANGE <= span <= MAX_PHASE_RANGE:
@@ -309,7 +316,10 @@ def _separator(lines: list[tuple[int, str]]) -> str:
 
 
 def plain_number(cell: str) -> str | None:
-    """Return the text of a number with a decimal point, or None if it is not a number."""
+    """Return the number in a cell as text with a decimal point.
+
+    Returns None if the cell is not a number.
+    """
     text = cell.strip().removesuffix("°").strip().replace("−", "-").lower()
     return text.replace(",", ".") if NUMBER.fullmatch(text) else None
 

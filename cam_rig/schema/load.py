@@ -28,7 +28,7 @@ from cam_rig.schema.yaml_text import parse_yaml
 Config = TypeVar("Config", bound=BaseModel)
 #: Largest size of a YAML file in bytes.
 MAX_BYTES = MIB
-#: Name of a file, without its suffix.
+#: Pattern of the name of a config file, without its suffix.
 NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 
 
@@ -41,10 +41,10 @@ def config_root() -> Path:
 
 
 def resolve_path(folder: str, name: str | Path) -> Path:
-    """Return the path of a file that is given by its path or name.
+    """Return the path of a config file from its path or its shipped name.
 
-    A name without folder and suffix is that of a file in a folder of ``config``, unless there is
-    a file of this path.
+    `name` is the path of a file. If there is no such file, a name without folder and suffix is that
+    of a file in the folder `folder` of ``config``.
     """
     path = Path(name)
     return path if is_path(name) or file_exists(path) else config_root() / folder / f"{name}.yaml"
@@ -146,7 +146,7 @@ class Library:
         return _first_file(self._candidates(folder, name))
 
     def file(self, folder: str, name: str) -> Path:
-        """Return the path of a file that is given by its path or name, see `path`."""
+        """Return the path of an existing file from its path or its name, see `path`."""
         paths = [self.folder / name] if is_path(name) else self._candidates(folder, name)
         return _first_file(paths)
 
@@ -173,7 +173,7 @@ rig_path = partial(resolve_path, "rigs")
 
 
 def resolve_rig_path(rig: str | Path, *files: Path) -> Path:
-    """Return the path of the file of a rig that is given by its path or name.
+    """Return the path of a rig's file from its path or its name.
 
     A name is searched for in the folders of rigs next to those of `files`, which are scenes or
     cams, then in ``config/rigs``.
@@ -191,9 +191,9 @@ def tables_path() -> Path:
 
 
 def find_scene(names: Sequence[Any] | None) -> Path | None:
-    """Return the path of the scene that is given instead of cams, or None for cams.
+    """Return the path of the scene if `names` is one scene, or None if they are cams.
 
-    The only name must be that of a YAML file with a schedule of speeds.
+    `names` is a scene if it has one item, the name or path of a YAML file with a schedule.
     """
     if not names or len(names) > 1 or not isinstance(names[0], str | Path):
         return None
@@ -220,7 +220,7 @@ def has_shipped_motion(cam: CamConfig, without: frozenset[str] = ORIGIN_NOTES) -
 
 
 def plain_data(value: Any, without: frozenset[str]) -> Any:
-    """Return models, mappings and lists as plain data, without some keys."""
+    """Convert models, mappings and lists to plain data, without the keys in `without`."""
     if isinstance(value, BaseModel):
         value = value.model_dump()
     if isinstance(value, dict):
@@ -231,15 +231,18 @@ def plain_data(value: Any, without: frozenset[str]) -> Any:
 def quantity_data(
     origin: str, value: float | list[float], unit: str, source: str, residual: str = ""
 ) -> dict[str, Any]:
-    """Return a number in the form of a file, with its unit and origin."""
+    """Return a number as the mapping of a YAML file, with its unit and origin.
+
+    `origin` is given, assumed or identified.
+    """
     fit = {"residual": residual} if residual else {}
     return {origin: value, "unit": unit, "source": source, **fit}
 
 
 def assumed_numbers(section: BaseModel, source: str) -> dict[str, Any]:
-    """Return the numbers of a section of a rig as assumed numbers of a file.
+    """Return the numbers of a rig's section as assumed numbers of a file.
 
-    They are used for another rig, in which they were not measured.
+    They are used for another rig, for which they were not measured. `source` is the reason.
     """
     return {
         key: quantity_data("assumed", number.raw, number.unit, source)
@@ -254,7 +257,10 @@ def to_yaml(data: dict[str, Any]) -> str:
 
 
 def file_data(model: BaseModel) -> dict[str, Any]:
-    """Return a model in the form of a file, without missing and empty values."""
+    """Convert a model to the plain data of its YAML file.
+
+    None and empty texts, lists and mappings are left out.
+    """
     data: dict[str, Any] = _without_empty(model.model_dump(exclude_none=True))
     return data
 

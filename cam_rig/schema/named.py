@@ -1,4 +1,4 @@
-"""Base class of cams and rigs: configs of a file that Python code can also construct."""
+"""Base class of cams and rigs, which come from a YAML file or from Python code."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 from cam_rig.schema.explain import python_error, validate_in_python
 from cam_rig.schema.quantity import Strict
 
-#: Name of a file, without its suffix.
+#: Name of a cam, rig or scene, which is also that of its file without the suffix.
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
@@ -40,7 +40,7 @@ class NamedConfig(Strict):
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # as in Strict
 
     def _replaced(self, data: dict[str, Any]) -> Self:
-        """Return a config with this data, which has the values of Python code."""
+        """Return a new config of this class, made of the values that Python code gives."""
         return validate_in_python(type(self), data, self.kind)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:

@@ -36,7 +36,7 @@ from pydantic import (
 
 from cam_rig.units import RPM, TURN
 
-#: Key that contains the number.
+#: Origin of a number, which is the key that contains it in a file.
 Origin = Literal["given", "assumed", "identified"]
 #: All origins, in the order of messages.
 ORIGINS: tuple[Origin, ...] = ("given", "assumed", "identified")
@@ -65,15 +65,15 @@ UNITS: dict[str, dict[str, float]] = {
 }
 #: Unit -> factor to SI. Each unit has one dimension.
 FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
-#: Largest number of items of a list that only the size of its file limits.
+#: Largest number of items of a list without a limit. Only the size of its file limits the list.
 MANY = sys.maxsize
-#: Largest number of list items in a ``repr``.
+#: Largest number of items that the ``repr`` of a list of numbers contains.
 MAX_SHOWN_NUMBERS = 6
-#: Number of YAML. Texts and booleans are errors.
+#: Type of a number in a YAML file. Texts and booleans are errors.
 Number = Annotated[float, Field(strict=True)]
-#: Translation of the characters of other spellings of a unit.
+#: Character translation of other spellings of a unit, such as mm² for mm^2.
 UNIT_SPELLINGS = str.maketrans({"·": "*", "²": "^2", "µ": "u", "μ": "u", "°": "deg"})
-#: Number and unit in one text.
+#: Pattern of a text with a number and its unit.
 NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
 #: Context of a validation that accepts plain numbers: of a model made in Python, not in a file.
 PYTHON_CONTEXT: dict[str, Any] = {"in_python": True}

@@ -247,7 +247,10 @@ class RigConfig(NamedConfig):
         return tuple(keys)
 
     def missing(self, keys: Sequence[str], by: str, instead: str = "") -> ConfigError:
-        """Return the error for missing keys that are needed, see `need`."""
+        """Return the error for missing keys that a model or quantity needs.
+
+        The other arguments are those of `need`.
+        """
         other = f", or {instead}" if instead else ""
         python = ", ".join(f"{key.rpartition('.')[2]}=..." for key in keys)
         are, them = ("is", "it") if len(keys) == 1 else ("are", "them")

@@ -19,7 +19,7 @@ from cam_rig.units import TURN
 Span = Annotated[Quantity, must_be("angle", gt=0.0, le=TURN * (1.0 + 1e-12))]
 #: Ordinates or coefficients, as fractions of the lift.
 Ratios = Annotated[Quantity, must_be("ratio", counts=(1, MANY), ge=-100.0, le=100.0)]
-#: Length of the shape of the cam.
+#: Positive dimension of the cam's shape, such as a radius.
 Length = Annotated[Quantity, must_be("length", gt=0.0, le=100.0)]
 
 
@@ -111,7 +111,7 @@ def _number(name: str, line: int, cells: list[str], header: list[str], index: in
 
 #: Smallest number of points of a law. Fewer points do not determine the law of a cam.
 MIN_POINTS = 12
-#: Largest number of points of a law. More points only cost time.
+#: Largest number of points of a law. More points increase the computing time, not the accuracy.
 MAX_POINTS = 7200
 #: Widest gap (deg) between points. The law within a wider gap would be arbitrary.
 MAX_GAP_DEG = 45.0
@@ -119,11 +119,12 @@ MAX_GAP_DEG = 45.0
 MAX_DWELLS = 36
 #: Smallest distance (deg) between two dwells.
 MIN_EVENT_DEG = 1.0
-#: Absolute tolerance (rad) of the ends of a dwell, for points that are at an end.
+#: Absolute tolerance (rad) within which a point at an end of a dwell counts as inside it.
 DWELL_ATOL_RAD = 1e-9
-#: Largest difference between the lifts at 0° and 360°, in tolerances of the table.
+#: Largest difference between the lifts at 0° and 360°, in multiples of the table's tolerance.
 MAX_CLOSING_TOLERANCES = 3.0
-#: Largest tolerance as a fraction of the lift. The spline would be that of another cam.
+#: Largest tolerance as a fraction of the lift. With a larger tolerance the spline would no longer
+#: represent the measured cam.
 MAX_TOLERANCE = 0.05
 
 
@@ -136,9 +137,9 @@ class MeasuredPoints(Strict):
 
 
 def read_measured_points(value: Any, info: ValidationInfo) -> Any:
-    """Return the points of the file of a name. Points are returned unchanged.
+    """Read the CSV file of measured points that a cam's file names.
 
-    A config that was copied contains points already.
+    A value that is not a text is returned unchanged, because a copied config contains the points.
     """
     if not isinstance(value, str):
         return value

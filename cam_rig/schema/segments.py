@@ -15,7 +15,8 @@ from cam_rig.units import TURN
 
 #: Largest number of ordinates of a Bézier curve. Degree 100 is far beyond any cam, and stable.
 MAX_ORDINATES = 101
-#: Largest number of conditions of a polynomial, which would oscillate between more of them.
+#: Largest number of conditions of a polynomial. A polynomial of more conditions would oscillate
+#: between them.
 MAX_CONDITIONS = 21
 #: Largest number of harmonics of a trigonometric law.
 MAX_HARMONICS = 50
@@ -27,7 +28,7 @@ MAX_B_SPLINE_ORDINATES = 500
 Angles = Annotated[Quantity, must_be("angle", counts=(1, MANY), ge=0.0, le=TURN + 1e-12)]
 #: Amplitudes of the harmonics of a trigonometric law, as fractions of the lift.
 Harmonics = Annotated[Quantity, must_be("ratio", counts=(1, MAX_HARMONICS), ge=-100.0, le=100.0)]
-#: Order of a derivative.
+#: Order of the derivative that a condition of a polynomial prescribes, 0 for the lift.
 Order = Annotated[int, Field(ge=0, lt=MAX_CONDITIONS, strict=True)]
 
 

@@ -1,4 +1,4 @@
-"""YAML 1.2 documents within limits, read by PyYAML's safe loader."""
+"""Parser of YAML 1.2 documents of limited size and depth, based on PyYAML."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import yaml
 
 from cam_rig.errors import ConfigError
 
-#: Largest depth of nested lists and mappings.
+#: Largest depth of nested lists and mappings in a document.
 MAX_DEPTH = 32
-#: Largest length of a number in characters.
+#: Largest length of a number in a document, in characters.
 MAX_DIGITS = 300
 #: Largest number of values in a document.
 MAX_VALUES = 1_000_000
@@ -21,7 +21,7 @@ BASE: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 TAG = "tag:yaml.org,2002:"
 #: Tags that a document may contain explicitly, such as ``!!str 3``.
 EXPLICIT_TAGS = (None, f"{TAG}str", f"{TAG}int", f"{TAG}float")
-#: The plain scalars of YAML 1.2 that are not text, by tag.
+#: Patterns of the plain scalars of YAML 1.2 that are not text, by tag.
 SCALARS = {
     "null": r"~|null|Null|NULL|",
     "bool": r"true|True|TRUE|false|False|FALSE",
@@ -39,7 +39,7 @@ class Loader(BASE):  # type: ignore[misc]
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        """Return a mapping. Raise ConfigError for a repeated key, or a list as a key."""
+        """Return the mapping of a node. Raise ConfigError if a key is repeated or a list."""
         keys = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):

@@ -25,7 +25,8 @@ from cam_rig.units import FloatArray
 
 #: Radius of a thin line. Rerun takes a negative radius in points of the screen, not in the plane.
 THIN = -0.5
-#: Radius of a point that is not visible, behind a label, in points of the screen.
+#: Radius of a point that only carries a label, so small that it is not visible. As in `THIN`, a
+#: negative number is in points of the screen.
 UNSEEN = -0.1
 #: Margin for labels on the left of the axes, as a fraction of their width.
 LEFT_MARGIN = 0.17
@@ -100,7 +101,7 @@ class Axes:
         self.draw_labels(stream, f"{entity}/y", self.y_label_positions(y), y)
 
     def grid(self, y: Mapping[float, str]) -> list[FloatArray]:
-        """Return the strips of the frame and of a line at each marked y."""
+        """Return the polylines `(n, 2)` of the frame and of a line at each marked y."""
         (left, right), (low, high) = self.x, self.y
         frame = self.place(np.array([left, left, right]), np.array([high, low, low]))
         return [frame, *(self.place(np.array([left, right]), np.array([v, v])) for v in y)]
@@ -167,10 +168,10 @@ def round_range(low: float, high: float) -> tuple[float, float, float]:
 
 
 def tens_range(low: float, high: float) -> tuple[float, float]:
-    """Return the ends of an axis with numbers that Rerun sets, at powers of ten.
+    """Return the ends of an axis on which Rerun places its labels.
 
-    The axis contains at least three multiples of a power of ten, and a margin of `TOP_MARGIN` above
-    the highest.
+    Rerun labels the multiples of a power of ten. The axis contains at least three of them, so that
+    labels are displayed, and a margin of `TOP_MARGIN` above the highest.
     """
     step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
@@ -212,11 +213,14 @@ def name_recording(stream: rr.RecordingStream, name: str) -> None:
     stream.send_recording_name(name)
 
 
-# Rerun streams into a file, which appears when it is complete.
+# Rerun recordings are written to a temporary file, which is renamed when it is complete.
 
 
 def require_free(path: Path, overwrite: bool) -> None:
-    """Raise `CamRigError` if a recording cannot be written to a path."""
+    """Raise `CamRigError` if `path` is not a suitable name for a new recording.
+
+    An existing file is accepted if `overwrite` is True.
+    """
     if path.is_dir():
         raise CamRigError(f"{path}: is a folder; name a file in it, such as {path / 'run.rrd'}")
     if path.suffix != ".rrd":

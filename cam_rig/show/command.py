@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 #: Suffixes of the files that a plot can be written to.
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf", ".jpg")
-#: Target of standard output.
+#: Output path that means standard output.
 STDOUT = Path("-")
 #: Wall-clock time between progress lines, in s, if there is no terminal for a bar.
 LOG_PERIOD_S = 10.0
@@ -108,7 +108,7 @@ def write_plot(target: Path, figure: Callable[[], Figure]) -> None:
 
 
 def write_json(data: dict[str, Any], target: str | None) -> None:
-    """Write JSON to a file, or to stdout for ``-``. None: not written."""
+    """Write JSON to a file, or to stdout for ``-``. Without a target, write nothing."""
     text = json.dumps(data, indent=2)
     if target == "-":
         print(text)

@@ -37,7 +37,7 @@ CAM_SPEED = "cam speed [rpm]"
 LEVEL = "sound pressure level [dB re 20 µPa]"
 #: Width of a figure in inches: 170 mm, the width of the text on an A4 page.
 WIDTH = 170.0 / 25.4
-#: Style of all figures, in matplotlib's parameters.
+#: Matplotlib's parameters for all figures, from the style sheet.
 STYLE = mpl.rc_params_from_file(
     Path(__file__).with_name("style.mplstyle"), use_default_template=False
 )
@@ -47,7 +47,8 @@ styled = mpl.rc_context(STYLE)
 
 #: Largest number of characters of a title line across a whole figure.
 ACROSS = 72
-#: Largest number of decades of a logarithmic axis with ticks at 3. More ticks would overlap.
+#: Largest number of decades of a logarithmic axis with ticks at 3, 30, ... in addition to the
+#: powers of ten. On a longer axis these ticks would overlap.
 MAX_DECADES = 3.5
 #: Distance of two markers of a curve, as a fraction of the diagonal of its panel.
 MARKER_GAP = 0.14
@@ -62,7 +63,7 @@ def empty(height: float) -> Figure:
 def write(
     figure: Figure, to: Path | BytesIO, dpi: float | None = None, part: Bbox | None = None
 ) -> None:
-    """Write a figure, or the part of it in a box.
+    """Write a figure, or a rectangular part of it, to a file or to memory.
 
     Parameters
     ----------
@@ -89,7 +90,10 @@ def _escape_controls(figure: Figure) -> None:
 
 
 def logarithmic(*axes: Axis) -> None:
-    """Set the ticks of logarithmic axes to 1, 3 and 10, without 3 over many decades."""
+    """Set the ticks of logarithmic axes to 1, 3, 10, 30 and so on.
+
+    Axes of more than `MAX_DECADES` decades get ticks at powers of ten only.
+    """
     for axis in axes:
         low, high = axis.get_view_interval()
         is_wide = math.log10(high / low) > MAX_DECADES
@@ -167,7 +171,8 @@ MAX_OVERLAP_IN = 0.02
 def strips(figure: Figure) -> list[tuple[float, float]]:
     """Return the lower and upper end of each strip of a figure, from top to bottom.
 
-    The ends are in inches above the lower edge of the figure. Texts above and below all panels
+    A strip contains whole panels, so that a page may break between two strips. The ends are in
+    inches above the lower edge of the figure. Texts above and below all panels
     belong to the nearest strip. The layout of the figure is computed here, and fixed afterwards.
     """
     _escape_controls(figure)
@@ -190,9 +195,10 @@ def strips(figure: Figure) -> list[tuple[float, float]]:
 def write_strip(
     figure: Figure, low: float, high: float, to: Path | BytesIO, dpi: float | None
 ) -> None:
-    """Write one of the `strips` without the artists outside of it.
+    """Write the strip of a figure between two heights to a file or to memory.
 
-    `low` and `high` are its ends. The other parameters are those of `write`.
+    `low` and `high` are the ends of the strip from `strips`, in inches. The other parameters are
+    those of `write`.
     """
     spans = _visible_artists(figure)
     outside = [artist for artist, span in spans if not low <= 0.5 * (span[0] + span[1]) <= high]

@@ -77,9 +77,9 @@ def _pivoted(
     columns: Sequence[Column],
     labels: Mapping[str, str],
 ) -> DataTable:
-    """Build one row per combination of `row_fields`.
+    """Build a pivot table, with one row per combination of the values of `row_fields`.
 
-    The first of the columns is the pivot. The others are repeated for each of its values.
+    The first of `columns` is the pivot. The other columns are repeated for each value of the pivot.
     """
     pivot, *repeated = columns
     rows: dict[tuple[Cell, ...], dict[Any, Any]] = {}

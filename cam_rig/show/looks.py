@@ -1,4 +1,4 @@
-"""Look of each cam by its name, the palette of all pictures, and texts in them.
+"""Colours, dashes and markers of cams by name, colours of quantities, and titles.
 
 A look is a colour, a dash and a marker. The look of a cam depends on its name only, not on the
 other contents of a picture. Shipped cams and named rises are in one table, in which cams that are
@@ -124,22 +124,22 @@ BANDS = 0x44AA99FF  #: third-octave bands
 FOLLOWER = 0x8C6D31FF  #: outline of the follower
 GAP = 0xFF0000FF  #: gap between follower and cam
 ZERO = 0x661100FF  #: line of zero contact force
-#: Curves that do not belong to different cams, such as one cam at several speeds. They are not
-#: colours of cams.
+#: Colours of curves that do not belong to different cams, such as one cam at several speeds. No cam
+#: has one of these colours.
 SERIES = (BLUE, VERMILION, GREEN, BLACK, PURPLE, ORANGE, SKY_BLUE)
-#: Background of curves during a flight.
+#: Colour of the background of curves while the follower is in flight.
 FLIGHT = 0xF2DADAFF
-#: Curves of s, s′, s″ and s‴ on paper.
+#: Colours of the curves of lift s and its derivatives s′, s″ and s‴ on paper.
 DERIVATIVES = (BLUE, GREEN, VERMILION, BLACK)
-#: Names of s, s′, s″ and s‴.
+#: Displayed names of the lift s and its derivatives s′, s″ and s‴.
 DERIVATIVE_NAMES = ("lift s", "velocity s′", "acceleration s″", "jerk s‴")
-#: Units of s, s′, s″ and s‴ after the unit of lift.
+#: Text that follows the unit of lift in the units of s, s′, s″ and s‴.
 PER_RADIAN = ("", "/rad", "/rad²", "/rad³")
-#: Discs of a cam on paper.
+#: Colours of the one or two discs of a cam on paper.
 DISCS = (BLUE, VERMILION)
-#: Pitch curve of a cam on paper.
+#: Colour of the pitch curve of a cam on paper.
 PITCH_CURVE = GREEN
-#: Limits of a check on paper.
+#: Colour of the limits of a check on paper.
 LIMIT = PURPLE
 
 
@@ -162,7 +162,7 @@ def tint(colour: int) -> int:
 
 #: Millimetres per metre.
 MM = 1e3
-#: Number of decimals of mm that are sent to a page.
+#: Number of decimals of the coordinates in mm that are sent to a browser page.
 DECIMALS = 4
 
 
@@ -172,42 +172,50 @@ def millimetres(points: FloatArray) -> list[list[float]]:
     return rounded
 
 
-# Differences of two signals. A difference that is rounding is plotted as zero, with a text.
+# Differences of two signals. Differences that are only rounding errors are plotted on a fixed axis,
+# with a text.
 
-#: Largest difference that is rounding, in µm and N: below the resolution of any gauge.
+#: Limit (µm for lifts, N for forces) below which a difference counts as rounding error. It is below
+#: the resolution of any gauge.
 MIN_DIFFERENCE = 1e-3
-#: Text of a difference that is rounding.
+#: Text that is displayed for two signals whose difference is rounding error.
 EQUAL = "equal to rounding"
-#: Half of the range of its axis, in µm and N.
+#: Half range (µm or N) of the axis of such a difference, so that it is plotted as zero.
 EQUAL_REACH = 1.0
 
 
 def is_rounding(largest: float) -> bool:
-    """Return True if the largest difference (µm, N) is rounding."""
+    """Return True if a largest difference (µm or N) counts as rounding error."""
     return largest < MIN_DIFFERENCE
 
 
 def reach(largest: float) -> float:
-    """Return the half of the range of an axis for a largest difference (µm, N)."""
+    """Return the half range of an axis on which a difference is plotted.
+
+    The axis is centred on zero. `largest` is the largest difference in µm or N.
+    """
     return EQUAL_REACH if is_rounding(largest) else 1.15 * largest
 
 
 # Texts in pictures.
 
-#: Name of a polynomial law, such as poly345.
+#: Pattern of the name of a polynomial law, such as poly345.
 _POLYNOMIAL = re.compile(r"poly(\d+)")
-#: Name of a Bézier law, such as bezier4_start.
+#: Pattern of the name of a Bézier law, such as bezier4_start.
 _BEZIER = re.compile(r"bezier(\d+)(.*)")
 #: Largest number of characters of a cam's title in a legend or above a panel.
 LONGEST_TITLE = 28
-#: Smallest power of ten of a number on an axis that is written without an exponent.
+#: Smallest power of ten of a number on a logarithmic axis that is written without an exponent.
 MIN_PLAIN_POWER = -3
-#: Largest power of ten of such a number.
+#: Largest power of ten of a number on a logarithmic axis that is written without an exponent.
 MAX_PLAIN_POWER = 3
 
 
 def in_words(name: str) -> str:
-    """Return a title for a name of a cam or rig: "Polynomial 3-4-5" for poly345."""
+    """Return a title made from the name of a cam or rig.
+
+    The title of poly345 is "Polynomial 3-4-5".
+    """
     if match := _POLYNOMIAL.fullmatch(name):
         return f"Polynomial {'-'.join(match[1])}"
     if match := _BEZIER.fullmatch(name):

@@ -1,4 +1,4 @@
-"""Result objects: records, and column definitions to display and export them.
+"""Base classes of results: records, and columns to display and export them.
 
 A record stores SI values. A column definition names one field of a record. Terminal tables, report
 pages, CSV, JSON and pandas are all made from these two, so each column is declared once.
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 
-#: Display unit -> SI unit of the data, and value of one display unit in SI.
-#: Data in any other unit, such as rpm, dB or N, are not converted.
+#: Display unit -> SI unit in which the data are stored and exported, and size of the display unit
+#: in it. Data in any other unit, such as rpm, dB or N, are not converted.
 SI_UNITS = {
     "nm": ("m", 1e-9),
     "µm": ("m", 1e-6),
@@ -101,7 +101,10 @@ class Column:
         return Header(heading, self.unit, self.number_format, self.missing)
 
     def value(self, record: Any) -> Any:
-        """Return the value of a record in SI units, or None behind a None in its path."""
+        """Return this column's value of a record in SI units.
+
+        Returns None if an attribute on the path `of` is None.
+        """
         if callable(self.of):
             return self.of(record)
         for name in (self.of or self.key).split("."):
@@ -126,9 +129,9 @@ class Column:
 
 @dataclass(frozen=True)
 class Footnote:
-    """Sentence under a table, displayed if a record satisfies `condition`.
+    """Sentence under a table, displayed if at least one record satisfies `condition`.
 
-    The first cell of each such record gets the mark.
+    The mark is appended to the first cell of each such record.
     """
 
     text: str
@@ -183,7 +186,10 @@ class Records:
         return self.rows()[0] if self.single else self.rows()
 
     def to_csv(self) -> str:
-        """Return the table as CSV, in SI units with all digits; no text becomes a formula."""
+        """Return the table as CSV, in SI units with all digits.
+
+        Texts are escaped so that a spreadsheet program does not read them as formulas.
+        """
         out = io.StringIO()
         writer = csv.DictWriter(out, [c.key for c in self.columns], lineterminator="\n")
         writer.writeheader()
@@ -392,7 +398,7 @@ class Progress:
             self.advance()
 
 
-#: Default of the functions of `import cam_rig`.
+#: Default receiver of the functions of `import cam_rig`: progress is not displayed.
 NULL_PROGRESS = Progress()
 
 

@@ -20,7 +20,7 @@ MARKDOWN_WIDTH = 100
 #: Largest number of significant digits of a decimal number on a page.
 MAX_PAGE_DIGITS = 4
 
-#: A text, a number in the unit of its column, or None for an empty cell.
+#: Content of a cell: text, number in the unit of its column, or None for an empty cell.
 Cell = str | float | None
 
 #: Minus sign of a number, as opposed to the hyphen of a word.
@@ -62,7 +62,10 @@ class Header:
         return cell if isinstance(cell, str) else format_number(cell, self.number_format)
 
     def typeset(self, cell: Cell) -> str:
-        """Return the typeset text of a cell, decimals limited to `MAX_PAGE_DIGITS` digits."""
+        """Return the typeset text of a cell for a page.
+
+        A decimal number has at most `MAX_PAGE_DIGITS` significant digits.
+        """
         text = self.format(cell)
         if isinstance(cell, float) and math.isfinite(cell) and self.number_format.endswith("f"):
             integer, _, decimals = text.lstrip("+-").partition(".")

@@ -76,9 +76,9 @@ def _longest_word(table: DataTable, i: int, rows: Sequence[Sequence[str]]) -> in
 
 
 def _widths(table: DataTable, room: int) -> tuple[int, list[int | None]]:
-    """Return the gap between columns, and the width of each so that no word is broken.
+    """Return the gap between columns and the width of each column, in characters.
 
-    The widths are in characters, and None if the columns do not fit in `room` characters.
+    No word is broken. Each width is None if the columns do not fit in `room` characters.
     """
     rows, count = table.text_rows, len(table.columns)
     min_widths = [_longest_word(table, i, rows) for i in range(count)]

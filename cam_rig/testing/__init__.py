@@ -1,5 +1,6 @@
-"""For tests of packages that use the rig: a pytest fixture that starts one and leaves nothing.
+"""Pytest fixture that starts a rig for a test, for packages that use cam_rig.
 
+All processes and files of the rig are removed after the test.
 pytest loads this plugin automatically if cam_rig is installed. The line
 ``pytest_plugins = ["cam_rig.testing"]`` is not necessary, but allowed. Large libraries are not
 imported before a rig is started.

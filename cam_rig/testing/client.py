@@ -21,7 +21,7 @@ from cam_rig.runner.node_table import ENTRIES
 
 #: Default wall time (s) after which a wait fails. It is ample for a busy machine.
 TIMEOUT_S = 300.0
-#: Period (s, wall clock) of the evaluation of a condition.
+#: Period (s, wall clock) at which a condition is evaluated while a test waits for it.
 POLL_S = 0.02
 #: Wall time (s) without an answer after which the request to a service is repeated.
 ANSWER_TIMEOUT_S = 5.0
@@ -75,7 +75,7 @@ class RigClient:
         self._executor.add_node(node)
 
     def spin(self, seconds: float = 0.0) -> None:
-        """Process one message that has arrived, or arrives within a wall time (s)."""
+        """Process one message, waiting for it for at most `seconds` of wall time."""
         self._executor.spin_once(timeout_sec=seconds)
 
     def wait_for(self, condition: Callable[[], Any], what: str = "the condition") -> Any:
@@ -108,7 +108,9 @@ class RigClient:
     def listen(
         self, topic: str, kind: Any = None, accept: Callable[[Any], Any] = lambda _message: True
     ) -> list[Any]:
-        """Subscribe to a topic. Return a list to which messages are appended during waits.
+        """Subscribe to a topic, and return the list of its messages.
+
+        Received messages are appended to the list while this client waits.
 
         Parameters
         ----------

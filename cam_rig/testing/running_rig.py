@@ -103,8 +103,8 @@ class StartedProgram:
         self._output.close()
 
 
-#: Time (s, wall clock) that a condition may take after the end of a run: latched messages and
-#: services of the nodes that have not ended are discovered within 3 s on a busy machine.
+#: Longest time (s, wall clock) after the end of a run for which a test still waits for a condition.
+#: Latched messages and services of the remaining nodes are discovered within 3 s on a busy machine.
 AFTER_RUN_S = 5.0
 
 # ROS domain of one test, limited to this machine.
@@ -317,14 +317,17 @@ class RunningRig(RigClient):
         self.wait_for(lambda: self._done, "the end of the run")
 
     def start_program(self, *command: str) -> StartedProgram:
-        """Start a program in the domain of the rig, such as another node. It ends with the rig."""
+        """Start a program, such as another node, in the ROS domain of the rig.
+
+        The program ends with the rig.
+        """
         program = StartedProgram(command, self.environment)
         self._programs.append(program)
         self._stack.callback(program.end)
         return program
 
     def _watch(self) -> None:
-        """Store the reports of the drive until the run is over; runs in a thread."""
+        """Store the reports of the drive until the run is over (thread `_watcher`)."""
         try:
             for report in self._graph.progress():
                 self.ticks.append(report)

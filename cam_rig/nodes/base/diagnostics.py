@@ -17,11 +17,11 @@ from cam_rig.units import NS
 if TYPE_CHECKING:
     from cam_rig.nodes.base.rig_node import RigNode
 
-# Levels of a status.
+# Levels of a diagnostic status, each a byte.
 OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
 ERROR = DiagnosticStatus.ERROR
-#: Period (s, wall clock) of the heartbeats.
+#: Period (s, wall clock) at which a node publishes a heartbeat while its status is constant.
 HEARTBEAT_PERIOD_S = 1.0
 #: Time (s, wall clock) after a status message during which no heartbeat is needed. Slightly less
 #: than the period, so that timer jitter does not suppress every second heartbeat.
@@ -39,7 +39,11 @@ class Activity(NamedTuple):
 def make_diagnostics(
     time_ns: int, name: str, level: bytes, text: str, values: dict[str, str]
 ) -> DiagnosticArray:
-    """Return a message with the status of one node or of one of its components."""
+    """Return a message with the status of one node or of one of its components.
+
+    `time_ns` is the rig time (ns) of its stamp, `level` is OK, WARN or ERROR, and `values` are
+    further values of the status by name.
+    """
     pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
     status = DiagnosticStatus(level=level, name=name, message=text, hardware_id="rig", values=pairs)
     return DiagnosticArray(header=to_header(time_ns), status=[status])
@@ -63,9 +67,10 @@ class Diagnostics:
     def report(
         self, time_ns: int, level: bytes, text: str, values: dict[str, str] | None = None
     ) -> DiagnosticArray | None:
-        """Report the status at a rig time and return the published message, or None.
+        """Publish the status at a rig time (ns) if it is due, and return its message.
 
-        A report that is not later than the previous one is ignored.
+        Returns None if no message is published, because level, text and second of rig time are
+        unchanged. A report that is not later than the previous report is ignored.
         """
         if time_ns <= self.newest_ns:
             return None

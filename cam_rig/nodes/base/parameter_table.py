@@ -17,8 +17,9 @@ from rclpy.parameter import Parameter
 from cam_rig.errors import CamRigError, ConfigError, did_you_mean
 from cam_rig.nodes.parameters import Spec
 
-#: Parameters that rclpy declares in every node, and the prefix of its overrides for QoS.
+#: Parameters that rclpy declares in every node. They are not reported as unknown.
 RCLPY_PARAMETERS = ("use_sim_time", "start_type_description_service")
+#: Prefix of the parameters by which rclpy overrides QoS settings.
 QOS_PREFIX = "qos_overrides."
 
 
@@ -64,7 +65,10 @@ class ParameterTable:
         node.add_on_set_parameters_callback(self._check)
 
     def add_check(self, name: str, check: Callable[[Any], object]) -> None:
-        """Reject each value of a parameter for which `check` raises an error of the rig."""
+        """Add a check of new values of a parameter.
+
+        A value for which `check` raises a `CamRigError` is rejected with the text of the error.
+        """
         self._checks.append((name, check))
 
     def _remove_unknown(self, node: Node) -> list[str]:
@@ -78,7 +82,10 @@ class ParameterTable:
         return warnings
 
     def _convert(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Return the parameters with converted values, such as "20x" for 20."""
+        """Return new parameter values in the notation of the rig, such as "20x" for 20.
+
+        A value that cannot be converted is returned unchanged, and `_check` rejects it.
+        """
         converted = []
         for parameter in parameters:
             value = parameter.value
@@ -105,7 +112,7 @@ class ParameterTable:
 
 
 def make_descriptor(spec: Spec) -> ParameterDescriptor:
-    """Return the descriptor, by which rclpy describes and checks a parameter."""
+    """Return the ROS descriptor of a parameter: description, limits, read-only flag."""
     descriptor = ParameterDescriptor(
         description=spec.description, read_only=not spec.live, dynamic_typing=True
     )

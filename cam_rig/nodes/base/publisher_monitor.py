@@ -10,12 +10,12 @@ from cam_rig.messages.topics import Topic, second_publisher
 if TYPE_CHECKING:
     from cam_rig.nodes.base.rig_node import RigNode
 
-#: Period (s, wall clock) of the check.
+#: Period (s, wall clock) at which the publishers of each monitored topic are counted.
 CHECK_PERIOD_S = 0.25
 #: Time (s, wall clock) to wait for the name of a newly discovered publisher's node. DDS may
 #: announce an endpoint before the name of its node; a program without ROS never has a name.
 MAX_NAME_WAIT_S = 5.0
-#: Period (s, wall clock) at which the name is polled.
+#: Period (s, wall clock) at which the name of a new publisher's node is polled.
 NAME_POLL_S = 0.02
 
 

@@ -1,4 +1,4 @@
-"""Detection of subscribers that slow a node down."""
+"""Warning about subscribers that slow a node down by not taking its messages."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from cam_rig.runner.node_table import ENTRIES
 if TYPE_CHECKING:
     from cam_rig.nodes.base.rig_node import RigNode, RigPublisher
 
-#: Period (s, wall clock) of the check, and so of the warnings.
+#: Period (s, wall clock) of the check, and the shortest time between two warnings.
 PERIOD_S = 10.0
-#: Fraction of the wall-clock time in publishing above which a node warns. With one subscriber to
-#: /joint_states a free run spends 0.14, and 0.65 if this subscriber is stopped (measured).
+#: Largest fraction of the wall-clock time that a node may spend in publishing without a warning.
+#: With one subscriber to /joint_states a free run spends 0.14, and 0.65 if this subscriber is
+#: stopped (measured).
 MAX_PUBLISHING = 0.3
-#: Shortest time (s, wall clock) that is checked at the end of a run.
+#: Shortest time (s, wall clock) since the last check for a further check at the end of a run.
 MIN_DURATION_S = 2.0
 
 
@@ -40,7 +41,10 @@ class PublishingMonitor:
         self._times.append(publisher.publishing_s)
 
     def check(self, now: float) -> None:
-        """Warn if publishing took much of the time since the last check (`now` in s)."""
+        """Warn if publishing took a large fraction of the time since the last check.
+
+        The limit is `MAX_PUBLISHING`. `now` is the present time (s, monotonic clock).
+        """
         times = [publisher.publishing_s for _, publisher in self._publishers]
         spent = [after - before for after, before in zip(times, self._times, strict=True)]
         duration, total = now - self._checked_at, sum(spent)

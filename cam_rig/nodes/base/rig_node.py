@@ -33,11 +33,11 @@ from cam_rig.runner.node_table import STAY
 from cam_rig.runner.resources import parse_namespace
 from cam_rig.schema.load import MAX_BYTES
 
-#: Time (s, wall clock) that a message may wait for a blocked writer. DDS itself gives up after
-#: 0.1 s, while a reliable subscriber with a full queue makes the writer send again.
+#: Longest time (s, wall clock) for which `RigPublisher.publish` repeats a message whose writer is
+#: blocked by a reliable subscriber with a full queue. One attempt of DDS ends after 0.1 s.
 MAX_BLOCKED_S = 60.0
-#: Time (s, wall clock) for messages in transit at the end of a run. The runner kills a node that
-#: has not ended after 10 s.
+#: Longest time (s, wall clock) for which a node processes messages in transit at the end of a run.
+#: It is well below 10 s, after which the runner kills a node.
 MAX_DRAIN_S = 3.0
 #: Duration (s, wall clock) of a spin while messages in transit are processed.
 DRAIN_SPIN_S = 0.02
@@ -172,7 +172,10 @@ class RigNode(Node):
                 )
 
     def _require_own_topic(self, topic: Topic) -> None:
-        """Raise ConfigError if a topic is remapped: nodes and bags need its original name."""
+        """Raise ConfigError if a topic is remapped.
+
+        The other nodes and the bags need its original name.
+        """
         expected = topic.within(self.get_namespace().rstrip("/"))
         if (actual := self.resolve_topic_name(topic.relative)) != expected:
             raise ConfigError(
@@ -231,9 +234,10 @@ class RigNode(Node):
         )
 
     def create_trigger(self, service: str, action: Callable[[], str]) -> None:
-        """Create the service `~/service` (std_srvs/Trigger).
+        """Create a service `~/<service>` (std_srvs/Trigger) that performs `action`.
 
-        `action` returns the text of the reply.
+        `action` returns the text of the reply. If it raises a `CamRigError`, the reply reports a
+        failure with the text of the error.
         """
 
         def on_request(_request: Any, response: Any) -> Any:
@@ -264,11 +268,11 @@ class RigNode(Node):
         self.get_logger().warning(f"rejected: {error}", throttle_duration_sec=1.0)
 
     def _guard(self, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a callback that handles errors.
+        """Return `callback`, extended by the handling of its errors.
 
-        `name` is the topic or service in error messages.
-
-        `wraps` keeps the signature, by which rclpy decides whether to pass the message info.
+        A message or request with unusable content is logged and skipped, any other error of the
+        rig ends the node. `name` is the topic or service in error messages. `wraps` keeps the
+        signature, from which rclpy determines whether to pass the message info.
         """
 
         @wraps(callback)
@@ -330,7 +334,10 @@ class RigNode(Node):
         RunEndMonitor(self)
 
     def remember_endpoints(self) -> None:
-        """Store which endpoints publish on the rig's topics in the run that ends now."""
+        """Store the present publishers of the rig's topics in `rig_endpoints`.
+
+        A staying node starts its next run when all of them have left.
+        """
         names = (self.resolve_topic_name(topic.relative) for topic in TOPICS if topic.owner)
         self.rig_endpoints = find_endpoints(self, *names)
 
@@ -356,7 +363,10 @@ class RigNode(Node):
         self.finish()
 
     def drain(self, spin_once: Callable[..., None]) -> None:
-        """Process messages in transit, for at most `MAX_DRAIN_S`."""
+        """Process messages in transit until the queues are empty.
+
+        The call takes at most `MAX_DRAIN_S`.
+        """
         quiet, deadline = 0, time.monotonic() + MAX_DRAIN_S
         while quiet < QUIET_SPINS and time.monotonic() < deadline:
             before = self.received
@@ -364,9 +374,10 @@ class RigNode(Node):
             quiet = quiet + 1 if self.received == before else 0
 
     def conclude(self, spin_once: Callable[..., None]) -> None:
-        """Notify the other nodes of the end.
+        """Notify the other nodes that this node ends.
 
-        The method is called once, while messages are still received.
+        The method is called once, while messages are still received. A subclass may call
+        `spin_once` to process them.
         """
 
     def close(self) -> None:
@@ -377,9 +388,9 @@ class RigNode(Node):
 
 
 def progress_text(done: int, total: int, is_complete: bool, unit: str = "ticks") -> str:
-    """Return the progress of a node at its end as text.
+    """Return a text on the number of ticks that a node has processed at its end.
 
-    A `total` of 0 is unknown.
+    `total` is the expected number, 0 if it is unknown.
     """
     if is_complete:
         return f"done with {done} {unit}"

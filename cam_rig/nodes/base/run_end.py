@@ -25,9 +25,10 @@ from cam_rig.runner.node_table import WAIT
 if TYPE_CHECKING:
     from cam_rig.nodes.base.rig_node import RigNode
 
-#: Time (s, wall clock) for the recorder's last message to reach the drive, which then leaves.
+#: Longest time (s, wall clock) for which the recorder waits, after its last message, for the drive
+#: to leave. The drive leaves when it has received that message.
 DELIVERY_S = 2.0
-#: Period (s, wall clock) at which endpoints are polled.
+#: Period (s, wall clock) at which a node checks which publishers are present.
 POLL_S = 0.1
 #: Time (s, wall clock) without the drive after which it counts as lost. A node that was suspended
 #: sees the drive as lost until it receives the drive's next announcement.
@@ -37,7 +38,7 @@ Endpoints = dict[str, set[bytes]]
 
 
 def find_endpoints(node: Node, *names: str) -> Endpoints:
-    """Return the publishers on topics that discovery reports now."""
+    """Return the identifiers of the present publishers of each topic (full name)."""
     return {
         name: {bytes(info.endpoint_gid) for info in node.get_publishers_info_by_topic(name)}
         for name in names
@@ -45,7 +46,7 @@ def find_endpoints(node: Node, *names: str) -> Endpoints:
 
 
 def have_left(node: Node, endpoints: Endpoints) -> bool:
-    """Return True if discovery does not report any of the endpoints."""
+    """Return True if none of the given publishers is present any more."""
     present = find_endpoints(node, *endpoints)
     return not any(endpoints[name] & present[name] for name in endpoints)
 
@@ -57,7 +58,7 @@ def wait_until_gone(node: Node, endpoints: Endpoints, is_stopped: Callable[[], b
 
 
 def create_staying_node(name: str) -> Node:
-    """Create a hidden node that keeps the DDS participant between two runs.
+    """Create a hidden node that keeps this process's DDS participant between two runs.
 
     A participant that is created again in a process has the same identifier. A remote node that has
     not detected the end of the previous participant would ignore the announcements of the new one.
@@ -71,15 +72,15 @@ def create_staying_node(name: str) -> Node:
 
 
 class FinishedRun(NamedTuple):
-    """Content of /rig/finished."""
+    """End of a run: the content of a message on /rig/finished."""
 
     level: bytes  #: level of diagnostic_msgs/DiagnosticStatus: OK, WARN (stopped), ERROR
     text: str
-    ticks: int  #: number of ticks
+    ticks: int  #: number of ticks of the run
     stamp_ns: int  #: rig time of the last state, ns
 
     def to_message(self, node: str) -> DiagnosticStatus:
-        """Return the message."""
+        """Return the message that `node` publishes on /rig/finished."""
         status = DiagnosticStatus(level=self.level, name=node, message=self.text)
         values = {"ticks": self.ticks, "stamp_ns": self.stamp_ns}
         status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
@@ -87,7 +88,7 @@ class FinishedRun(NamedTuple):
 
     @classmethod
     def from_message(cls, message: DiagnosticStatus) -> FinishedRun:
-        """Return the content of a message.
+        """Return the content of a message on /rig/finished.
 
         Invalid content raises ValueError or KeyError.
         """

@@ -1,3 +1,3 @@
-"""Campaigns: many rigs that differ in some numbers, measured in the same way."""
+"""Campaigns: computation of the same measures for many rigs with varied numbers."""
 
 from __future__ import annotations

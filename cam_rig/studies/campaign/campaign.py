@@ -1,4 +1,4 @@
-"""Campaign with its base read and checked, and the measurement of its points."""
+"""Reading and checking of a campaign, and computation of its points."""
 
 from __future__ import annotations
 
@@ -40,17 +40,18 @@ from cam_rig.studies.campaign.inputs import (
 from cam_rig.studies.campaign.schema import MAX_POINTS, CampaignConfig
 from cam_rig.units import RPM, FloatArray
 
-#: Sample rate of a base without a scene, Hz.
+#: Sample rate (Hz) of the motion if the campaign has no scene.
 SAMPLE_RATE = 48_000
-#: Number of turns of a base without a scene.
+#: Number of turns at each speed if the campaign has no scene.
 TURNS = 4
-#: Number of first turns that are excluded.
+#: Number of first turns that are not evaluated if the campaign has no scene.
 TRANSIENT_TURNS = 1
 #: Path of the amplitude of a waviness, which needs a wavelength.
 WAVE = "profile.waviness.amplitude"
 #: Path of the wavelength of a waviness.
 WAVELENGTH = "profile.waviness.wavelength"
-#: Speed of a base without a scene, rpm. It has no effect, because each measure has its speed.
+#: Speed (rpm) in the schedule if the campaign has no scene. It has no effect, because each measure
+#: is computed at the speed in its name.
 SPEED_RPM = 300.0
 
 
@@ -62,7 +63,10 @@ class CampaignMeasure:
 
     @property
     def column(self) -> str:
-        """Column name, such as ``lift_offs_at_450rpm``, with the unit if it is not SI."""
+        """Name of the column in the dataset, such as ``lift_offs_at_450rpm``.
+
+        It ends with the unit if the unit is not SI.
+        """
         name = re.sub(r"\W+", "_", self.term.key.replace("@", "_at_"))
         return name + {"rpm": "_rpm", "dB": "_db"}.get(self.unit, "")
 
@@ -74,7 +78,7 @@ class CampaignMeasure:
 
     @property
     def factor(self) -> float:
-        """Value of the unit in SI."""
+        """Factor of the dataset's unit to SI."""
         return self.term.quantity.units[self.unit]
 
     def compute(self, point: Subject) -> float:
@@ -137,9 +141,9 @@ def parse_limits(
 
 
 def satisfies(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:
-    """Return a mask of the values, in the unit of the dataset, that satisfy a limit.
+    """Return a mask that is True for each value that satisfies a limit.
 
-    NaN does not satisfy it.
+    The values are in the unit of the dataset. NaN does not satisfy a limit.
     """
     assert limit.value is not None  # checked by `parse_limits`
     bound = limit.value / CampaignMeasure(limit.term).factor
@@ -148,7 +152,7 @@ def satisfies(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:
 
 @dataclass(eq=False)
 class Campaign:
-    """Campaign on its base: inputs, measures, limits, cam, rig and scene."""
+    """Campaign with its cam, rig and scene, and checked inputs, measures and limits."""
 
     config: CampaignConfig
     cam: CamConfig
@@ -169,7 +173,7 @@ class Campaign:
         self.total, self.seed = self.draws.total, config.plan.seed
 
     def __reduce__(self) -> tuple[type[Campaign], tuple[object, ...]]:
-        """Pickle the files only, from which a worker computes the other attributes."""
+        """Return the pickled form: the configs, from which a worker computes the rest."""
         return Campaign, (self.config, self.cam, self.rig, self.scene)
 
     @cached_property
@@ -231,7 +235,7 @@ def _campaign(config: CampaignConfig, library: Library) -> Campaign:
 
 
 def _check(campaign: Campaign) -> Campaign:
-    """Return a campaign, or raise a `ConfigError` if its parts do not fit together."""
+    """Return the campaign, or raise a `ConfigError` if its parts are inconsistent."""
     if WAVE in campaign.config.vary and WAVELENGTH not in campaign.config.vary:
         raise ConfigError(f"vary.{WAVE} requires {WAVELENGTH}")
     for item in campaign.inputs:
@@ -254,7 +258,10 @@ def _check(campaign: Campaign) -> Campaign:
 
 
 def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
-    """Return the scene that runs the points of a base without a scene."""
+    """Return a scene for a campaign that names only a cam and a rig.
+
+    Without `model` it has two masses if the rig defines their split, else one mass.
+    """
     number = partial(quantity_data, "assumed", source="campaign")
     follower = rig.follower
     split = None not in (follower.roller_share, follower.stem_stiffness, follower.stem_damping)
@@ -271,9 +278,9 @@ def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
 
 #: Status of a point with all measures, each from a steady motion.
 OK = "ok"
-#: Status of a point without some measure; the reason states the error.
+#: Status of a point for which at least one measure failed. Its reason states the error.
 FAILED = "failed"
-#: Status of a point whose motion is not steady; the reason states the measured turns.
+#: Status of a point whose motion is not steady. Its reason states which turns were measured.
 UNSETTLED = "unsettled"
 
 
@@ -313,7 +320,11 @@ def measure_batch(campaign: Campaign, first: int, last: int) -> BatchRows:
 
 
 def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], str]:
-    """Return the measures of one point, and a reason if any failed or is not steady."""
+    """Return the measures of one point, and a reason text.
+
+    ``inputs`` ``(d,)`` are in SI. A failed measure is NaN. The reason is empty if every measure is
+    computed from a steady motion.
+    """
     try:
         point = make_point(campaign, inputs)
     except CamRigError as error:

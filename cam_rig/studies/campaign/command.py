@@ -1,4 +1,4 @@
-"""Command ``cam-rig campaign``: many rigs that differ in some numbers."""
+"""Command ``cam-rig campaign``: measures of many rigs with varied numbers."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
     Place = Callable[[], AbstractContextManager[ExecutorPool]]
 
-#: Units of times with their lengths in s, longest first.
+#: Units of a displayed time, each with its length in s, longest first.
 UNITS = (("d", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0))
-#: Units of sizes with their values in bytes, largest first.
+#: Units of a displayed size, each with its number of bytes, largest first.
 SIZES = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
 
 
@@ -66,7 +66,7 @@ class CampaignProgress(Progress):
 
 
 def format_time(seconds: float) -> str:
-    """Return a time as text, in the largest unit of which it has two or more."""
+    """Return a time (s) as text, in the largest unit in which it is at least 2."""
     unit, length = next((entry for entry in UNITS if seconds >= 2.0 * entry[1]), UNITS[-1])
     return f"{seconds / length:.2g} {unit}" if length > 1.0 else f"{seconds:.0f} s"
 

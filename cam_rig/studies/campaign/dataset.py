@@ -1,10 +1,6 @@
-"""Dataset of a campaign: a folder of Parquet files, one per batch.
+"""Dataset of a campaign: columns and schema of its Parquet files.
 
-A file gets its name only after all of it is on the disk, so ``folder/*.parquet`` is valid during a
-campaign and after any interruption. The single writer holds a lock on the folder.
-
-The name ends in a digest of the range of points and of the file's bytes. It reveals a changed bit,
-a truncated file and an exchanged file whenever rows are read.
+`cam_rig.datasets.point_files` defines the folder, the names and the integrity checks of the files.
 """
 
 from __future__ import annotations
@@ -22,7 +18,7 @@ from cam_rig.extras import friendly_import_errors
 from cam_rig.studies.campaign.campaign import FAILED, OK, UNSETTLED, BatchRows, Campaign
 from cam_rig.units import FloatArray
 
-#: Numbers in a reason, which do not distinguish kinds of reasons.
+#: Pattern of a number in a reason. Reasons that differ only in numbers are counted together.
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 

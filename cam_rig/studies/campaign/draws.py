@@ -1,4 +1,4 @@
-"""Inputs of points: numbers from the unit cube, with correlations if required."""
+"""Inputs of the points of a campaign: plan in the unit cube, and distributions."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from cam_rig.studies.campaign.schema import CampaignConfig, PlanKind
 from cam_rig.units import FloatArray
 
 Indices = NDArray[np.uint64]
-#: Bits of the Sobol sequence. A coordinate is the middle of its smallest interval, never 0 or 1.
+#: Number of bits of a Sobol coordinate. Half of the smallest step is added to it, so that it is
+#: never 0 or 1.
 SOBOL_BITS = 30
-#: Rounds of the Feistel network that permutes the strata of a Latin hypercube.
+#: Number of rounds of the Feistel network that permutes the strata of a Latin hypercube.
 ROUNDS = 8
 #: Increment of SplitMix64: 2^64 divided by the golden ratio, odd.
 GOLDEN = 0x9E3779B97F4A7C15
@@ -64,7 +65,10 @@ def _sobol(seed: int, dimensions: int, first: int, last: int) -> FloatArray:
 
 
 def _latin_coordinate(index: Indices, total: int, seed: int, axis: int) -> FloatArray:
-    """Return one coordinate of a Latin hypercube, one point in each stratum."""
+    """Return one coordinate, in (0, 1), of points of a Latin hypercube.
+
+    Each of the `total` strata of the coordinate contains one point. ``index`` are the points.
+    """
     key = _hash(np.array([seed, axis], dtype=np.uint64), 1).tolist()
     stratum = _permute(index, total, key[0] ^ _rotate(key[1]))
     position = (_hash(index, key[1] ^ _rotate(key[0])) >> np.uint64(11)).astype(np.float64)
@@ -104,9 +108,10 @@ def _permute(index: Indices, total: int, key: int) -> Indices:
 
 
 def grid_indices(counts: list[int], first: int, last: int) -> NDArray[np.intp]:
-    """Return the step of each input on a grid, ``(last − first, len(counts))``.
+    """Return the step number of each input on a grid, for points of the plan.
 
-    The last input varies fastest.
+    The shape is ``(last − first, len(counts))``. ``counts`` are the numbers of steps per input. The
+    last input varies fastest.
     """
     return np.stack(np.unravel_index(np.arange(first, last), counts), axis=1)
 
@@ -165,7 +170,7 @@ class InputDraws:
         return np.concatenate([draw(item, half) for item in self.inputs])
 
     def _correlate(self, unit: FloatArray) -> FloatArray:
-        """Return correlated points of the unit cube.
+        """Return points of the unit cube, transformed to have the required correlations.
 
         The sum is computed term by term, because a matrix product may be rounded differently in a
         batch of another length.
@@ -180,7 +185,7 @@ class InputDraws:
 
 
 def steps_of(item: CampaignInput) -> FloatArray:
-    """Return the numbers that an input takes on a grid."""
+    """Return the numbers (SI) that an input takes on a grid."""
     variation = item.variation
     if variation.values is not None:
         steps = np.array(variation.values)
@@ -191,9 +196,9 @@ def steps_of(item: CampaignInput) -> FloatArray:
 
 
 def ends_of(item: CampaignInput) -> FloatArray:
-    """Return the smallest and the largest number of an input.
+    """Return the smallest and the largest number of an input, SI.
 
-    The result is its median if it is unbounded.
+    If its distribution is unbounded, only the median is returned.
     """
     if item.variation.values is not None:
         steps = steps_of(item)
@@ -202,7 +207,10 @@ def ends_of(item: CampaignInput) -> FloatArray:
 
 
 def draw(item: CampaignInput, unit: FloatArray) -> FloatArray:
-    """Return the numbers of an input at positions of its distribution, each in (0, 1)."""
+    """Return the numbers (SI) of an input at probabilities of its distribution.
+
+    ``unit`` are the probabilities, each in (0, 1).
+    """
     variation = item.variation
     if variation.values is not None:
         steps = steps_of(item)

@@ -23,7 +23,7 @@ from cam_rig.studies.campaign.results import FOR_MEDIAN, CampaignResult
 from cam_rig.studies.campaign.schema import PERCENT
 from cam_rig.units import FloatArray
 
-#: Parts of a path that locate a number but do not describe it.
+#: Pattern of the start of an input's path that is left out of its displayed name.
 _PREFIXES = re.compile(r"^(?:(?:rig|cam)\.(?:follower\.)?|profile\.|scene\.(?:schedule\.)?)")
 #: Displayed symbols of units.
 _UNITS = {"um": "µm", "deg": "°"}
@@ -65,11 +65,13 @@ def _measure_title(measure: CampaignMeasure) -> str:
 MAX_BARS = 60
 #: Largest number of inputs of a tornado chart.
 MAX_INPUTS = 12
-#: Largest number of letters of a line below half of the figure.
+#: Largest number of letters of a text line in a panel of half the figure's width.
 LETTERS = 40
-#: Fraction of the points at either end of an input that a bar of a tornado represents.
+#: Fraction of the points with the lowest, or highest, values of an input whose median a bar of a
+#: tornado chart displays.
 TENTH = 0.1
-#: Height and style of the bars of the lowest and of the highest tenth.
+#: Height and plot options of the bars of a tornado chart: for the lowest tenth of an input, and for
+#: the highest.
 LOOKS: tuple[tuple[float, dict[str, Any]], ...] = (
     (0.7, {"facecolor": web(SKY_BLUE), "edgecolor": "white"}),
     (0.4, {"facecolor": web(BLUE), "edgecolor": "white", "hatch": "///"}),
@@ -80,7 +82,7 @@ ENDS = ("lowest tenth of the input", "highest tenth")
 
 @styled
 def distributions(results: CampaignResult) -> Figure:
-    """Draw one row per measure: a histogram and a tornado chart."""
+    """Draw a histogram and a tornado chart (effects of the inputs) of each measure."""
     measures = results.campaign.measures
     count = min(MAX_INPUTS, len(results.campaign.inputs))
     height = max(2.2, 0.9 + 0.22 * count)
@@ -116,7 +118,11 @@ def _histogram(axes: Axes, results: CampaignResult, measure: CampaignMeasure) ->
 
 
 def _tornado(axes: Axes, results: CampaignResult, measure: CampaignMeasure) -> None:
-    """Draw the medians of a measure in the lowest and highest tenth of each input."""
+    """Draw the tornado chart of a measure: one bar pair per input.
+
+    A bar leads from the median of all points to the median of the points in the lowest, or highest,
+    tenth of the input.
+    """
     values, finite = _display_values(results, measure)
     rows = [
         (_input_name(item), *_tenth_medians(results.input_values(item.path), values))
@@ -137,7 +143,10 @@ def _tornado(axes: Axes, results: CampaignResult, measure: CampaignMeasure) -> N
 
 
 def _warnings(results: CampaignResult, points: int) -> str:
-    """Return warnings that the bars do not represent single inputs, or empty text."""
+    """Return warnings about the bars of a tornado chart, or an empty text.
+
+    There may be too few points, or an effect may belong to several correlated inputs.
+    """
     needed, reasons = round(FOR_MEDIAN / TENTH), []
     if points < needed:
         reasons.append(f"too few points ({points}) for tenths: needs {needed}")
@@ -147,9 +156,9 @@ def _warnings(results: CampaignResult, points: int) -> str:
 
 
 def _tenth_medians(inputs: FloatArray, values: FloatArray) -> tuple[float, float]:
-    """Return the medians in the lowest and highest tenth of an input.
+    """Return the medians of a measure in the lowest and highest tenth of an input.
 
-    They are NaN for a constant input.
+    They are NaN for a constant input, and if no value is finite.
     """
     finite = np.isfinite(values)
     inputs, values = inputs[finite], values[finite]
@@ -161,15 +170,16 @@ def _tenth_medians(inputs: FloatArray, values: FloatArray) -> tuple[float, float
 
 # Measures of a grid as maps over two inputs, with one panel per step of the other inputs.
 
-#: Largest number of panels in a row.
+#: Largest number of map panels in a row.
 MAX_COLUMNS = 3
-#: Largest number of panels of one measure. Steps in between are omitted.
+#: Largest number of steps of an input that have separate panels. Of more steps, evenly spaced ones
+#: are displayed.
 MAX_PANELS = 6
-#: Height of a panel, inches.
+#: Height of a map panel, inches.
 PANEL_HEIGHT = 2.3
-#: Largest number of letters of a line above a panel.
+#: Largest number of letters of a text line above a map panel.
 MAP_LETTERS = 26
-#: Largest number of letters of a line along one row of panels.
+#: Largest number of letters per line in the label of a colour bar, which is along the map panels.
 ROW_LETTERS = 36
 
 
@@ -179,7 +189,10 @@ def _grid(results: CampaignResult) -> list[tuple[CampaignInput, FloatArray]]:
 
 @styled
 def measure_map(results: CampaignResult) -> Figure:
-    """Draw every measure over the two inputs with the most steps, with its limits."""
+    """Draw maps of every measure over the two inputs with the most steps.
+
+    The limits of a measure are drawn in its maps.
+    """
     grid = _grid(results)
     order = sorted(range(len(grid)), key=lambda i: -grid[i][1].size)
     x, y = sorted(order[:2])
@@ -196,7 +209,10 @@ def measure_map(results: CampaignResult) -> Figure:
 
 
 def _panel_steps(steps: FloatArray, on_axis: bool) -> list[int | None]:
-    """Return the steps of an input that have panels, None for an input on an axis."""
+    """Return the indices of the steps of an input that have separate panels.
+
+    The result is [None] for an input on an axis.
+    """
     if on_axis:
         return [None]
     return sorted({round(x) for x in np.linspace(0, steps.size - 1, min(MAX_PANELS, steps.size))})
@@ -238,7 +254,7 @@ def _panels(
 
 
 def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | None, ...]) -> str:
-    """Return the inputs that are not on an axis, with their values in the panel."""
+    """Return the title of a map panel: values of the inputs that are not on an axis."""
     lines = []
     for (item, steps), i in zip(grid, cell, strict=True):
         if i is not None and steps.size > 1:

@@ -1,4 +1,4 @@
-"""Numbers of a cam, a rig and a scene by their paths, and copies with changes.
+"""Inputs of a campaign: varied numbers of cam, rig and scene, and profile errors.
 
 Paths have the names of the files: ``rig.follower.mass``, ``cam.segments[1].span``,
 ``scene.sample_rate``. `PROFILE` has the paths of the errors of a manufactured cam.
@@ -24,7 +24,7 @@ from cam_rig.studies.campaign.schema import PERCENT, Variation
 from cam_rig.units import TURN, FloatArray
 
 Config = TypeVar("Config", bound=BaseModel)
-#: Errors of a manufactured cam with their dimensions, see `ProfileErrors`.
+#: Paths of the errors of a manufactured cam -> dimension, see `ProfileErrors`.
 PROFILE = {
     "profile.size": "length",
     "profile.eccentricity.amplitude": "length",
@@ -63,14 +63,20 @@ class CampaignInput:
 
     @property
     def factor(self) -> float:
-        """Value of the variation's unit in SI, of percents 1 % of the base's number."""
+        """Factor of the variation's unit to SI.
+
+        For percents it is 1 % of the base's number.
+        """
         if self.variation.unit == PERCENT:
             return 0.01 * abs(self.base)
         return UNITS[self.dimension][self.variation.unit]
 
     @property
     def origin(self) -> float:
-        """Origin of the variation's numbers, SI: zero, or the base's number for percents."""
+        """Number (SI) to which the variation's numbers are added.
+
+        It is 0, or the base's number for percents.
+        """
         return self.base if self.variation.unit == PERCENT else 0.0
 
     @property
@@ -132,7 +138,7 @@ def input_of(
 
 
 def _hint(path: str, numbers: Mapping[str, object]) -> str:
-    """Return a hint to the numbers at a similar path, as text."""
+    """Return a text that suggests numbers with a similar path, or an empty text."""
     shorter = [key for key in numbers if path.startswith(f"{key}.")]
     longer = [key for key in numbers if key.startswith(f"{path}.")]
     if len(matches := shorter or longer) > 1:
@@ -151,7 +157,7 @@ def with_numbers(config: Config, numbers: Mapping[str, float]) -> Config:
 
 
 def _copy(node: Any) -> Any:
-    """Return a copy of a list, or of the fields of a model, with the same content."""
+    """Return a shallow copy of a list, or of a model as a dict without None."""
     if isinstance(node, list):
         return list(node)
     return {key: value for key, value in dict(node).items() if value is not None}
@@ -174,17 +180,18 @@ def _set(node: Any, tokens: list[str], value: float) -> None:
 
 # Errors of a manufactured cam, added to its law as a piecewise polynomial.
 
-#: Pieces per wavelength.
+#: Smallest number of polynomial pieces per wavelength of a profile error.
 PER_WAVE = 12
-#: Number of wavelengths at the end of the turn over which a wave is closed.
+#: Number of wavelengths at the end of the turn over which a waviness is blended into the start of
+#: the next turn.
 CLOSING_WAVES = 2.0
-#: Shortest wavelength: 0.1°, rad.
+#: Shortest wavelength of a waviness, rad: 0.1°.
 SHORTEST = TURN / 3600.0
-#: Longest wavelength: one turn, rad.
+#: Longest wavelength of a waviness, rad: one turn.
 LONGEST = TURN
 #: Degree of the pieces that approximate sines.
 DEGREE = 5
-#: Coefficients of the blend 35 t⁴ − 84 t⁵ + 70 t⁶ − 20 t⁷.
+#: Coefficients of the blending function 35 t⁴ − 84 t⁵ + 70 t⁶ − 20 t⁷, which rises from 0 to 1.
 _BLEND_COEFFICIENTS = np.array([35.0, -84.0, 70.0, -20.0])
 
 
@@ -199,7 +206,12 @@ def require_wavelength(wavelength: float) -> None:
 
 @dataclass(frozen=True)
 class ProfileErrors:
-    """Errors of one cam: lengths in m, angles in rad of cam angle, phases at θ = 0."""
+    """Manufacturing errors of the profile of one cam, added to its law.
+
+    ``size`` is a constant offset, ``eccentricity`` the amplitude of one wave per turn, and
+    ``waviness`` the amplitude of waves of ``wavelength``. Lengths are in m, wavelength and phases
+    in rad of cam angle. A phase is that at θ = 0.
+    """
 
     size: float = 0.0
     eccentricity: float = 0.0
@@ -220,7 +232,7 @@ class ProfileErrors:
 
     @property
     def _step(self) -> float:
-        """Longest piece, rad."""
+        """Longest permitted piece of the law with errors, rad."""
         waves = [TURN] if self.eccentricity else []
         waves += [self.wavelength] if self.waviness and self.wavelength else []
         return min(waves, default=math.inf) / PER_WAVE
@@ -245,7 +257,9 @@ class ProfileErrors:
         return Law(law.name, breaks, ordinates)
 
     def at(self, angle: FloatArray) -> FloatArray:
-        """Return value (m), slope (m/rad) and curvature (m/rad²), ``(3, n)``.
+        """Return the error at cam angles: its value and two derivatives, ``(3, n)``.
+
+        The units are m, m/rad and m/rad².
 
         A wave with a whole number of wavelengths per turn is a sine. Any other wave would step at
         the end of the turn. It is therefore blended over the last two wavelengths (C3) into the
@@ -278,7 +292,11 @@ class ProfileErrors:
         return wave
 
     def ordinates(self, ends: FloatArray, degree: int) -> FloatArray:
-        """Return the quintics between angles ``(n + 1,)``, ``(degree + 1, n)``."""
+        """Return the error as polynomial pieces: Bernstein ordinates (m).
+
+        ``ends`` ``(n + 1,)`` are the cam angles (rad) at the ends of the pieces. The ordinates are
+        ``(degree + 1, n)``. Each piece is a quintic, elevated to ``degree``.
+        """
         value, slope, curvature = self.at(ends)
         h = np.diff(ends)
         left = [value[:-1], value[:-1] + slope[:-1] * h / 5.0]

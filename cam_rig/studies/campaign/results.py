@@ -28,15 +28,16 @@ from cam_rig.units import RPM, FloatArray
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-#: Probabilities of the quantiles.
+#: Probabilities of the quantiles in the table of quantiles.
 PROBABILITIES = (0.01, 0.05, 0.5, 0.95, 0.99)
-#: Largest number of reasons of failed points in a note.
+#: Largest number of reasons that a note on failed points lists.
 MAX_REASONS = 3
-#: Probability that an interval does not contain the true value.
+#: Probability that a 95 % interval does not contain the true value.
 MISSED = 0.05
-#: Least number of draws for an interval of the median.
+#: Smallest number of draws for which the 95 % interval of the median exists.
 FOR_MEDIAN = 6
-#: Largest half-width of the interval of a share, above which a note requests more points.
+#: Largest half-width of the 95 % interval of a variance share without a note that requests more
+#: points.
 SHARE_ERROR = 0.1
 
 #: Note on intervals below the table of quantiles.
@@ -62,14 +63,17 @@ class Quantile:
 
     @property
     def needed(self) -> int:
-        """Number of draws from which on the sample contains both ends of the interval."""
+        """Smallest number of draws for which the sample contains both interval ends."""
         outside = max(self.probability, 1.0 - self.probability)
         return math.ceil(math.log(0.5 * MISSED) / math.log(outside))
 
 
 @dataclass(frozen=True)
 class LimitYield:
-    """Share of all points that satisfies a limit, with its interval (not for a grid)."""
+    """Fraction of all points that satisfy a limit, with its 95 % interval.
+
+    If ``grid`` is True, the points are not random, so the interval has no meaning.
+    """
 
     limit: Limit
     share: float
@@ -80,7 +84,11 @@ class LimitYield:
 
 @dataclass(frozen=True)
 class InputShare:
-    """Share of an input in the variance of a measure, alone and with interactions."""
+    """Sobol indices of an input: its shares in the variance of a measure.
+
+    ``first`` is the share of the input alone, ``total`` includes its interactions with others. The
+    errors are half-widths of 95 % intervals.
+    """
 
     path: str
     first: float
@@ -91,7 +99,7 @@ class InputShare:
 
 @dataclass(frozen=True)
 class MeasureRow:
-    """Measure with a quantile, share or derivative, or with the extremes of a grid."""
+    """Row of a table: a measure, and its quantile, share, derivative or extremes."""
 
     measure: CampaignMeasure
     item: Any
@@ -206,7 +214,7 @@ class CampaignResult(Result):
 
     @cached_property
     def failed(self) -> int:
-        """Number of points without some measure."""
+        """Number of points for which at least one measure failed."""
         bad = np.zeros(1, dtype=bool)
         for measure in self.campaign.measures:
             bad = bad | np.isnan(self.values(measure))
@@ -219,7 +227,7 @@ class CampaignResult(Result):
 
     @cached_property
     def failures(self) -> str:
-        """Line with the number of failed points and the most frequent reasons, or empty."""
+        """Text on failed points: their number and the most frequent reasons, or empty."""
         if not self.failed:
             return ""
         reasons = self.dataset.reasons()
@@ -234,7 +242,7 @@ class CampaignResult(Result):
 
     @property
     def unsettled(self) -> str:
-        """Line with the number of points that are not steady and a reason, or empty."""
+        """Text on points that are not steady: their number and a reason, or empty."""
         reasons = self.dataset.reasons(UNSETTLED)
         count = sum(points for _, points in reasons)
         points = pluralize(self.points, "point")
@@ -365,7 +373,10 @@ def _has_measure(measure: CampaignMeasure, row: MeasureRow) -> bool:
 
 
 def points_needed(shares: Sequence[InputShare], points: int) -> int:
-    """Return the number of points, a power of 2, for shares within `SHARE_ERROR`."""
+    """Return the number of points with which all share errors are below `SHARE_ERROR`.
+
+    It is a power of 2, or the present number `points` if that is sufficient.
+    """
     errors = [error for share in shares for error in (share.first_error, share.total_error)]
     ratio = (max(errors) / SHARE_ERROR) ** 2
     return points if ratio <= 1.0 else 1 << math.ceil(math.log2(points * ratio))
@@ -390,9 +401,9 @@ def quantile(values: FloatArray, probability: float) -> Quantile:
 
 
 def order_interval(count: int, probability: float) -> tuple[int, int]:
-    """Return the indices of the sorted numbers at both ends of a quantile's interval.
+    """Return the indices of the ends of a quantile's 95 % interval in sorted numbers.
 
-    An index outside of 0 to count − 1 is beyond the sample.
+    There are ``count`` numbers. An index outside of 0 to count − 1 is beyond the sample.
     """
     low = int(binom.ppf(0.5 * MISSED, count, probability)) - 1
     return low, int(binom.ppf(1.0 - 0.5 * MISSED, count, probability))
@@ -410,9 +421,10 @@ def proportion(successes: int, count: int) -> tuple[float, float, float]:
 
 
 def saltelli_shares(values: FloatArray, paths: list[str], seed: int) -> tuple[InputShare, ...]:
-    """Return the shares of rows in the order of `unit_points`.
+    """Return the variance shares of the inputs ``paths`` from the values of a measure.
 
-    They are zero for a constant measure.
+    The values are in the row order of `unit_points` for the kind ``shares``. The shares are zero
+    for a constant measure.
     """
     with friendly_import_errors():
         from SALib.analyze import sobol

@@ -11,13 +11,14 @@ from cam_rig.schema.named import Name
 from cam_rig.schema.quantity import UNITS, Strict
 from cam_rig.schema.scene import Model
 
-#: The unit of a variation that is relative to the base's number.
+#: Unit of a variation in percent of the base's number.
 PERCENT = "%"
-#: Largest number of points. Results read one column at a time, 0.8 GB for this number.
+#: Largest number of points of a campaign. Results read one column at a time, which has 0.8 GB for
+#: this number.
 MAX_POINTS = 100_000_000
 #: Largest number of steps of a range on a grid.
 MAX_COUNT = 100_000
-#: Largest number of inputs.
+#: Largest number of inputs of a campaign.
 MAX_INPUTS = 100
 
 

@@ -31,11 +31,12 @@ from cam_rig.units import RPM, TURN, FloatArray
 if TYPE_CHECKING:
     from cam_rig.studies.campaign.results import CampaignResult
 
-#: Imaginary step of the derivatives.
+#: Imaginary step in a number (SI) for its derivative. It is so small that its square is negligible.
 IMAGINARY_STEP = 1e-30
-#: Least distance (rad) of the loss of contact from the end of a run for a derivative.
+#: Smallest distance (rad) between the loss of contact and the end of a run at which the jump speed
+#: has a derivative.
 END_DISTANCE = 1e-6
-#: Numbers of the follower in a rig that determine the two masses.
+#: Keys of the follower's numbers in a rig on which the motion of two masses depends.
 FOLLOWER = (
     *("mass", "roller_share", "spring_stiffness", "stem_stiffness"),
     *("damping", "stem_damping", "preload"),
@@ -43,7 +44,7 @@ FOLLOWER = (
 
 
 def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> Climb:
-    """Return the point of lost contact at the jump speed.
+    """Return the jump speed of a law and the angle at which contact is first lost.
 
     ``duration`` (s) is that of the run from rest, None for the steady state.
     """
@@ -90,7 +91,10 @@ def contact_force(
 
 
 def taylor_series(top: NDArray[Any], bottom: NDArray[Any], count: int) -> NDArray[Any]:
-    """Return Taylor coefficients of top(D)/bottom(D), by long division."""
+    """Return the first ``count`` Taylor coefficients of the ratio of two polynomials.
+
+    ``top`` and ``bottom`` are their coefficients in rising order.
+    """
     dtype = np.result_type(top, bottom)
     coefficients = np.zeros(count, dtype)
     remainder = np.zeros(count + bottom.size, dtype)
@@ -117,9 +121,9 @@ def _free_vibration_state(
     angle: float,
     duration: float | None,
 ) -> NDArray[Any]:
-    """Return (η, η̇) of the free vibration at the touch.
+    """Return the free vibration (η, η̇) at the angle where contact is lost.
 
-    It is the sum of the decayed jumps at all earlier joints.
+    It is the sum of the vibrations excited at all earlier joints, each decayed since then.
     """
     jumps = np.roll(forced[:, -1], 1, axis=1) - forced[:, 0]
     turns, touched = divmod(angle, TURN)
@@ -145,11 +149,14 @@ class _FreeVibration:
     damping: complex
 
     def flow(self, time: complex) -> NDArray[Any]:
-        """Return e^{At}, ``(2, 2)``."""
+        """Return the matrix e^{At}, ``(2, 2)``, that advances (η, η̇) by a time (s)."""
         return np.stack([self.after(np.array([time]), x[:, None]) for x in np.eye(2)], axis=1)
 
     def after(self, times: NDArray[Any], states: NDArray[Any]) -> NDArray[Any]:
-        """Return the sum, ``(2,)``, of states ``(2, n)``, each advanced by its time."""
+        """Return the sum, ``(2,)``, of n states (η, η̇), each advanced by its time (s).
+
+        ``states`` is ``(2, n)`` and ``times`` is ``(n,)``.
+        """
         half = 0.5 * self.damping
         pulse = np.sqrt(self.stiffness - half**2 + 0j)
         fading, (y, v) = np.exp(-half * times), states
@@ -161,9 +168,10 @@ class _FreeVibration:
 
 @dataclass(frozen=True)
 class JumpSensitivity:
-    """Derivative dΩ/dp (SI) of the jump speed by an input.
+    """Derivative dΩ/dp (SI) of the jump speed Ω by an input p.
 
-    It is None if the input moves joints or does not belong to the follower.
+    ``value`` is the number (SI) of the input. The derivative is None if the input moves joints of
+    the law, or is not a number of the follower or of the profile errors.
     """
 
     path: str
@@ -205,9 +213,9 @@ def jump_sensitivities(
 
 
 def _error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | None:
-    """Return the derivative of the ordinates ``(p + 1, n)`` by a profile error.
+    """Return the derivative of the law's ordinates ``(p + 1, n)`` by a profile error.
 
-    It is None if the input is not a profile error with a derivative.
+    Returns None if the path is not that of a profile error with a derivative.
     """
     eccentric = replace(errors, size=0.0, waviness=0.0)
     wavy = replace(errors, size=0.0, eccentricity=0.0)
@@ -223,7 +231,10 @@ def _error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | Non
 
 
 def _numbers(rig: RigConfig, moved: str = "") -> dict[str, complex]:
-    """Return the numbers of the two masses, one of which has the imaginary step."""
+    """Return the numbers of the two masses (SI), with the imaginary step in one.
+
+    ``moved`` is the key of this number in the rig. Without it, all numbers are real.
+    """
     numbers = {name: complex(getattr(rig.follower, name).si) for name in FOLLOWER}
     if moved:
         numbers[moved] += 1j * IMAGINARY_STEP
@@ -231,7 +242,7 @@ def _numbers(rig: RigConfig, moved: str = "") -> dict[str, complex]:
     return {**numbers, "roller_mass": mass * share, "end_mass": mass - mass * share}
 
 
-#: Measures with derivatives, and the duration of their run from rest in s.
+#: Measures with derivatives -> duration (s) of the run from rest, None for the steady state.
 RUNS = {"jump_speed": REST_DURATION_S, "jump_speed_steady": None}
 
 
@@ -253,9 +264,10 @@ class FirstOrder:
 
 
 def first_orders(results: CampaignResult) -> list[FirstOrder]:
-    """Return the first order of each jump speed of two masses.
+    """Return derivatives and predicted spread of each measured jump speed.
 
-    The list is empty if the medians have no valid rig or no jump speed.
+    The list is empty if the follower is not two masses, or if the medians of the inputs have no
+    valid rig or no jump speed.
     """
     campaign = results.campaign
     middle = campaign.draws.middle()

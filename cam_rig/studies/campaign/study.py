@@ -1,4 +1,4 @@
-"""Run of a campaign: batches of points on an executor, stored in the dataset."""
+"""Python function that computes the points of a campaign and stores them."""
 
 from __future__ import annotations
 

@@ -42,9 +42,9 @@ MinRadius = Annotated[
 ]
 
 
-#: Default of the largest pressure angle of the nomogram, degrees.
+#: Default largest pressure angle of the nomogram, degrees.
 MAX_PRESSURE_ANGLE = 30.0
-#: Default of the sum of roller radius and least radius of curvature, in lifts.
+#: Default sum of roller radius and least radius of curvature in the nomogram, in lifts.
 MIN_RADIUS = 2.0
 
 

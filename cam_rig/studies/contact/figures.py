@@ -17,15 +17,16 @@ from cam_rig.studies.contact.study import CamContact, ContactResult
 from cam_rig.studies.contact.surfaces import Measure, measured, peak_pressure, peak_sliding
 from cam_rig.units import FloatArray
 
-#: Number of samples of a turn.
+#: Number of cam angles of a curve over the turn.
 CURVE_POINTS = 1440
-#: Number of base radii of a curve.
+#: Number of base radii of a curve over the base radius.
 RADII = 36
 #: Smallest base radius of a curve, relative to that of the cam.
 MIN_RATIO = 0.25
 #: Largest base radius of a curve, relative to that of the cam.
 MAX_RATIO = 3.0
-#: Largest number of letters of a name in a legend with three columns.
+#: Largest number of letters of a label in a legend with three columns. With longer labels the
+#: legend has two columns.
 LETTERS = 32
 #: Event angles of the nomogram, degrees.
 EVENTS = np.linspace(30.0, 180.0, 151)

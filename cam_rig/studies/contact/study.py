@@ -34,7 +34,7 @@ from cam_rig.studies.contact.surfaces import (
 )
 from cam_rig.units import RPM, RPM_PER_RAD_S, TURN
 
-#: Event angles of the tables of the nomogram, degrees.
+#: Event angles in the tables of the nomogram, degrees.
 EVENTS = (60.0, 90.0, 120.0, 150.0, 180.0)
 
 
@@ -92,7 +92,7 @@ class CamContact:
 
 
 def contact_row(case: ContactCase) -> CamContact:
-    """Return all measures of one cam."""
+    """Compute pressure, sliding, loss of contact and base radius bounds of one cam."""
     surfaces, scan = case.surfaces, case.scan
     pressure = scan.greatest_of(surfaces.pressure)
     min_force = -scan.greatest_of(lambda *motion: -surfaces.normal_force(*motion)).value

@@ -1,4 +1,4 @@
-"""Load, pressure and sliding of cam and follower over the turn.
+"""Load, pressure and sliding of cam and follower, and bounds on the base radius.
 
 The force F along the guide, or along the arc of the arm, is that of a rigid follower in contact.
 The normal force N follows from virtual work, N v·n = F ṡ, and is N = F / cos α in a guide. Friction
@@ -161,10 +161,10 @@ def contact_case(cam: CamConfig, law: Law, rig: FollowerParameters, speed: float
 
 # Lower and upper bounds on the base radius.
 
-#: Measure of the whole turn, which must not exceed its limit.
+#: Function that computes the measure of a whole turn which a limit bounds.
 Measure = Callable[[Surfaces, Scan], float]
 
-#: Lower bounds by their keys, with their displayed names.
+#: Limits that give a lower bound on the base radius: key and displayed name.
 LOWER = {"curvature": "curvature", "pressure": "Hertz pressure", "pressure_angle": "pressure angle"}
 
 
@@ -267,9 +267,11 @@ def _excess(
 
 
 def _greatest(case: ContactCase, radius: float, limit: float) -> float | None:
-    """Return the base radius (m) above which the sliding speed exceeds its limit.
+    """Return the greatest base radius (m) within the limit of the sliding speed.
 
-    Returns None if it exceeds the limit for every base radius, and infinity for a roller.
+    `limit` is in m/s and `radius` is the cam's base radius in m. Returns None if every base radius
+    exceeds the limit. Returns infinity for a roller, and if no base radius that the follower
+    reaches exceeds the limit.
     """
     if case.surfaces.rolls:
         return np.inf
@@ -298,16 +300,16 @@ RISES = (
 
 assert set(RISES) <= set(NAMED_RISES)
 
-#: Number of bisections of the search for a radius: relative accuracy 1e-12 of the lift.
+#: Number of bisections in the search for a radius. The accuracy is about 1e-12 of the lift.
 HALVINGS = 48
-#: Number of samples of each piece of a rise: relative accuracy 1e-5 of a radius.
+#: Number of samples of each piece of a rise. The relative accuracy of a radius is 1e-5.
 SAMPLES = 1001
 
 
 def _scaled_rises(name: str, event: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return s, s', s'' of a rise relative to its lift, shape (m, n) each.
+    """Return samples of s, s' and s'' of a rise over its lift, each of shape (m, n).
 
-    ``event`` are the event angles in rad, shape (m,).
+    ``event`` are m event angles in rad. Each has n samples.
     """
     s, slope, second = _unit(name)
     beta = event[:, None]
@@ -316,9 +318,9 @@ def _scaled_rises(name: str, event: FloatArray) -> tuple[FloatArray, FloatArray,
 
 @lru_cache(maxsize=len(NAMED_RISES))
 def _unit(name: str) -> FloatArray:
-    """Return s, s', s'' of the unit rise and of the dwells, shape (3, n).
+    """Return samples of s, s' and s'' of a rise of lift 1 over angle 1, shape (3, n).
 
-    A joint has the values of both sides.
+    They include the dwells before and after the rise. A joint has the values of both sides.
     """
     breaks, columns = unit_rise(name)
     ordinates, spans = join_pieces(columns), np.diff(breaks)
@@ -332,7 +334,7 @@ def _unit(name: str) -> FloatArray:
 
 
 def by_pressure_angle(name: str, event: FloatArray, most: float) -> FloatArray:
-    """Return the least prime radius over h of a roller or point.
+    """Return the least prime radius over the lift h for a roller or point.
 
     It follows from tan α = s' / (R_p + s) with the largest pressure angle ``most`` = α in rad.
     """
@@ -341,7 +343,7 @@ def by_pressure_angle(name: str, event: FloatArray, most: float) -> FloatArray:
 
 
 def by_face(name: str, event: FloatArray) -> FloatArray:
-    """Return the least (R_b − ρ_min) / h of a flat follower.
+    """Return the least (R_b − ρ_min) / h of a flat follower, one per event angle.
 
     It follows from ρ = R_b + s + s'' (eq. 2.42).
     """

@@ -1,4 +1,4 @@
-"""Writer of identified numbers into a YAML file, which keeps comments and layout."""
+"""Writer of identified numbers into a YAML file that keeps comments and layout."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def set_identified(
 
 
 def _at(node: yaml.Node, keys: tuple[str | int, ...]) -> yaml.MappingNode:
-    """Return the mapping at a key path."""
+    """Return the mapping at a path of keys and indices, below `node`."""
     for key in keys:
         node = (
             node.value[key]
@@ -70,7 +70,10 @@ def _at(node: yaml.Node, keys: tuple[str | int, ...]) -> yaml.MappingNode:
 def _edits(
     node: yaml.MappingNode, text: str, number: float, texts: dict[str, str]
 ) -> Iterator[Edit]:
-    """Yield the changes in the mapping of one number."""
+    """Yield the edits of the text that write one number, its source and its residual.
+
+    `node` is the mapping of the number in the file.
+    """
     pairs = {name.value: (name, value) for name, value in node.value}
     origin, old = next(pairs[key] for key in ORIGINS if key in pairs)
     yield *_span(origin), "identified"

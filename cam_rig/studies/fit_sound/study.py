@@ -24,14 +24,16 @@ from cam_rig.units import RPM, FloatArray, to_rpm
 
 #: Least number of different speeds, so that a fit of two numbers has a residual.
 MIN_SPEEDS = 3
-#: Limits of speeds in rpm.
+#: Smallest and largest speed (rpm) of a measured level.
 SPEEDS = (1.0, 1e5)
-#: Limits of levels in dB. The highest is a sine with an amplitude of one atmosphere.
+#: Smallest and largest measured level, dB. The largest is that of a sine with an amplitude of one
+#: atmosphere.
 LEVELS = (-20.0, 191.0)
-#: Limits of the corner in Hz. The orders of a cam are between some Hz and some hundred Hz, so
-#: levels do not distinguish a corner near these limits from a corner beyond them.
+#: Smallest and largest fitted corner frequency, Hz. The orders of a cam are between some Hz and
+#: some hundred Hz, so levels do not distinguish a corner near these limits from one beyond them.
 CORNERS = 0.5, 2000.0
-#: Relative distance from a limit within which a corner is at the limit.
+#: Relative distance from a limit within which a fitted corner frequency is rejected, because the
+#: levels do not determine it.
 AT_LIMIT = 0.01
 
 
@@ -205,7 +207,7 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
 
 
 def _require_levels(table: FloatArray, loaded: LoadedScene) -> None:
-    """Check the number of speeds, and the ranges of speeds and levels."""
+    """Raise ConfigError for too few speeds, or a speed or level out of range."""
     if table.ndim != 2 or table.shape[1] != 2 or len(np.unique(table[:, 0])) < MIN_SPEEDS:
         raise ConfigError(
             f"levels must have the shape (n, 2), each row a speed in rpm and a level in dB, with "
@@ -242,7 +244,7 @@ def _measured_cam(loaded: LoadedScene, cam: str | None) -> str:
 
 
 def _published_cam(loaded: LoadedScene, name: str, table: FloatArray) -> PublishedCam:
-    """Return the steady sound of the cam with its levels.
+    """Return the computed steady sound of the cam, together with its measured levels.
 
     Raises DynamicsError if contact is lost at a speed.
     """

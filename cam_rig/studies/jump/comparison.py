@@ -35,16 +35,16 @@ from cam_rig.units import NS, RPM, TURN, rms
 
 # Published jump speeds, assigned to cams by the content of their files.
 
-#: Rig that was identified from the jump speeds.
+#: Name of the shipped rig that was identified from the published jump speeds.
 IDENTIFIED = "paper_table2"
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Published jump speed (rpm) and time (s) of a cam.
+    """Published jump speed (rpm) of a cam, and the time (s) of its jump.
 
-    `role` is "fitted" if the rig was identified from the speed, "test" if not, and empty for other
-    rigs and angles.
+    `role` is "fitted" if the rig was identified from this speed, and "test" if it was not. It is
+    empty on another rig, or if the event angles of the cam differ from those of the shipped cam.
     """
 
     rpm: float
@@ -104,7 +104,7 @@ class JumpRow:
 
     @property
     def difference(self) -> float | None:
-        """Difference to the published speed, relative to it.
+        """Relative difference of the jump speed from the published speed.
 
         It is None along a ramp and without a published speed.
         """
@@ -114,7 +114,10 @@ class JumpRow:
 
     @property
     def turns(self) -> tuple[float, float] | None:
-        """Number of turns before contact is lost, found and published, or None."""
+        """Number of turns before contact is lost: computed, and published.
+
+        It is None without a published jump.
+        """
         if self.published_time is None or self.published_rpm is None:
             return None
         ours = self.jump.time * self.jump.rpm / 60.0
@@ -309,11 +312,12 @@ def find_jumps(
 
 # Jump speed of a cam with constant acceleration from rest.
 
-#: Smallest slope of a ramp, rpm/s: the run takes hours of turns.
+#: Smallest slope of a ramp, rpm/s. A smaller slope would need the simulation of hours of turning.
 MIN_RAMP = 1.0
-#: Largest slope of a ramp, rpm/s: contact is lost within the first turn.
+#: Largest slope of a ramp, rpm/s. At this slope contact is lost within the first turn.
 MAX_RAMP = 1e5
-#: Sample rate of the run, Hz. Events are exact at any rate, and the samples are not used.
+#: Sample rate (Hz) of the run along a ramp. Its samples are not used, and its events do not depend
+#: on the rate.
 SAMPLE_RATE_HZ = 1000
 
 

@@ -1,4 +1,4 @@
-"""Figures of the minimum force by speed, and of a turn with lift-off (fig. 11)."""
+"""Figures of minimum contact force over speed, and of a turn with lift-off."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from cam_rig.studies.jump.comparison import JumpResult, JumpRow
 from cam_rig.studies.jump.jump_speed import JumpSpeed
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: Speeds (rpm) of the inset, between which most of the paper's cams lose contact.
+#: Limits (rpm) of the magnified inset. Most of the paper's cams lose contact between them.
 INSET = (380.0, 420.0)
-#: End of a cam's curve, relative to its jump speed. There the curve has left the axes, and further
-#: points would take a thousand turns each if another cam jumps at ten times the speed.
+#: Largest speed of a cam's curve, relative to its jump speed. There the curve has left the axes.
+#: Further points would take a thousand turns each if another cam jumps at ten times the speed.
 MAX_SPEED_RATIO = 2.0
 
-#: Style of the mark of a published speed, which points at the axis from below.
+#: Plot options of the mark of a published speed, a triangle below the axis.
 PUBLISHED: dict[str, Any] = {"marker": CARETUP, "ls": "", "ms": 5.5, "zorder": 4}
 
-#: Number of the displayed turn from rest, above the jump speed.
+#: Number of the turn after the start from rest that `lift_off_figure` displays.
 TURN_NUMBER = 3
 #: Number of samples of the displayed turn.
 SAMPLES = 3000
@@ -46,7 +46,10 @@ SAMPLES = 3000
 
 @styled
 def figure(result: JumpResult) -> Figure:
-    """Draw the minimum force by speed of each cam, which is zero at its jump speed."""
+    """Draw the minimum contact force of each cam over speed.
+
+    It is zero at the jump speed of the cam.
+    """
     rows, cam_set = result.rows, result.cam_set
     parameters = follower_of(cam_set.rig)
     last = 1.08 * max(result.rpm.values())
@@ -102,7 +105,7 @@ def _mark(axes: Axes, row: JumpRow) -> None:
 
 @styled
 def lift_off_figure(cam_set: CamSet, rpm: float) -> Figure:
-    """Draw displacement and gap of the roller over a turn at a speed (rpm)."""
+    """Draw displacement and gap of the roller over a turn at a speed in rpm (fig. 11)."""
     out = empty(4.8)
     upper, lower = out.subplots(2, 1, sharex=True, height_ratios=[1.4, 1.0])
     parameters, speed = TwoMassParameters.from_rig(cam_set.rig), rpm * RPM
@@ -127,12 +130,12 @@ def lift_off_figure(cam_set: CamSet, rpm: float) -> Figure:
     return out
 
 
-#: Number of speeds of a curve.
+#: Number of speeds at which a curve of the minimum force is computed.
 CURVE_POINTS = 400
 
 
 def force_axes(axes: Axes, rpm: FloatArray) -> None:
-    """Set up both axes, with the line of zero force."""
+    """Label axes of force over speed, and draw the line of zero force."""
     axes.set(xlabel=CAM_SPEED, ylabel="minimum contact force [N]", xlim=(rpm[0], rpm[-1]))
     axes.axhline(0.0, color="0.3", lw=0.9)
     axes.tick_params(axis="x", pad=6.0)  # space for the marks of published speeds

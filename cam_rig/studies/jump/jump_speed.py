@@ -58,7 +58,10 @@ class JumpSpeed(Jump, Result):
 
 @dataclass(frozen=True)
 class RigJump:
-    """Jump speed of one rig, or NaN with a reason."""
+    """Jump speed of one rig of many, with the numbers of its follower.
+
+    Jump speed, angle and time are NaN if there is no jump speed. `reason` states why.
+    """
 
     mass: float  #: kg
     spring_stiffness: float  #: N/m
@@ -111,7 +114,8 @@ class JumpSpeeds(Result):
         return f"JumpSpeeds({self.law.name}: {speeds.size} of {len(self.rows)} rigs{span})"
 
 
-#: Number of the follower in SI units, one for all rigs or one per rig.
+#: Argument with a number of the follower in SI units: one for all rigs, or an array with one per
+#: rig, or None for the rig's number.
 Numbers = FloatArray | float | None
 
 

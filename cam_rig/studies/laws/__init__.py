@@ -1,1 +1,1 @@
-"""Motion laws: their peaks, joints, tables and figures."""
+"""Study of motion laws: peaks, joints, tables and figures."""

@@ -17,7 +17,7 @@ from cam_rig.show.looks import of_cam, title_of
 
 #: Names of the charts in the order of the derivatives.
 CHARTS = ("lift", "velocity", "acceleration", "jerk")
-#: Width of a curve. Rerun reads a negative radius as points of the screen.
+#: Radius of a curve. Rerun takes a negative radius in points of the screen.
 STROKE = -1.2
 #: Height of a chart, in the unit of `Axes`, whose width is 160.
 HEIGHT = 85.0
@@ -27,7 +27,7 @@ RAISED = 0.07
 LABELS_RIGHT = 0.08
 #: Free space for the labels below a chart, as a fraction of its height.
 LABELS_BELOW = 0.19
-#: Marks of a turn.
+#: Labels of the marks of the cam angle over one turn, by the angle in degrees.
 DEGREES = {float(degrees): f"{degrees}°" for degrees in range(0, 361, 90)}
 #: Free space above the highest and below the lowest value, as a fraction of their difference.
 VALUE_MARGIN = 0.06

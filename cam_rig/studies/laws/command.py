@@ -117,7 +117,7 @@ def laws(
     return list_laws(family)
 
 
-#: Greatest number of letters of the laws' names in the name of a plot.
+#: Largest number of letters of the laws' names that the default file name of a plot contains.
 MAX_LETTERS = 60
 
 

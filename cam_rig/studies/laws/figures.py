@@ -23,13 +23,13 @@ from cam_rig.simulation.inputs import LawOrCam, build_law
 from cam_rig.studies.laws.rises import LawsResult, RisesResult
 from cam_rig.studies.laws.study import CamLawsResult
 
-#: Colours of the panels.
+#: Colours of the curves of s, s', s'' and s''', one per panel.
 COLOURS = tuple(map(web, DERIVATIVES))
-#: Tolerance for equal cam angles of a joint and of a segment's start, deg.
+#: Absolute tolerance (deg) within which a joint is at the start of a segment.
 JOINT_ATOL_DEG = 1e-6
-#: Least span of a segment whose name is written, deg.
+#: Smallest span (deg) of a segment whose law is named in the figure.
 MIN_NAME_DEG = 12.0
-#: Least span of a segment whose name is horizontal, deg. Names of shorter segments are vertical.
+#: Smallest span (deg) of a segment whose name is horizontal. Shorter segments have vertical names.
 MIN_HORIZONTAL_DEG = 60.0
 #: Colour of annotations.
 GREY = "0.45"
@@ -87,7 +87,10 @@ def plot_law(law: LawOrCam) -> Figure:
 
 
 def _draw_panels(law: Law, marked: list[Joint], title: str) -> Figure:
-    """Return four panels with extremes and continuity classes."""
+    """Return a figure of s to s''' of a law, in four panels.
+
+    Extremes are labelled. The joints in ``marked`` have a line and their continuity class.
+    """
     out = empty(FIGURE_HEIGHT)
     panels = out.subplots(4, 1, sharex=True)
     for order, axes in enumerate(panels):
@@ -131,7 +134,7 @@ def _curve(axes: Axes, law: Law, order: int) -> None:
 
 
 def _peaks(axes: Axes, law: Law, order: int) -> None:
-    """Label the largest and the smallest value, away from the nearer edge."""
+    """Label the largest and the smallest value of a derivative with its cam angle."""
     low, high = extremes(law, order)
     for extreme, above in ((low, False), (high, True)) if high.value > low.value else ():
         value, degrees = extreme.value * MM, float(np.degrees(extreme.angle))
@@ -164,9 +167,9 @@ def _names(axes: Axes, cam: CamConfig) -> None:
 
 
 def _arrow(axes: Axes, x: float, jump: float, side: str, colour: str | None = None) -> None:
-    """Draw an arrow at the edge of the panel for an infinite acceleration.
+    """Draw an arrow for the infinite acceleration at a jump of the velocity.
 
-    It is there if the velocity jumps.
+    The arrow is at the upper edge of the panel for a jump upwards, else at the lower edge.
     """
     y, text, end = (0.97, "↑∞", "top") if jump > 0.0 else (0.03, "↓∞", "bottom")
     foot = axes.get_xaxis_transform()
@@ -184,9 +187,9 @@ def _classes(axes: Axes, marked: list[Joint]) -> None:
 
 # Several laws in one figure: s, s', s'', s''' of cams over the turn, or of bare rises over u.
 
-#: Height of a figure with four rows, in inches.
+#: Height of a figure with four rows of panels, in inches.
 FIGURE_HEIGHT = 8.2
-#: Entries in a row of the legend of a figure with one column.
+#: Number of entries per row in the legend of a figure with one column of panels.
 LEGEND_COLUMNS = 3
 #: Units of the derivatives of a rise h over a span β.
 RISE_UNITS = ("h", "h/β", "h/β²", "h/β³")
@@ -249,7 +252,7 @@ def cam_laws_figure(result: CamLawsResult) -> Figure:
 def _distinct(
     curves: list[tuple[catalogue.LawCurves, Style]],
 ) -> list[tuple[catalogue.LawCurves, Style]]:
-    """Return equal curves as a single curve with all of their names."""
+    """Return the curves, with equal curves replaced by one curve with all their names."""
     by_motion: dict[bytes, tuple[catalogue.LawCurves, Style]] = {}
     for curve, style in curves:
         key = curve.motion.tobytes()

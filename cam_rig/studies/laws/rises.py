@@ -20,9 +20,9 @@ from cam_rig.units import FloatArray
 
 @dataclass(frozen=True)
 class RiseRow:
-    """A law by name with its source and its peaks.
+    """Row of a table of laws: name, source and peaks.
 
-    `rise_figures` is None for a law whose peaks depend on the cam file.
+    `figures` is None for a law whose peaks depend on the cam file.
     """
 
     law: str
@@ -91,11 +91,11 @@ class LawsResult(Result):
 
 
 def curve_column(key: str) -> Callable[[Any], Any]:
-    """Return the function that takes a curve from a result."""
+    """Return the function that reads the column ``key`` from a result's `curves`."""
     return lambda result: result.curves[key]
 
 
-#: Steps of the curve of a rise.
+#: Number of steps of the exported curve of a rise.
 RISE_STEPS = 200
 #: Names of the derivatives of the lift, by order.
 QUANTITIES = ("lift", "velocity", "acceleration", "jerk")
@@ -136,7 +136,7 @@ class RisesResult(Result):
 
     @cached_property
     def curves(self) -> dict[str, Any]:
-        """Curves by column, rise after rise."""
+        """Columns of the exported table of curves, with the rises one after the other."""
         u = np.linspace(0.0, 1.0, RISE_STEPS + 1)
         motion = np.hstack([catalogue.rise_values(name, u) for name in self.names])
         rises = np.repeat(self.names, u.size)
@@ -148,7 +148,7 @@ class RisesResult(Result):
 
 
 def by_order(motion: FloatArray) -> dict[str, FloatArray]:
-    """Return the rows of a motion by the names of their quantities."""
+    """Return lift, velocity, acceleration and jerk by name, from the rows of a motion."""
     return dict(zip(QUANTITIES, motion, strict=True))
 
 

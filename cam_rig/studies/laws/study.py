@@ -55,7 +55,10 @@ class JointRow:
 
 
 def _extreme_columns(kind: str) -> tuple[Column, Column]:
-    """Return the columns of the largest or the smallest value and its cam angle."""
+    """Return the columns of an extreme and of its cam angle.
+
+    ``kind`` is "largest" or "smallest".
+    """
 
     def display_value(row: ExtremeRow) -> float:
         value: float = getattr(row, kind).value
@@ -69,7 +72,10 @@ def _extreme_columns(kind: str) -> tuple[Column, Column]:
 
 @dataclass(frozen=True)
 class HeightsRow:
-    """Cam angles (rad) at which a cam passes heights, with keys of `_passage_key`."""
+    """Cam angles (rad) at which the follower passes heights, upwards or downwards.
+
+    The keys of ``angles`` are those of `_passage_key`.
+    """
 
     cam: str
     angles: dict[str, float]
@@ -86,18 +92,24 @@ class HeightsRow:
 
 
 def _passage_key(level: float, rising: bool) -> str:
-    """Return the key of a height (fraction of the lift) and a direction."""
+    """Return the column key of a height and a direction, such as up_50.
+
+    ``level`` is the height as a fraction of the lift.
+    """
     return f"{'up' if rising else 'down'}_{100.0 * level:g}"
 
 
 def _passage_column(level: float, rising: bool) -> Column:
-    """Return the column of a height (fraction of the lift) and a direction."""
+    """Return the column with the cam angle at which a height is passed in a direction.
+
+    ``level`` is the height as a fraction of the lift.
+    """
     key, direction = _passage_key(level, rising), "up" if rising else "down"
     heading = f"{100.0 * level:g} % {direction}"
     return Column(key, "°", ".3f", heading, lambda row: row.angles.get(key))
 
 
-#: Step of a cam's curves, degrees.
+#: Step of the cam angle in the exported curves, degrees.
 STEP_DEG = 0.5
 
 
@@ -171,7 +183,7 @@ class CamLawsResult(Result):
 
     @cached_property
     def curves(self) -> dict[str, Any]:
-        """Curves by column, cam after cam."""
+        """Columns of the exported table of curves, with the cams one after the other."""
         angle = np.radians(np.arange(0.0, 360.0, STEP_DEG))
         motion = np.hstack(
             [np.stack([law(angle, i) for i in catalogue.ORDERS]) for _, law in self.cams]
@@ -298,9 +310,10 @@ def law_summary(
 
 
 def _are_rises(names: Sequence[str], rises: bool) -> bool:
-    """Return True if the names are those of bare rises.
+    """Return True if all names are to be read as bare rises, False if as cams.
 
-    They are if `rises` is True, or if not all of them are cams.
+    They are rises if `rises` is True, or if not all of them are cams. Raise ConfigError for an
+    unknown or repeated name, and if cams and rises are mixed.
     """
     cams = sorted(path.stem for path in (config_root() / "cams").glob("*.yaml"))
     for i, name in enumerate(names):
@@ -325,8 +338,8 @@ def _are_rises(names: Sequence[str], rises: bool) -> bool:
 
 
 def _is_cam(name: str, cams: Sequence[str]) -> bool:
-    """Return True if a name is that of a cam, or a path.
+    """Return True if a name is that of a shipped cam (``cams``), or a path.
 
-    A path is that of a cam file. If it is not, reading it raises an error.
+    A path is assumed to be that of a cam file. Otherwise reading it raises an error.
     """
     return name in cams or cam_path(name) == Path(name)

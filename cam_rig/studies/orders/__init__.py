@@ -1,4 +1,4 @@
-"""Force and sound of a steady turn by orders of the cam, without leakage."""
+"""Spectrum of force and sound of a steady turn, by orders of the cam's rotation."""
 
-#: Largest number of orders, which bounds the size of the tables.
+#: Largest order that can be requested. It bounds the size of the tables.
 MAX_ORDERS = 10_000

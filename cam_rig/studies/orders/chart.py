@@ -15,17 +15,17 @@ from cam_rig.show.chart import SPEED, Axes, chart_stream, round_marks
 from cam_rig.show.looks import title_of
 from cam_rig.studies.orders.spectrum import QUANTITIES, RANGE, CamOrders, loudest, quantities_of
 
-#: Radius of a curve in screen points, negative as in Rerun.
+#: Radius of a stroke or bar. Rerun takes a negative radius in points of the screen.
 STROKE = -1.2
-#: Radius of a cursor in screen points.
+#: Radius of a cursor line, negative as in `STROKE`.
 CURSOR = -0.8
-#: Width of a chart in scene units. The height of the rays is 100.
+#: Width of a chart in units of the plane. The height of the Campbell diagram is 100.
 WIDTH = 160.0
-#: Titles of the charts.
+#: Titles of the two kinds of chart: Campbell diagram (rays), and spectrum at one speed (lines).
 CHARTS = {"rays": "orders over speed", "lines": "by order, at one speed"}
-#: Room right of a chart for half of the last mark, as a fraction of the width.
+#: Free space to the right of a chart for half of the last mark, as a fraction of the width.
 RIGHT_MARGIN = 0.12
-#: Room below a chart for its marks, as a fraction of the width.
+#: Free space below a chart for its marks, as a fraction of the width.
 BOTTOM_MARGIN = 0.1
 #: Colour map from dark to bright, RGB from 0 to 255, with even steps of lightness.
 SCALE = np.array(
@@ -90,9 +90,10 @@ def _line_axes(study: CamOrders, highest_level: float) -> Axes:
 
 
 def _draw_rays(stream: rr.RecordingStream, study: CamOrders, quantity: str, top: float) -> None:
-    """Draw the strokes of all speeds.
+    """Draw the Campbell diagram of a cam, with a stroke per order and speed.
 
-    The horizontal line is the natural frequency of the stem.
+    The colour of a stroke is its level, and `top` (dB) is the brightest. The horizontal line is the
+    natural frequency of the stem.
     """
     axes, view = _ray_axes(study), entity(study, quantity, "rays")
     axes.draw(stream, f"{view}/axes", round_marks(*axes.x, "rpm"), round_marks(*axes.y, "Hz"))
@@ -114,7 +115,10 @@ def _draw_rays(stream: rr.RecordingStream, study: CamOrders, quantity: str, top:
 
 
 def _draw_lines(stream: rr.RecordingStream, study: CamOrders, quantity: str, top: float) -> None:
-    """Draw the spectrum of each speed, and a cursor at that speed in the rays."""
+    """Draw the spectrum at each speed, and its cursor in the Campbell diagram.
+
+    `top` (dB) is the highest level of the axis.
+    """
     axes, rays = _line_axes(study, top), _ray_axes(study)
     view = entity(study, quantity, "lines")
     axes.draw(stream, f"{view}/axes", round_marks(*axes.x, ""), round_marks(*axes.y, "dB"))

@@ -14,7 +14,7 @@ from cam_rig.studies.orders.spectrum import RANGE, CamOrders, loudest, quantitie
 from cam_rig.studies.orders.study import OrdersResult
 from cam_rig.units import FloatArray
 
-#: Largest number of orders that are labelled at the edge.
+#: Largest number of orders that are labelled at the right edge of a Campbell diagram.
 MAX_LABELS = 8
 #: Colour map of the levels.
 COLOURS = "viridis"
@@ -24,7 +24,7 @@ GROUND = "0.12"
 
 @styled
 def figure(result: OrdersResult) -> Figure:
-    """Draw a row per cam, with force on the left and sound on the right."""
+    """Draw the orders of force (left) and sound (right), with a row of panels per cam."""
     studies, titles = result.studies, result.titles
     drawing = empty(2.9 * len(studies) + 0.3)
     quantities = quantities_of(studies)
@@ -51,9 +51,10 @@ def _lines(axes: Axes, study: CamOrders, values: FloatArray, name: str, highest:
 
 
 def _rays(axes: Axes, study: CamOrders, values: FloatArray, top: float) -> LineCollection:
-    """Draw the strokes of each order on its ray.
+    """Draw a Campbell diagram, with a stroke per order and speed.
 
-    The dashed line is the natural frequency of the stem.
+    The colour of a stroke is its value (dB), and `top` (dB) is the upper end of the scale. The
+    strokes of an order form a ray. The dashed line is the natural frequency of the stem.
     """
     shades = colormaps[COLOURS].with_extremes(under=GROUND)
     rays = LineCollection(list(study.strokes()), cmap=shades)

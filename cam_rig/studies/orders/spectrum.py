@@ -1,4 +1,4 @@
-"""Force and sound of a steady turn by orders of the cam.
+"""Spectrum of force and sound of a steady turn, by orders of the cam's rotation.
 
 Order n is the frequency of n periods per turn. The coefficients of the force are
 c_n = (1/T) ∫ F e^{−inωt} dt over its period T. The sound pressure is p = g ω_c (F − q) with
@@ -27,8 +27,8 @@ from cam_rig.units import TURN, ComplexArray, FloatArray, to_rpm
 
 # Fourier integrals of the parts of a contact force: polynomials, vibrations, landings.
 
-#: Smallest ratio of the rate of a vibration to its decay at which it is split into two rotating
-#: parts.
+#: Smallest ratio of the angular frequency of a vibration to its decay rate at which it is
+#: integrated as a sum of two complex exponentials. Below it this sum would be ill-conditioned.
 MIN_RATE_RATIO = 0.1
 
 
@@ -61,7 +61,7 @@ def legendre_matrix(degree: int) -> FloatArray:
 def vibration_integral(
     matrix: FloatArray, row: FloatArray, start: FloatArray, length: float, rates: FloatArray
 ) -> ComplexArray:
-    """Return ∫₀ᴸ c e^{At} z e^{−iΩt} dt of a damped mass.
+    """Return the Fourier integral ∫₀ᴸ c e^{At} z e^{−iΩt} dt of a damped vibration.
 
     `matrix` is A of shape (2, 2), `row` and `start` are c and z of shape (2,), `length` is L in s,
     and `rates` are Ω in rad/s of shape (n,).
@@ -177,9 +177,9 @@ class OrderSpectrum:
         return int(np.argmax(self.level[1:])) + 1
 
     def order_within(self, share: float) -> float:
-        """Return the order up to which a share of the sound power lies.
+        """Return the order below which a fraction `share` of the sound power lies.
 
-        The share relates to the power of all orders of the spectrum.
+        The total is the power of all orders of the spectrum.
         """
         power = np.cumsum(np.abs(self.pressure) ** 2)
         return float(self.orders[np.searchsorted(power, share * power[-1])])
@@ -192,7 +192,7 @@ class OrderSpectrum:
 
 
 def force_orders(steady: SteadyForce, rates: FloatArray, contact_time: float) -> ComplexArray:
-    """Return the coefficients c of the force at rates Ω of shape (n,) in rad/s.
+    """Return the Fourier coefficients (N) of the force at rates Ω (rad/s), shape (n,).
 
     The pulse of a landing has the duration `contact_time` (s).
     """
@@ -233,7 +233,10 @@ def spectrum(
 def order_spectrum(
     law: Law, model: str, rig: RigConfig, speed: float, highest: int
 ) -> OrderSpectrum:
-    """Return the spectrum of a model at a speed (rad/s) up to the order `highest`."""
+    """Return the spectrum of force and sound of a model at a speed (rad/s).
+
+    It contains the orders up to `highest`. The sound is NaN without radiation parameters.
+    """
     steady = steady_force(law, model, rig, speed)
     lands = MODELS[model].lifts_off
     radiation = None
@@ -246,11 +249,11 @@ def order_spectrum(
 
 # Orders over speed: spectra of cams at many speeds.
 
-#: Quantities over speed: property of the spectra, and its title.
+#: Displayed quantities: property of `OrderSpectrum` -> title.
 QUANTITIES = {"force_db": "contact force [dB re 1 N]", "level": "sound [dB re 20 µPa]"}
-#: Range of the levels in figures, dB. Lower levels are not shown.
+#: Range of the displayed levels below the highest, dB. Lower levels are not displayed.
 RANGE = 60.0
-#: Highest order by default, 667 Hz at 400 rpm.
+#: Default of the highest computed order. At 400 rpm its frequency is 667 Hz.
 HIGHEST = 100
 
 
@@ -277,9 +280,10 @@ class CamOrders:
 
     @property
     def edges(self) -> FloatArray:
-        """Limits between the speeds in rpm, shape (n + 1,).
+        """Ends of the strokes of a Campbell diagram, in rpm, shape (n + 1,).
 
-        The first and the last limit are as far from their speed as the next limit.
+        They are the middles between the n speeds. The first and the last end are as far from their
+        speed as the nearest middle.
         """
         rpm = np.array([spectrum.rpm for spectrum in self.spectra])
         if rpm.size == 1:
@@ -319,7 +323,7 @@ def quantities_of(studies: Iterable[CamOrders]) -> dict[str, str]:
 
 
 def loudest(studies: Iterable[CamOrders], quantity: str) -> float:
-    """Return the largest value (dB) of all cams, which are shown on one scale."""
+    """Return the largest value (dB) of a quantity over all cams, for a common scale."""
     return max(float(study.values(quantity).max()) for study in studies)
 
 
@@ -331,9 +335,9 @@ def waterfall(
     highest: int = HIGHEST,
     progress: Progress = NULL_PROGRESS,
 ) -> tuple[CamOrders, ...]:
-    """Return force and sound of each cam at each of `speeds` (rad/s).
+    """Return the spectra of force and sound of each cam at each of `speeds` (rad/s).
 
-    `highest` is the highest order.
+    They contain the orders up to `highest`.
     """
     studies, all_speeds = [], tuple(speeds)
     progress.start(len(laws) * len(all_speeds))

@@ -24,7 +24,8 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.schema import RigConfig
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Part of a turn that two contacts must share to be the same contact.
+#: Smallest overlap of two contacts of successive turns, as a fraction of a turn, for which they
+#: count as the same contact. It is above rounding.
 OVERLAP = 1e-9
 
 
@@ -214,9 +215,10 @@ def _linear_pieces(
     begin: float,
     duration: float,
 ) -> Iterator[ForcePiece]:
-    """Yield the last output of a linear model from a state at an angle (rad).
+    """Yield the pieces of the contact force, the last output of a linear model.
 
-    `begin` is the time of that state in s since θ = 0.
+    The motion starts from the state `start` at the cam angle `angle` (rad) and lasts `duration`
+    (s). `begin` is the time of the start in s since θ = 0.
     """
     for run in model.walk(start, angle, duration):
         length = run.end - run.begin
@@ -254,7 +256,7 @@ def _two_mass(law: Law, p: TwoMassParameters, speed: float) -> SteadyForce:
 def _period(trajectory: Separation, run: int, turn: float) -> int | None:
     """Return the number of turns after which the states at θ = 0 repeat.
 
-    Returns None if they do not repeat.
+    The states from turn `run` on are compared. Returns None if they do not repeat.
     """
     period_states = states(trajectory, turn * np.arange(run - 1.0, run + MAX_PERIOD_TURNS))[:4]
     lift, slope, _ = trajectory.law.bounds

@@ -1,4 +1,4 @@
-"""Result of the orders of force and sound, per speed and per order."""
+"""Study of the orders of force and sound: inputs, and the result with its tables."""
 
 from __future__ import annotations
 
@@ -33,9 +33,10 @@ from cam_rig.studies.orders import MAX_ORDERS
 from cam_rig.studies.orders.spectrum import CamOrders, OrderSpectrum, waterfall
 from cam_rig.units import RPM
 
-#: Number of the loudest orders in the table of speeds.
+#: Number of loudest orders that the table of speeds lists.
 LOUDEST_COUNT = 2
-#: Largest number of rows of the orders table that is shown.
+#: Largest number of rows with which the table of orders is displayed. A longer table is exported
+#: only.
 MAX_SHOWN_ROWS = 40
 
 
@@ -181,11 +182,11 @@ class OrdersResult(Result):
 
 # Inputs: a cam alone or a scene, on a rig, at some speeds.
 
-#: Rig of a cam alone.
+#: Name of the rig for a cam without a scene.
 CAM_RIG = "tm21"
-#: Model of a cam alone.
+#: Model for a cam without a scene.
 CAM_MODEL = "one_mass"
-#: Speeds (rpm) of a cam alone.
+#: Speeds (rpm) for a cam without a scene.
 CAM_RPM = tuple(range(200, 401, 10))
 
 
@@ -256,7 +257,10 @@ def order_spectrum(
 def _resolve_source(
     source: str | Path | CamConfig | LoadedScene, cam: str | None, rig: Rig
 ) -> tuple[dict[str, Law], dict[str, str], RigConfig, str, list[float]]:
-    """Return laws and titles by cam, rig, model, and speeds in rpm, of a scene or cam."""
+    """Return the inputs of the study from a scene or a cam.
+
+    They are the laws by cam, the titles by cam, the rig, the model, and the speeds in rpm.
+    """
     if isinstance(source, CamConfig) or (not isinstance(source, LoadedScene) and _is_cam(source)):
         if cam is not None:
             raise ConfigError(f"--cam requires a scene, got the cam {source}")

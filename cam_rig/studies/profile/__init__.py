@@ -1,1 +1,1 @@
-"""Contours of cams: points, checks, figures and files."""
+"""Study of the contours of cams: points, checks, figures and files."""

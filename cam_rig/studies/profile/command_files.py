@@ -1,4 +1,4 @@
-"""Files of `cam-rig profile`: contours and paths to write, contours to measure."""
+"""Files of `cam-rig profile`: writing of contours, and measuring of contours read."""
 
 from __future__ import annotations
 
@@ -27,25 +27,26 @@ if TYPE_CHECKING:
     from cam_rig.units import FloatArray
 
 
-#: Suffixes of drawings that are written.
+#: Suffixes of the drawings that the command can write.
 DRAWINGS = (".dxf", ".svg")
-#: Suffixes of tables that are written.
+#: Suffixes of the tables that the command can write.
 TABLES = (".csv",)
-#: Suffixes of files that are read.
+#: Suffixes of the contour files that the command can read.
 READABLE = (".dxf", ".csv")
-#: Fraction of the tolerance for the rounding of an SVG drawing. A DXF drawing has all digits.
+#: Fraction of the chord error that is reserved for the rounding of coordinates in an SVG drawing. A
+#: DXF drawing has all digits.
 SVG_ROUNDING = 0.1
-#: Default chord error, µm.
+#: Default of the largest distance of a drawn polyline from the contour (chord error), µm.
 DEFAULT_TOLERANCE_UM = 1.0
-#: Least chord error, µm. Smaller values would need millions of points.
+#: Smallest chord error that can be requested, µm. Smaller values would need millions of points.
 MIN_TOLERANCE_UM = 1e-4
-#: Default number of rows of a table.
+#: Default number of points of a contour in a written table.
 DEFAULT_ROWS = 3600
 
 
 @dataclass(frozen=True)
 class Request:
-    """Files to write or to read.
+    """Options of the command on files to write or to read.
 
     Parameters
     ----------
@@ -118,9 +119,10 @@ class Request:
 
 
 def make_placement(unit: str | None, axis: str, zero: float, mirrored: bool) -> Placement:
-    """Return the placement of the options.
+    """Return the placement of a contour in a file, from the options of the command.
 
-    `axis` is a text such as "120,80" in mm, `zero` is in degrees.
+    `axis` is the position of the cam's axis in mm as text, such as "120,80". `zero` is the
+    direction of cam angle 0 in degrees.
     """
     try:
         x, y = (float(word) * 1e-3 for word in axis.split(","))
@@ -183,7 +185,7 @@ def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[Con
     return curves
 
 
-#: Cam angles at which a follower is measured on the contour of a file.
+#: Number of cam angles at which the follower's lift on a contour from a file is computed.
 READINGS = 720
 
 
@@ -251,17 +253,17 @@ class MeasuredResult(Result):
         return [self.table("contours", caption, self.contours)]
 
 
-#: The other side of a drawing is used if its error is below this fraction of the error of the given
-#: side. For a symmetrical cam both errors are the same.
+#: A mirrored contour is used if its error is below this fraction of the error without mirroring.
+#: For a symmetrical cam both errors are the same.
 MIRRORED_IS_BETTER = 0.5
 
 
 def _align(
     request: Request, element: Element, curves: list[Curve], law: Law
 ) -> tuple[list[Curve], float]:
-    """Return the contours and their rotation (rad) that fit the law best.
+    """Return the contours, and the rotation (rad) with which they fit the law best.
 
-    The contours are seen from the other side if that fits better.
+    The contours are mirrored if that fits better. The options for this placement are printed.
     """
     from cam_rig.profile.measure import find_rotation
 
@@ -280,14 +282,17 @@ def _align(
 
 
 def _mirror(curve: Curve) -> Curve:
-    """Return a contour seen from the other side."""
+    """Return a contour mirrored at the y axis, as seen from the cam's other side."""
     return lambda parameter: -np.conj(curve(-parameter))
 
 
 def _read_curves(
     request: Request, cam: CamConfig, count: int
 ) -> tuple[list[FloatArray], list[Curve]]:
-    """Return the points and the curves of a file with ``count`` contours, and print its notes."""
+    """Return points and closed curves of the contours in a file, and print its notes.
+
+    ``count`` is the required number of contours.
+    """
     from cam_rig.profile.contour_files import read_contour_table
     from cam_rig.profile.measure import closed_curve, contour_warnings, require_axis_inside
     from cam_rig.profile.read_dxf import read_dxf
@@ -317,7 +322,7 @@ def _read_curves(
 
 
 def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
-    """Measure the contours of a file with the cam's follower.
+    """Compute the lift of the cam's follower on the contours of a file.
 
     The law of the first contour is written if the request has a file to write.
     """

@@ -1,4 +1,4 @@
-"""The contour of a cam with curvature, pressure angle and checks, for Python."""
+"""Python function that computes a cam's contour with curvature and pressure angle."""
 
 from __future__ import annotations
 
@@ -24,14 +24,17 @@ from cam_rig.units import FloatArray
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Least number of points of a contour.
+#: Smallest number of points of a contour that can be requested.
 MIN_POINTS = 36
-#: Greatest number of points of a contour.
+#: Largest number of points of a contour that can be requested.
 MAX_POINTS = 1_000_000
 
 
 def _of_discs(take: Callable[[Contour], Any]) -> Callable[[CamContour], Any]:
-    """Return a function that concatenates the values of `take` for all discs."""
+    """Return a function that concatenates an array of all discs of a cam.
+
+    `take` returns the array of one disc.
+    """
     return lambda shape: np.concatenate([take(disc) for disc in shape.discs])
 
 

@@ -28,9 +28,10 @@ from cam_rig.units import ComplexArray, FloatArray
 
 # The follower around a stationary cam, as in the graphical method (profile thesis §2.2.1).
 
-#: Length of a face beyond the contact on each side, as a fraction of the contour's reach.
+#: Length of a drawn face beyond the contact on each side, as a fraction of the largest distance of
+#: the contour from the axis.
 FACE_MARGIN = 0.08
-#: Length of a stem, as a fraction of the contour's reach.
+#: Length of a drawn stem, as a fraction of the largest distance of the contour from the axis.
 STEM_LENGTH = 0.22
 #: Height of the elbow of an L-shaped arm above its point, as a fraction of the arm's length.
 ELBOW_HEIGHT = 0.25
@@ -53,7 +54,10 @@ def positions(element: Element, law: Law, angle: FloatArray) -> list[list[FloatA
 
 
 def _outline(element: Element, law: Law, motion: Motion) -> list[ComplexArray]:
-    """Return polylines of shape ``(angles, points)`` in the guide's frame, m."""
+    """Return the outline of the follower as polylines in the frame of its guide, m.
+
+    Each polyline has the shape ``(angles, points)``, complex x + iy.
+    """
     stand = element.stand(motion.s)[:, None]
     if isinstance(element, SwungFace):
         return _swung_face(element, law, motion)
@@ -111,27 +115,27 @@ HATCHES = ("", "///")
 FOLLOWER_COLOUR = "0.62"
 #: Colour of the follower's first position.
 FIRST_COLOUR = "black"
-#: Points of a contour in the figure.
+#: Number of points of a contour in the figure.
 CONTOUR_POINTS = 3600
-#: Distance between labelled positions, degrees.
+#: Distance between labelled positions of the follower if not all are labelled, degrees.
 LABEL_STEP_DEG = 60.0
-#: Up to this number of positions each position is labelled.
+#: Largest number of positions of the follower that are all labelled with their cam angle.
 MAX_ALL_LABELLED = 12
 #: Distance from the follower's end to the middle of its label, pt.
 LABEL_OFFSET_PT = 11.0
-#: Least number of positions: two would not show a turn.
+#: Smallest number of positions of the follower. Two positions would not show a turn.
 MIN_POSITIONS = 3
-#: Greatest number of positions: more would cover the figure.
+#: Largest number of positions of the follower. More positions would cover the figure.
 MAX_POSITIONS = 720
-#: Radii of curvature above this multiple of the cam's size are not drawn.
+#: Largest radius of curvature that is drawn, as a multiple of the cam's size.
 MAX_RADIUS_RATIO = 2.5
 #: Height of the line that marks a straight contour, as a fraction of the panel's height.
 FLAT_LINE_HEIGHT = 0.66
-#: Greatest slope of a dwell, as a fraction of the greatest slope of the law.
+#: Largest |s'| that counts as a dwell, as a fraction of the largest |s'| of the law.
 DWELL_SLOPE_RATIO = 1e-6
-#: Least width of a stage that is shaded, degrees.
+#: Smallest width of a stage (rise, dwell or fall) that is shaded, degrees.
 MIN_SHADED_DEG = 5.0
-#: Least width of a stage that is labelled, degrees.
+#: Smallest width of a stage that is labelled with its name, degrees.
 MIN_LABELLED_DEG = 48.0
 
 
@@ -224,9 +228,10 @@ def _follower(axes: Axes, contour: Contour, law: Law, count: int) -> None:
 
 
 def _name_angles(axes: Axes, contour: Contour, law: Law, count: int) -> None:
-    """Label cam angles at the outer ends of the follower's positions.
+    """Label positions of the follower with their cam angle, at their outer ends.
 
-    All of a few positions are labelled, otherwise some.
+    Up to `MAX_ALL_LABELLED` positions are all labelled. Of more positions about every
+    `LABEL_STEP_DEG` is labelled.
     """
     step = 360.0 / count
     label_step = max(1, round(LABEL_STEP_DEG / step)) if count > MAX_ALL_LABELLED else 1
@@ -314,7 +319,7 @@ def _stages(axes: Axes, law: Law, named: bool) -> None:
 
 
 def _flats(axes: Axes, degrees: np.ndarray, flat: np.ndarray, colour: str) -> None:
-    """Draw a line at the top of the panel where the contour is straight."""
+    """Draw a line in the curvature panel over the angles of straight contour parts."""
     for start, stop in _runs(flat):
         ends = degrees[[start, stop - 1]]
         foot = axes.get_xaxis_transform()
@@ -330,7 +335,7 @@ def _note(axes: Axes, x: float, height: float, text: str, side: str) -> None:
 
 
 def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """Return the first index, and the last index + 1, of each run of True."""
+    """Return start and end (exclusive) index of each run of True values in a mask."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 

@@ -1,4 +1,4 @@
-"""Checks of the contours of cams: the results of `cam-rig profile`."""
+"""Checks of the contours of cams, and their result for `cam-rig profile`."""
 
 from __future__ import annotations
 
@@ -29,12 +29,15 @@ class CheckRow:
 POSITIONS = 24
 
 
-#: Cell of the table of several cams for a value that a cam does not have.
+#: Text in the table of several cams if a cam does not have a value.
 NO_VALUE = "–"
 
 
 def _worst(key: str, unit: str, name: str, heading: str) -> Column:
-    """Return the column of the value nearest to its limit among the checks of a name."""
+    """Return the column of the worst value of a check: that nearest to its limit.
+
+    A cam may have several checks of the same name. `name` is this name.
+    """
     return Column(
         key, unit, ".4g", heading, lambda c: c.worst(name), missing=NO_VALUE, doc=f"worst {name}"
     )
@@ -123,9 +126,10 @@ class ProfileResult(Result):
 
     @property
     def exit_code(self) -> int:  # type: ignore[override]
-        """Exit code: 1 if a check fails unexpectedly, otherwise 0.
+        """Exit code of the command: 1 if a check fails, otherwise 0.
 
-        It is 0 for a cam that is drawn.
+        It is 0 if the cam is drawn. If `expected` is True, cams whose file has `cannot_be_made` do
+        not count.
         """
         counted = [c for c in self.cams if not (self.expected and c.cam.cannot_be_made)]
         return int(not self.drawn and any(c.failed for c in counted))

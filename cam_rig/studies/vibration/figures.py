@@ -35,17 +35,17 @@ LABELS = (
 
 #: Index of the row whose abscissa starts at the middle of the low dwell.
 RESIDUAL_ROW = 1
-#: Largest distance from the middle of the low dwell in that row, °.
+#: Largest angle from the middle of the low dwell that this row displays, °.
 AROUND = 60.0
-#: Number of columns after which a new block of rows starts.
+#: Largest number of columns, one per cam. Further cams are in a new block of rows below.
 MAX_COLUMNS = 5
 #: Largest number of letters in each of the two lines above a column.
 COLUMN_LETTERS = 14
 
-#: Style of the other cams.
+#: Plot options of the curves of the other cams.
 OTHERS: dict[str, Any] = {"color": "0.8", "lw": 0.6, "zorder": 1.5}
 
-#: Abscissa and values of each row.
+#: Type of the curves of a cam: abscissa and values for each row of the figure.
 Rows = list[tuple[FloatArray, FloatArray]]
 
 
@@ -85,9 +85,10 @@ def _legend(cams: list[str]) -> list[Artist]:
 
 
 def _rows(law: Law, rig: RigConfig, speed: float) -> Rows:
-    """Return the curves of one cam.
+    """Return abscissa and values of the curve in each row, for one cam.
 
-    The residual vibration is over the degrees from the middle of the low dwell.
+    The abscissa is the cam angle in degrees. That of the residual vibration starts at the middle of
+    the low dwell.
     """
     turn = steady_turn(law, FollowerParameters.from_rig(rig), speed)
     degrees = np.degrees(turn.angle)
@@ -124,7 +125,7 @@ def _column(
 
 
 def _share(axes_row: np.ndarray, label: str) -> None:
-    """Set one scale for a row, with its label at the left."""
+    """Give all panels of a row the same y scale, and label the first panel."""
     visible: list[Axes] = [axes for axes in axes_row if axes.get_visible()]
     limits = np.array([axes.get_ylim() for axes in visible])
     for axes in visible:

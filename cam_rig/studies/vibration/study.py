@@ -26,13 +26,14 @@ from cam_rig.simulation.inputs import (
 )
 from cam_rig.units import RPM
 
-#: Cam that the paper proposes.
+#: Name of the cam whose law the paper proposes.
 PROPOSED = "bezier15"
-#: The paper's polynomial of lower degree.
+#: Name of the cam with the paper's polynomial of lower degree.
 LOWER = "poly345"
-#: The paper's polynomial of higher degree.
+#: Name of the cam with the paper's polynomial of higher degree.
 HIGHER = "poly4567"
-#: Measures of residual vibration. The paper does not state its measure.
+#: Measures of residual vibration by field, with their names. The claims are tested with both,
+#: because the paper does not state its measure.
 RESIDUAL = {"residual_amplitude": "residual amplitude", "peak_to_peak": "peak to peak"}
 #: Default speeds, rpm. They are below the lowest jump speed of the paper's laws, 389 rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
@@ -58,9 +59,9 @@ class Row:
 
 @dataclass(frozen=True)
 class Claim:
-    """Claim of the paper.
+    """Claim of the paper, and its test.
 
-    It is true at ``holds`` of the ``cases`` speeds at which all followers keep contact.
+    All followers keep contact at ``cases`` speeds. The claim is true at ``holds`` of them.
     """
 
     rig: str
@@ -216,7 +217,7 @@ def vibration(
     return measure(cam_set, resolve_speeds(rpm), progress)
 
 
-#: Computation that needs the stem, for the error message of a rig without stem.
+#: Name of this computation, for the error message of a rig without stem.
 BY = "the vibration of a mass on its stem"
 
 
