@@ -22,7 +22,7 @@ from cam_rig.units import NS, TURN, FloatArray
 EventKind = Literal["lift-off", "landing"]
 Time = TypeVar("Time", float, FloatArray)
 
-#: Names of the rows of a block, with their units.
+#: Names of the rows of a block of samples, with their units.
 COLUMNS = (
     "t [s]",
     "lift [m]",
@@ -90,18 +90,18 @@ class Samples(NamedRows):
     rows: FloatArray
 
 
-#: Number of sample times computed together. They stay in the cache of a core between two steps.
+#: Number of sample times that are computed together. They fit in the cache of a core.
 BATCH_SIZE = 8192
 
 _INDICES = np.arange(BATCH_SIZE, dtype=np.float64)
-#: A negative speed of a ramp is rounding of 0 if it is this small relative to the speed at the
-#: other end.
+#: Largest negative speed at an end of a ramp that counts as 0 (rounding), relative to the speed at
+#: the other end.
 REST_RTOL = 1e-9
-#: Two speeds are equal if they differ by less than this fraction: a ramp reaches its last speed
-#: only to rounding.
+#: Relative difference below which two speeds are equal. A ramp reaches its last speed only to
+#: rounding.
 SPEED_RTOL = 1e-12
-#: Largest difference between the cam angles at the end of an interval and at the start of the next
-#: one, rad. It allows for rounding.
+#: Largest difference between the cam angles (rad) at the end of an interval and at the start of the
+#: next interval. It allows for rounding.
 ANGLE_TOLERANCE = 1e-6
 
 
