@@ -26,9 +26,9 @@ class CamState:
     angle are moved to `turns`.
     """
 
-    time_ns: int  #: rig time
-    angle: float  #: rad, in [0, 2π)
-    speed: float  #: rad/s
+    time_ns: int  #: rig time, ns
+    angle: float  #: cam angle in [0, 2π), rad
+    speed: float  #: cam speed, rad/s
     cam: str  #: name of the mounted cam
     turns: int = 0  #: whole turns before the angle
 
