@@ -13,7 +13,8 @@ from cam_rig.studies.design.space import DesignProblem, ScaledLimit
 from cam_rig.studies.design.two_mass_search import TwoMassSearch
 from cam_rig.units import FloatArray
 
-#: Goal, as a fraction of the start's, below which it is solved again with a finer scale.
+#: Smallest goal of a design as a fraction of the start's goal. A smaller goal is solved again with
+#: a finer scale, for more digits.
 SMALL_FRACTION = 0.05
 
 

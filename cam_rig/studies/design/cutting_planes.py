@@ -28,11 +28,12 @@ from cam_rig.studies.design.space import DesignProblem, ScaledLimit
 from cam_rig.studies.design.two_mass_contact import MARGIN, ContactRows, ResidualRows
 from cam_rig.units import RPM, FloatArray, to_rpm
 
-#: Every n-th of a program's thousands of inequalities is in its first round.
+#: Stride of the rows in the first round: every n-th of a program's thousands of inequalities is
+#: used.
 ROW_STRIDE = 24
-#: A row is violated if it is below minus this value.
+#: Size of a negative slack above which a row is violated, in the scale of its limit.
 VIOLATION = 1e-9
-#: Rows within this distance above zero are added together with the violated rows.
+#: Slack below which a row is added together with the violated rows, in the scale of its limit.
 NEARLY_VIOLATED = 1e-3
 #: Largest number of rounds in which rows are added.
 MAX_ROUNDS = 80
@@ -79,7 +80,7 @@ class WorkingRows:
         return violated
 
 
-#: Function that is called with the unknowns of a better law and its goal (SI).
+#: Function that is called with the unknowns of a better law and the value of its goal (SI).
 OnBetterLaw = Callable[[FloatArray, float], None]
 #: Sources of rows that are added if a law requires them.
 RowSource = WorkingRows | ContactRows | ResidualRows
