@@ -34,9 +34,9 @@ from cam_rig.studies.design.rows import rows_of, scale_limit
 from cam_rig.studies.design.space import DesignProblem, ScaledLimit, Space, measured
 from cam_rig.units import FloatArray
 
-#: Rounding error of a goal, as a fraction of the start's goal. It is due to cancellation in the
-#: integrals of a goal far below the start's. If the law's value is within it of the bound, the
-#: bound is set to the value at best.
+#: Largest difference between a law's goal and its bound that counts as rounding, as a fraction of
+#: the start's goal. It is due to cancellation in the integrals of a goal far below the start's.
+#: Within it, a bound that the law exceeds is set to the law's value.
 ROUNDING_RTOL = 1e-6
 #: Excess of the written law over a limit above which the limit is broken, relative to the larger of
 #: the limit and the start's value.

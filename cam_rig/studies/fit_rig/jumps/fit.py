@@ -34,13 +34,15 @@ from cam_rig.studies.fit_rig.normal_equations import normal_inverse
 from cam_rig.studies.fit_rig.parameters import PARAMETERS, check_fixed, from_search, parameter_slope
 from cam_rig.units import RPM, FloatArray, rms, round_to_error
 
-#: Relative scatter of the readings above which they fit no follower.
+#: Largest scatter of the residuals at which a follower fits the readings, as a fraction of the mean
+#: jump speed.
 MAX_SCATTER = 0.04
-#: Scatter relative to a given error above which the scatter replaces it.
+#: Largest ratio of the scatter to the given reading error at which the given error is used. Above
+#: it the scatter replaces the error.
 MAX_ERROR_RATIO = 2.0
-#: Smallest start value of the follower's mass, kg.
+#: Lower limit of the start value of the follower's mass, kg.
 MIN_OWN_MASS = 0.05
-#: Fraction of the sum of squares above which one reading is an outlier.
+#: Fraction of the sum of squares above which a single reading is reported as an outlier.
 OUTLIER_SHARE = 0.55
 
 
