@@ -28,7 +28,7 @@ from cam_rig.viewer.turn_chart import MAX_TITLE, TurnChart
 
 # Time series of a run, tick by tick.
 
-#: Weights of s, s' and s'' that select s.
+#: Weights of s, s' and s'' that give s.
 LIFT_OF_LAW = np.array([[1.0, 0.0, 0.0]])
 
 
@@ -82,9 +82,9 @@ class TimeSeries:
             writer.flush()
 
 
-#: Entity of the texts of events.
+#: Entity path of the texts of events.
 EVENTS = "events"
-#: Entity of the third-octave bands.
+#: Entity path of the third-octave bands.
 BANDS = "bands"
 
 
