@@ -67,7 +67,7 @@ def part_of(file: Path) -> Path:
 
 def is_closed(file: Path) -> bool:
     """Return True if an MCAP file was written to its end."""
-    if file.exists() and not file.is_file():  # a pipe
+    if file.exists() and not file.is_file():  # such as a pipe
         return False
     with file.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)

@@ -191,7 +191,7 @@ def replay_steps(bag: Path) -> Iterator[ReplayStep]:
         if topic is topics.DIAGNOSTICS:
             group = group and replace(group, quantity=quantity_of(message) or group.quantity)
             continue
-        if topic is topics.LAW and group is not None:  # recorders write it after its state
+        if topic is topics.LAW and group is not None:  # recorders write a law after its state
             group = replace(group, messages=(*group.messages, (topic, bytes(data))))
             continue
         pending.append((topic, bytes(data)))

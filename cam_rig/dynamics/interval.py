@@ -427,7 +427,7 @@ def require_continuation(state: FollowerState | None, interval: Interval) -> Non
     if state is None or state.cam_angle is None:
         return
     difference = abs(math.remainder(interval.angle - state.cam_angle, TURN))
-    if difference > 2.0 * ANGLE_TOLERANCE:  # twice, as a validator with the tolerance may round
+    if difference > 2.0 * ANGLE_TOLERANCE:  # a validator with this tolerance may round
         raise DynamicsError(
             f"an interval from {interval.angle:.9g} rad on, for a follower that ended at "
             f"{state.cam_angle:.9g} rad of its turn; allowed: {2.0 * ANGLE_TOLERANCE:g} rad apart, "

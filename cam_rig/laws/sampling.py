@@ -190,7 +190,7 @@ class ChunkSeries:
         ``width`` is the distance of two samples in u, and ``chunk`` the number of samples.
         """
         scaled = taylor * (0.5 * width * (chunk - 1)) ** np.arange(taylor.shape[2])
-        sizes = np.abs(scaled).max(axis=1)  # a basis averages: no coefficient is larger
+        sizes = np.abs(scaled).max(axis=1)  # bounds, because the basis functions sum to 1
         needed = np.cumsum(sizes[:, ::-1], axis=1)[:, ::-1] > POWER_RTOL * sizes[:, :1]
         count = max(1, int(np.max(np.count_nonzero(needed, axis=1))))
         table = np.ascontiguousarray(scaled[:, :, :count])
@@ -247,7 +247,7 @@ def fill_in_chunks(
         shape, strides = (len(runs), full, chunk), (spacing * size, chunk * size, size)
         body = as_strided(row[first.begin :], shape, strides)
         np.matmul(term[:, :full], matrix, out=body[: len(term)])
-        body[len(term) :] = body[0]  # if all runs are equal
+        body[len(term) :] = body[0]  # a single term if all runs are equal
         if remainder:
             tail = as_strided(row[last:], (len(runs), remainder), (spacing * size, size))
             tail[:] = (term[:, full] @ matrix)[:, :remainder]

@@ -106,7 +106,7 @@ def run_length(scene: SceneConfig) -> tuple[int, int]:
         duration += ramp[-1].stop_ns if ramp else 0
         duration += _ticks_end_ns(scene, speed, ticks_per_step(scene))
         ticks = [tick.stop_ns - tick.start_ns for tick in ramp]
-        longest = max(longest, *ticks, _ticks_end_ns(scene, speed, 1) + 1)  # some by rounding
+        longest = max(longest, *ticks, _ticks_end_ns(scene, speed, 1) + 1)  # + 1 ns: rounding
     return len(scene.cams) * duration, longest
 
 

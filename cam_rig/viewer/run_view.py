@@ -199,7 +199,7 @@ class RunView:
             self._scene.mount(state, profile)
         title = f"{shortened(self._loaded.cams[state.cam].title, MAX_TITLE)}, "
         self._scene.speed(state, title)
-        if not self._finished:  # a bag has each turn from its start on
+        if not self._finished:  # live: no turn of this step is complete yet
             self._turn_chart.begin(state)
         text = f"{title}{to_rpm(state.speed):.0f} rpm"
         self._events.append((state.time_ns / NS, state.unwrapped, text, "INFO"))

@@ -339,11 +339,11 @@ class Family:
                 root = brentq(lambda part, f=test: f(ahead(part)[0]), 0.0, length, xtol=1e-15)
                 motion, _ = ahead(root)
                 if kind == SPIRAL and not motion.leading.imag:
-                    continue  # a real pair: one of the two is above 1 on either side
+                    continue  # two real multipliers, one above 1 on both sides: no bifurcation
                 reported = kind if abs(test(motion)) < PASS_ATOL else CORNER
                 yield Bifurcation(reported, motion.point, self.period, motion.landings)
                 if reported == CORNER:
-                    return  # the other test functions may jump there too
+                    return  # the other test functions may jump there too, without a root
 
     def _end(
         self, last: PeriodicMotion, point: FloatArray, along: FloatArray

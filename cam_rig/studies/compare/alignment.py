@@ -186,7 +186,7 @@ def _estimate(runs: Sequence[ModelRun], offset_guess: float, lift: Signal) -> Al
     for run in runs:
         stretch = run.stretch
         modelled = stretch.angle_at(run.rows[0])
-        last = modelled > modelled[-1] - TURN  # Fourier coefficients of the last whole turn
+        last = modelled > modelled[-1] - TURN  # samples of the last whole turn
         wave = np.exp(1j * orders[:, None] * (modelled[last] + offset_guess))
         expected = wave @ run.rows[1, last] / np.count_nonzero(last)
         inside = (lift.time >= run.start) & (lift.time <= stretch.knots[-1])

@@ -282,7 +282,7 @@ def _contact_events(
     limit at random.
     """
     lost = margin <= 0.0
-    if not exact:  # the majority of each reading and its two neighbours
+    if not exact:  # majority vote of each reading and its two neighbours
         padded = np.pad(lost.astype(np.intp), 1, mode="edge")
         lost = padded[:-2] + padded[1:-1] + padded[2:] >= 2
     edges = np.r_[0, np.flatnonzero(np.diff(lost)) + 1, lost.size]

@@ -359,7 +359,7 @@ class GrowingProgram:
         if self._solver is None:
             self._start(program, highspy)
         self._drop(highspy.HighsBasisStatus.kBasic)
-        rows = self._use_rows(blocks[:-1])  # columns have the limits of the ordinates
+        rows = self._use_rows(blocks[:-1])  # the last block is the limits of columns
         self._solver.run()
         if self._solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
             self._solver = None
@@ -407,7 +407,8 @@ class GrowingProgram:
                     self._index[key] = len(self._index)
                     new_rows.append(row)
                 solver_row = self._index[key]
-                if solver_row not in in_use or bounds > in_use[solver_row]:  # the tightest of equal
+                # Of equal rows the one with the tightest bounds is used.
+                if solver_row not in in_use or bounds > in_use[solver_row]:
                     in_use[solver_row], indices[solver_row] = bounds, first + row
             if new_rows:
                 self._add(block, new_rows)

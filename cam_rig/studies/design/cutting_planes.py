@@ -152,7 +152,7 @@ class Solver:
                 contact = ContactRows(
                     self.problem, duration, limit.value, limit.name, limit=True, margin=margin
                 )
-                # first rows of a force: at the minima of the best law without vibration
+                # The first rows of a force are at its minima for the best law without vibration.
                 program = self.static_program(True)
                 program.at_least("rigid", force_parts(self.problem, contact.fastest, True), -1.0)
                 contact.add_rows_below(self.solve_in_rounds(program, []).unknowns, 0.5)
@@ -206,7 +206,7 @@ class Solver:
         """Return the best law for a goal that is the level of the program."""
         scale = -sign_of(self.goal.sense) * self.goal.scale
         solutions = {}
-        for sufficient in (False, True):  # the necessary rows prove that a class has no law
+        for sufficient in (False, True):  # necessary rows prove that no law exists
             program, sources = self.static_program(sufficient), self.row_sources(sufficient)
             if rows_of(self.goal.term).in_rounds:
                 sources.append(ResidualRows(self.problem, self.goal, sufficient))
@@ -228,7 +228,7 @@ class Solver:
         The value of the law is its jump speed (rad/s).
         """
         solutions: dict[float, ProgramSolution] = {}
-        # limits violated at points are violated by the whole class
+        # The rows are necessary: if they contradict each other, no law of the class is possible.
         possible = self.static_program(False)
         level_one = Affine.number(1.0, possible.unknowns)
         possible.at_least("level", level_one, -1.0)  # without a goal: t ≤ 1

@@ -172,7 +172,7 @@ class ValueTerm:
         target = self.target
         self.name, self._sign = target.name, sign_of(target.sense)
         self.allowed = math.nan if target.value is None else self._sign * target.value
-        # the level of the start would not measure its changes
+        # The changes of a level in dB do not scale with the level.
         self.scale = LEVEL_SCALE if target.term.quantity.unit == "dB" else target.scale
 
     def max_value(self, law: Law) -> float:
@@ -332,7 +332,7 @@ class Descent:
         ``level`` is the level of the program that gave the candidate.
         """
         gain, promised = current.goal - candidate.goal, current.goal + level
-        if self._speed:  # its level is a force
+        if self._speed:  # the program's level is a force, not a gain
             promised = gain
         change = np.abs(candidate.unknowns - current.unknowns)[: self._free].max()
         if gain < POOR_GAIN * promised:

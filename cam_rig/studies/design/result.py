@@ -206,7 +206,7 @@ class LawDesign(Result):
             return "interrupted: the best law so far, without a bound"
         bound = self.spans_bound if goal.bound is None else goal.bound
         if bound is None:
-            assert search is not None  # what is local has one
+            assert search is not None  # a design without a bound has a search
             return f"{search.words}; no bound: another law may be better"
         limit_text = f"{'below' if goal.sense == '<=' else 'above'} {goal.in_table_unit(bound):.5g}"
         limit_text += f" {goal.term.quantity.typeset}"

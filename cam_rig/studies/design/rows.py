@@ -340,7 +340,7 @@ def scale_limit(
         if not math.isfinite(value):
             raise ConfigError(f"limit {term.key}: the start has no such value; use a number")
     scale = 1.0 if rows.run else rows.scale(problem, term, sense)
-    if not (math.isfinite(scale) and scale > 0.0):  # the value of the start is not a scale
+    if not (math.isfinite(scale) and scale > 0.0):  # the start's value cannot be a scale
         scale = 1.0 if value is None else abs(value) or 1.0
     return ScaledLimit(term, sense, value, scale)
 

@@ -375,7 +375,7 @@ def front(
         limits = (*request.limits, Limit(other, sense, value))
         return search_design(cam, rig, replace(request, limits=limits))
 
-    # at the first value only one law is possible
+    # The first value is left out, because only one law is possible there.
     return _compute_front(other, np.linspace(best, last, points + 1)[1:], design_at, progress)
 
 

@@ -140,7 +140,7 @@ class TwoMassSearch:
                 excess = solution.level - contact.margin
                 step = float(np.clip(-excess / self._slope, -MAX_STEP, MAX_STEP))
                 contact.move(min(1.0 + step, limit / contact.fastest))
-        if solution is not None:  # out of rounds, or resonances narrower than the grid
+        if solution is not None:  # not converged within the rounds
             self._reaches(contact, solution)
 
     def _next_phase(

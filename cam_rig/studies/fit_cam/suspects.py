@@ -40,7 +40,8 @@ def list_farthest(readings: Readings, residuals: FloatArray, sizes: FloatArray) 
 
     ``residuals`` is in m. ``sizes`` is the residuals as multiples of the scatter.
     """
-    limit = max(MIN_REPORTED_SCATTERS, 0.5 * likely_range(sizes.size))  # by chance, of many
+    # The second limit is the largest of so many normal errors that is likely by chance.
+    limit = max(MIN_REPORTED_SCATTERS, 0.5 * likely_range(sizes.size))
     far = [i for i in np.argsort(-sizes)[:MAX_REPORTED] if sizes[i] > limit]
     listed = ", ".join(
         f"line {readings.lines[i]} ({math.degrees(readings.angles[i]):.6g} deg) by "

@@ -101,7 +101,7 @@ class NoiseSetup:
     @property
     def crossover(self) -> Crossover:
         """Crossing that the paper states: two cams and their speed of equal levels."""
-        assert self.loaded.published is not None  # the study has its levels
+        assert self.loaded.published is not None  # scenes of a study have published levels
         return self.loaded.published.crossover
 
     @cached_property

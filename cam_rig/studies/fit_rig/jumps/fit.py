@@ -265,7 +265,7 @@ def _read_start_values(
 ) -> dict[str, float]:
     follower = base.follower
     values = {name: base.need(name, "the fit").si for name in RIGID}
-    values["restitution"] = 0.0  # no landing is in a jump speed
+    values["restitution"] = 0.0  # landings do not affect a jump speed
     if has_two_masses:
         if "stem_stiffness" not in fixed:
             purpose, one_mass = "the start of a fit of two masses", "use --model one_mass"
@@ -275,7 +275,7 @@ def _read_start_values(
         values["stem_damping"] = values["damping"] if damping is None else damping.si
     if "mass" in table.columns and (lightest := min(r.setup["mass"] for r in table.readings)) > 0.0:
         values["mass"] = max(0.5 * lightest, MIN_OWN_MASS)
-    values["preload"] = max(values["preload"], 1.0)  # without one there is no jump speed
+    values["preload"] = max(values["preload"], 1.0)  # a follower without preload has no jump speed
     return values | fixed
 
 
