@@ -370,7 +370,7 @@ class Descent:
                     "the class has laws that keep contact at every speed; add a limit such as "
                     "peak_acceleration<=start"
                 )
-            # rows with a positive least force at this jump speed give a higher jump speed
+            # a positive minimum of the force at this jump speed gives a higher jump speed
             rows = force_parts(self.problem, -current.goal * self.goal.scale, True)
             program.at_least(self.goal.name, rows, -1.0)
         elif rows_of(self.goal.term).in_rounds:

@@ -29,8 +29,8 @@ MAX_RUN_SPAN = math.radians(15.0)
 #: Number of readings before and after a run that are fitted together with it. With fewer, the
 #: polynomial is nearly undetermined.
 RUN_FLANK = 5
-#: Number of readings before and after a slip (a step of the gauge) that are fitted together with
-#: it.
+#: Number of readings before and after a slip (a sudden shift of the gauge) that are fitted together
+#: with it.
 SLIP_FLANK = 8
 #: Degree of the polynomial through a run and its neighbours. It is high enough for the law over
 #: them, and with the shift there are fewer coefficients than neighbours.

@@ -40,7 +40,7 @@ def list_farthest(readings: Readings, residuals: FloatArray, sizes: FloatArray) 
 
     ``residuals`` is in m. ``sizes`` is the residuals as multiples of the scatter.
     """
-    # The second limit is the largest of so many normal errors that is likely by chance.
+    # The second limit is the likely maximum of this number of normal errors.
     limit = max(MIN_REPORTED_SCATTERS, 0.5 * likely_range(sizes.size))
     far = [i for i in np.argsort(-sizes)[:MAX_REPORTED] if sizes[i] > limit]
     listed = ", ".join(
