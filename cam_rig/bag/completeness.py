@@ -62,13 +62,14 @@ def expected_counts(states: list[CamState]) -> dict[str, int]:
     return {per: counts[per] for per in ("tick", "state", "cam", "speed")}
 
 
-#: Largest number of ticks of a scene for which the missing end of a recording is counted.
+#: Largest number of ticks of a scene at which the ticks missing at the end of an unclosed recording
+#: are counted.
 MAX_COUNTED = 100_000
-#: Largest number of gaps that are listed. Of more gaps, the number is given.
+#: Largest number of gaps that are listed. If there are more, their number is given.
 MAX_NAMED = 6
-#: Number of a state, the previous state if it is known, and the state.
+#: Number of a state in the bag, the previous state (None if unknown), and the state.
 Move = tuple[int, CamState | None, CamState]
-#: Numbers of states, and names of the topics without a message there.
+#: Numbers of states, each with the names of the topics that have no message there.
 MissingMessages = list[tuple[int, frozenset[str]]]
 
 

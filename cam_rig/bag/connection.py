@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
-#: Encoding of ROS 2 messages.
+#: Name of the encoding of ROS 2 messages.
 CDR = "cdr"
-#: Encodings of message definitions that rosbags can parse.
+#: Formats of message definitions that rosbags can parse, by their names in a bag.
 DEFINITION_FORMATS = {
     "ros2msg": MessageDefinitionFormat.MSG,
     "ros2idl": MessageDefinitionFormat.IDL,
     "omgidl": MessageDefinitionFormat.IDL,
 }
-#: Definition of a type whose definition is missing or cannot be parsed.
+#: Placeholder for a message definition that is missing or cannot be parsed.
 NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, "")
 
 

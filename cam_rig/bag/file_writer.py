@@ -28,13 +28,13 @@ from cam_rig.messages.topics import Topic
 
 # Description of a bag for rosbag2: metadata.yaml, and the quality of service of each topic.
 
-#: Duration that rosbag2 uses for a quality of service without a limit.
+#: Duration by which rosbag2 describes a quality of service without a time limit.
 FOREVER = interfaces.QosTime(2147483647, 4294967295)
 #: Name of the MCAP record from which rosbag2 reads the metadata of a file.
 RECORD = "rosbag2"
-#: Key of the metadata in that record.
+#: Key of the metadata in the record `RECORD`.
 RECORD_KEY = "serialized_metadata"
-#: Start time (ns) of a file without messages in rosbag2.
+#: Start time (ns) that rosbag2 gives a file without messages.
 NEVER = 2**63 - 1
 
 
@@ -178,9 +178,10 @@ def type_hash(topic: Topic) -> str:
 FLUSH_PERIOD_S = 0.5
 #: Wall-clock time (s) between fsyncs. A power cut loses at most the messages of this time.
 SYNC_PERIOD_S = 0.5
-#: Bytes of a message in addition to its content: two heads, and its entry in the index.
+#: Number of bytes of a message in the file in addition to its content: two heads, and its entry in
+#: the index.
 MESSAGE_OVERHEAD_BYTES = HEAD.size + MESSAGE_HEAD.size + 16
-#: Media types of attachments by file name extension. Others are YAML.
+#: Media types of attachments by file name extension. All other attachments are YAML.
 MEDIA = {".csv": "text/csv", ".txt": "text/plain", ".json": "application/json"}
 
 
@@ -197,7 +198,7 @@ class FileWriter:
         self.path, self._namespace = path, namespace
         self.part: Path | None = part_of(path) if replaces else None
         self.content = FileContent(path.name)
-        #: Number of bytes of its messages.
+        #: Number of bytes of the messages in the file.
         self.size = 0
         self._channels: dict[str, int] = {}
         self._schemas: dict[tuple[str, bytes], int] = {}

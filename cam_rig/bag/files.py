@@ -36,11 +36,11 @@ METADATA = "metadata.yaml"
 SQLITE = ".db3"
 #: First bytes of an SQLite file.
 SQLITE_MAGIC = b"SQLite format 3\0"
-#: End of the name of a file that is not complete yet.
+#: File name ending of a file that is not complete yet.
 PART = ".part"
-#: Opcode and length of a footer. 20 bytes and the magic follow.
+#: Opcode and length of the footer of an MCAP file. 20 bytes and the magic follow.
 FOOTER = b"\x02" + (20).to_bytes(8, "little")
-#: Definition of a bag, for the error message about another path.
+#: Description of a bag in the error message for another path.
 BAG = "a bag is a folder with metadata.yaml and .mcap files, or an .mcap file"
 
 
@@ -67,7 +67,7 @@ def part_of(file: Path) -> Path:
 
 def is_closed(file: Path) -> bool:
     """Return True if an MCAP file was written to its end."""
-    if file.exists() and not file.is_file():  # a pipe
+    if file.exists() and not file.is_file():  # such as a pipe
         return False
     with file.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
@@ -210,7 +210,7 @@ def write_whole(file: Path, data: bytes) -> None:
 
 _FORMATS = (McapError, struct.error, zlib.error, zstandard.ZstdError, sqlite3.Error)
 _CONTENTS = (LookupError, ValueError, EOFError, OverflowError, MemoryError, RuntimeError)
-#: Errors that readers raise if a file contains wrong bytes.
+#: Errors that readers raise if a file is damaged.
 DAMAGE = (*_FORMATS, *_CONTENTS, OSError)
 #: Errors that rosbags raises for a file or folder that is not a bag.
 UNREADABLE = (*DAMAGE, ReaderError, SerdeError, AssertionError, TypeError, AttributeError)

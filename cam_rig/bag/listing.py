@@ -26,11 +26,11 @@ from cam_rig.bag.sqlite_file import SqliteFile
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.files import MIB, read_bytes
 
-#: File name of a bag that may be split: name of the bag, number, extension.
+#: Pattern of the file name of a bag that may be split: name of the bag, number, extension.
 NUMBERED = re.compile(r"(.+)_(\d{1,9})(\.\w+)")
 #: File name extensions of the storages of rosbag2.
 STORAGE = (".mcap", SQLITE)
-#: Largest metadata.yaml in bytes that is read. 100 000 files of a bag need less.
+#: Largest size of metadata.yaml that is read, bytes. A bag of 100 000 files needs less.
 MAX_METADATA = 64 * MIB
 
 

@@ -35,8 +35,8 @@ from cam_rig.bag.records import (
     unpack_whole,
 )
 
-#: Log time (ns), position of the chunk in the file, connection (None at the start of a chunk),
-#: data.
+#: Message or chunk of a file: log time (ns), position of the chunk in the file, connection (None at
+#: the start of a chunk), data.
 Entry = tuple[int, int, Connection | None, bytes]
 
 

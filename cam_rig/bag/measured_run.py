@@ -20,7 +20,8 @@ from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, FloatArray, format_duration, format_time
 
-#: Shortest gap (s) that is reported as a pause: the recording was stopped, and no message was lost.
+#: Shortest gap (s) that is reported as a pause: the recording was stopped, and no messages were
+#: lost.
 MIN_PAUSE_S = 10.0
 
 

@@ -35,15 +35,16 @@ from cam_rig.messages.topics import recorded_topic
 
 # Attachments of a bag. Their names, sizes and bytes are checked because they are not trusted.
 
-#: Name of the attachment of a recovered bag with the report on its missing messages.
+#: Name of the attachment of a recovered bag that reports its missing messages.
 RECOVERED = "recovered.txt"
-#: Largest number of attachments. A scene with a hundred cams and their tables has fewer.
+#: Largest number of attachments that are read. A scene with a hundred cams and their tables has
+#: fewer.
 MAX_ATTACHED = 1000
-#: Largest number of bytes of all attachments.
+#: Largest size of all attachments together, bytes.
 MAX_ATTACHED_BYTES = 64 * MIB
-#: Largest number of bytes of the path of an attachment.
+#: Largest length of the path of an attachment, bytes.
 MAX_PATH = 1000
-#: Largest number of bytes of one name in such a path.
+#: Largest length of one name in such a path, bytes.
 MAX_NAME = 255
 
 
@@ -143,9 +144,9 @@ def parse_attachment(data: bytes) -> Attachment:
     return attachment
 
 
-#: Name of the writer in the header of files of this package.
+#: Name by which files of this package identify their writer in the header.
 LIBRARY = "cam_rig"
-#: Records that a recovery writes again, so that their loss does not matter.
+#: Opcodes of records that a recovery writes again, so that their loss does not matter.
 INDEXES = {
     Opcode.MESSAGE_INDEX,
     Opcode.CHUNK_INDEX,
@@ -156,7 +157,7 @@ INDEXES = {
 }
 #: Occasions (`Topic.per`) at which the log time of a topic is its stamp.
 STAMP_LOGGED = ("state", "tick", "instant", "speed")
-#: Largest number of channels of a file. Rigs have fewer topics.
+#: Largest number of channels of a file that are read. Rigs have fewer topics.
 MAX_CHANNELS = 1000
 
 

@@ -30,7 +30,7 @@ from cam_rig.messages.topics import (
 )
 from cam_rig.simulation.scene import LoadedScene
 
-#: Packages whose versions are attached to a bag.
+#: Names of the packages whose versions are attached to a bag.
 PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags")
 
 

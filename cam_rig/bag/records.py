@@ -28,23 +28,24 @@ from cam_rig.bag.files import METADATA, error_text
 from cam_rig.errors import BagError
 from cam_rig.files import MIB
 
-#: Largest number of bytes that one compressed chunk may unpack to. Chunks of ROS 2 have 1 to 4 MiB.
+#: Largest unpacked size of one compressed chunk, bytes. Chunks of ROS 2 have 1 to 4 MiB.
 MAX_UNPACKED = 64 * MIB
-#: Number of bytes that are unpacked at once.
+#: Number of bytes that are unpacked in one step.
 UNPACK_BYTES = 256 * 1024
-#: Number of bytes that are read at once for a series of small records.
+#: Number of bytes that are read in one step for a series of small records.
 READ_BYTES = 4096
-#: Opcode and length at the start of every record.
+#: Layout of the start of every record: opcode and length.
 HEAD = struct.Struct("<BQ")
-#: First and last log time, unpacked bytes, their CRC, length of the name of the compression.
+#: Layout of the start of a chunk: first and last log time, unpacked size, its CRC, length of the
+#: compression's name.
 CHUNK_HEAD = struct.Struct("<QQQII")
-#: Number of bytes that are searched at once for a chunk.
+#: Number of bytes in which a chunk is searched for in one step.
 SEARCH_BYTES = 16 * MIB
-#: Pattern of the start of a chunk.
+#: Pattern of the first bytes of a chunk.
 CHUNK_PATTERN = re.compile(
     rb"\x06.{5}\0{3}.{16}.{5}\0{3}.{4}(?:\0{4}|\x04\0{3}zstd|\x03\0{3}lz4).{5}\0{3}", re.DOTALL
 )
-#: Channel, number, log time and publish time of a message. Its data follow.
+#: Layout of the start of a message: channel, number, log time and publish time. Its data follow.
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 
 
@@ -53,8 +54,8 @@ class Record(NamedTuple):
 
     opcode: int
     start: int  #: position of the content in the file
-    length: int  #: bytes that the record claims
-    available: int  #: bytes of them that the file has
+    length: int  #: bytes of the content by the head of the record
+    available: int  #: bytes of the content that the file has
 
     @property
     def whole(self) -> bool:
@@ -246,15 +247,16 @@ def _unpack_steps(compression: str, packed: bytes) -> Iterator[bytes]:
 
 # Limits of the memory that a reader needs for a file, checked before anything is unpacked.
 
-#: Bytes that the compressed chunks of a file may unpack to, whatever its size.
+#: Unpacked size of the compressed chunks that is allowed for a file of any size, bytes.
 FREE_UNPACKED = 16 * MIB
-#: Further unpacked bytes that are allowed per byte of the file.
+#: Unpacked size that is allowed in addition, as a multiple of the size of the file.
 MAX_RATIO = 100
-#: Largest number of unpacked bytes in memory at once. Readers sort chunks of overlapping times.
+#: Largest unpacked size of chunks in memory at the same time, bytes. Readers sort chunks with
+#: overlapping times.
 MAX_AT_ONCE = 128 * MIB
-#: Number of bytes per step of a checksum.
+#: Number of bytes for which a checksum is computed in one step.
 CRC_BYTES = 4 * MIB
-#: Entry of metadata.yaml of a bag whose messages or files are compressed one by one.
+#: Pattern of the entry of metadata.yaml of a bag whose messages or files are compressed one by one.
 COMPRESSED = re.compile(rb"compression_mode[\"']?\s*:\s*[\"']?(file|message)", re.IGNORECASE)
 
 

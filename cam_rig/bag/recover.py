@@ -35,7 +35,7 @@ from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages.topics import Topic, recorded_topic
 from cam_rig.units import DATE_FROM_S, NS, format_time
 
-#: Report on a recording without any message.
+#: Text of the report on a recording without messages.
 NOTHING_RECORDED = "nothing was recorded"
 
 
@@ -50,11 +50,11 @@ class Recovery:
     last_ns: int
     reports: tuple[FileReport, ...]
     loss: Loss
-    #: Origin (ns) of printed times: 0 for rig time, the start of the bag for wall-clock time.
+    #: Time (ns) that is printed as 0: 0 for rig time, the start of the bag for wall-clock time.
     origin_ns: int = 0
     #: Number of messages that metadata.yaml lists but the file does not have, by file name.
     fewer: dict[str, int] = field(default_factory=dict)
-    #: One sentence per file that is ignored.
+    #: Sentences on ignored files, one per file.
     notes: tuple[str, ...] = ()
 
     def any_file_is(self, condition: Condition) -> bool:

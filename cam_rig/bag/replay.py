@@ -22,8 +22,8 @@ from cam_rig.show.result import Column, Records, Result
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import FloatArray
 
-#: Topics of the follower and the microphone with one message per tick. All other results follow
-#: from them.
+#: Topics of follower and microphone that are compared: those with one message per tick. All other
+#: results follow from them.
 COMPARED = tuple(topic for topic in topics.RECEIVED if topic.per == "tick")
 
 
@@ -159,9 +159,9 @@ REPLAYED_TOPICS = (
     topics.CLOCK,
     topics.CAM_STATE,
 )
-#: Topics that are decoded. All others are passed on unchanged.
+#: Topics whose messages are decoded. The messages of all other topics are passed on unchanged.
 READ = (topics.CAM_STATE, topics.DIAGNOSTICS)
-#: Letter symbol of a sound level. The bag may contain any other text there.
+#: Pattern of the letter symbol of a sound level. The bag may contain any other text there.
 SYMBOL = re.compile("L[ACZ][FS]")
 
 
@@ -191,7 +191,7 @@ def replay_steps(bag: Path) -> Iterator[ReplayStep]:
         if topic is topics.DIAGNOSTICS:
             group = group and replace(group, quantity=quantity_of(message) or group.quantity)
             continue
-        if topic is topics.LAW and group is not None:  # recorders write it after its state
+        if topic is topics.LAW and group is not None:  # recorders write a law after its state
             group = replace(group, messages=(*group.messages, (topic, bytes(data))))
             continue
         pending.append((topic, bytes(data)))

@@ -25,11 +25,11 @@ from cam_rig.simulation.schedule import CamState
 # Messages that wait for their state or their twin. Their number is bounded, also if a publisher
 # floods a topic.
 
-#: Largest number of stored messages without a known state. Fewer are in flight in a run.
+#: Largest number of stored messages whose state is not known yet. Fewer are in flight in a run.
 MAX_WAITING = 4 * HISTORY_DEPTH
 #: Number of messages that are evicted together, so that a flood does not cost a search per message.
 EVICTED_AT_ONCE = MAX_WAITING // 8
-#: Unstamped topics of each stamped topic.
+#: Unstamped topics that belong to each stamped topic.
 TWINS = {
     stamped.name: [topic for topic in topics.RECEIVED if topic.twin == stamped.name]
     for stamped in topics.RECEIVED
@@ -112,7 +112,7 @@ class Waiting:
 
 # Messages on /diagnostics of the rig's nodes, each once, in the order of rig time.
 
-#: Diagnostics with a wall-clock time.
+#: Names on /diagnostics whose messages have a wall-clock time.
 WALL_TIME_DIAGNOSTICS = (topics.PACE, topics.SHOWN_MOTION)
 
 
@@ -165,7 +165,7 @@ class PendingDiagnostics:
             yield (message.stamp + 1 + topics.DIAGNOSED_NODES.index(message.node), message.cdr)
 
 
-#: Number of bytes of a state that are its stamp. The clock message consists of them.
+#: Number of bytes of a state's message that are its stamp. The clock message consists of them.
 CLOCK_BYTES = 12
 #: Topics with a stamp: those of a tick, and the law of a new speed.
 STAMPED = tuple(topic for topic in topics.RECEIVED if topic.per in ("speed", "tick"))

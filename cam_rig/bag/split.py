@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 from cam_rig.errors import ConfigError
 from cam_rig.units import NS
 
-#: Smallest limit of the size of a file, in bytes. Every file repeats the scene and its cams.
+#: Smallest accepted limit of the size of a file, bytes. Every file repeats the scene and its cams.
 MIN_FILE_BYTES = 1_000_000
-#: Smallest limit of the duration of a file, in s of rig time.
+#: Smallest accepted limit of the duration of a file, s of rig time.
 MIN_FILE_S = 1.0
-#: Largest number of a file for which room in the name is checked before a run.
+#: Largest file number for which a file name must have room, which is checked before a run.
 MAX_NUMBER = 99_999
-#: Largest limit of the duration of a file, in s (ten years).
+#: Largest accepted limit of the duration of a file, s: ten years.
 MAX_FILE_S = 3.2e8
-#: Units of a size, with their factors to bytes.
+#: Accepted units of a size, with their factors to bytes.
 SIZES = {"MB": 1e6, "GB": 1e9, "MiB": 2.0**20, "GiB": 2.0**30}
-#: Units of a duration, with their factors to s.
+#: Accepted units of a duration, with their factors to s.
 TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0}
-#: Number and unit of a limit.
+#: Pattern of a limit: number and unit.
 AMOUNT = re.compile(r"\s*(\d{1,12}(?:\.\d{1,9})?)\s*([A-Za-z]+)\s*")
 
 

@@ -18,7 +18,7 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
 
-#: Numbers of a rig's follower that the two-mass model needs and the one-mass model does not.
+#: Keys of the numbers in a rig file that the two-mass model needs and the one-mass model does not.
 TWO_MASS_KEYS = ("roller_share", "stem_stiffness", "stem_damping")
 #: Name of the two-mass model in the error message for a missing number.
 NEEDED_BY = "two masses (the model two_mass)"
@@ -176,8 +176,8 @@ def force_output(parameters: TwoMassParameters) -> Outputs:
     return Outputs(state, law, np.array([p.share * p.preload]))
 
 
-#: Largest condition number of the mode shapes. With a larger one the digits of two nearly equal
-#: modes would cancel.
+#: Largest condition number of the mode shapes at which the modes are used. At a larger number two
+#: modes are nearly equal, and their digits would cancel.
 MAX_CONDITION = 1e3
 #: Largest number of Newton steps for a factor of the characteristic polynomial.
 MAX_NEWTON_STEPS = 12

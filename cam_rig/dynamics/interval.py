@@ -22,7 +22,7 @@ from cam_rig.units import NS, TURN, FloatArray
 EventKind = Literal["lift-off", "landing"]
 Time = TypeVar("Time", float, FloatArray)
 
-#: Names of the rows of a block, with their units.
+#: Names of the rows of a block of samples, with their units.
 COLUMNS = (
     "t [s]",
     "lift [m]",
@@ -90,18 +90,18 @@ class Samples(NamedRows):
     rows: FloatArray
 
 
-#: Number of sample times computed together. They stay in the cache of a core between two steps.
+#: Number of sample times that are computed together. They fit in the cache of a core.
 BATCH_SIZE = 8192
 
 _INDICES = np.arange(BATCH_SIZE, dtype=np.float64)
-#: A negative speed of a ramp is rounding of 0 if it is this small relative to the speed at the
-#: other end.
+#: Largest negative speed at an end of a ramp that counts as 0 (rounding), relative to the speed at
+#: the other end.
 REST_RTOL = 1e-9
-#: Two speeds are equal if they differ by less than this fraction: a ramp reaches its last speed
-#: only to rounding.
+#: Relative difference below which two speeds are equal. A ramp reaches its last speed only to
+#: rounding.
 SPEED_RTOL = 1e-12
-#: Largest difference between the cam angles at the end of an interval and at the start of the next
-#: one, rad. It allows for rounding.
+#: Largest difference between the cam angles (rad) at the end of an interval and at the start of the
+#: next interval. It allows for rounding.
 ANGLE_TOLERANCE = 1e-6
 
 
@@ -427,7 +427,7 @@ def require_continuation(state: FollowerState | None, interval: Interval) -> Non
     if state is None or state.cam_angle is None:
         return
     difference = abs(math.remainder(interval.angle - state.cam_angle, TURN))
-    if difference > 2.0 * ANGLE_TOLERANCE:  # twice, as a validator with the tolerance may round
+    if difference > 2.0 * ANGLE_TOLERANCE:  # a validator with this tolerance may round
         raise DynamicsError(
             f"an interval from {interval.angle:.9g} rad on, for a follower that ended at "
             f"{state.cam_angle:.9g} rad of its turn; allowed: {2.0 * ANGLE_TOLERANCE:g} rad apart, "

@@ -20,7 +20,7 @@ from cam_rig.laws.law import extremes
 from cam_rig.laws.sampling import sample
 from cam_rig.units import TURN, FloatArray
 
-#: Rounding errors that a contact force may contain, in units of the rounding of its terms.
+#: Upper bound of the rounding error of a contact force, in float epsilons of its terms.
 ROUNDING_ERRORS = 16.0
 
 

@@ -52,7 +52,7 @@ def flight_from(
     return Flight(free_mass(parameters), np.array([start, velocity]), gap, gap_rate)
 
 
-#: Weights of a follower without a stem, which are not used.
+#: Placeholder for the weights of a stem, which a follower without a stem does not use.
 NO_WEIGHTS = CamWeights(lift=0.0, velocity=0.0, acceleration=0.0, constant=0.0)
 
 

@@ -19,18 +19,19 @@ from cam_rig.schema import RigConfig
 from cam_rig.schema.quantity import Quantity
 from cam_rig.units import FloatArray
 
-#: Smallest number in SI that counts as positive.
+#: Smallest parameter (SI) that is accepted if it must be positive.
 MIN_POSITIVE = 1e-15
-#: Largest absolute value of a number in SI.
+#: Largest absolute value of a parameter (SI) that is accepted.
 MAX_NUMBER = 1e15
-#: Speed of the slowest cam, rad/s.
+#: Lowest cam speed that is accepted, rad/s.
 MIN_SPEED = 1e-30
-#: Speed of the fastest cam, rad/s.
+#: Highest cam speed that is accepted, rad/s.
 MAX_SPEED = 1e9
-#: Largest damping ratio of a rig's stem or shaft (assumed). A part with a larger ratio is rigid:
-#: its motion would be a polynomial in ever shorter windows.
+#: Largest damping ratio of a rig's stem or shaft (assumed). A part with a larger ratio is
+#: practically rigid, and would need ever shorter windows.
 MAX_DAMPING_RATIO = 10.0
-#: Smallest and largest number for each rule. The rule's name is part of the error message.
+#: Smallest and largest accepted number (SI) of each rule. The rule's name is part of the error
+#: message.
 LIMITS = {
     "> 0": (MIN_POSITIVE, MAX_NUMBER),
     "≥ 0": (0.0, MAX_NUMBER),
@@ -53,7 +54,7 @@ def require_number(name: str, value: object, rule: str) -> None:
         raise DynamicsError(f"{name} is {value!r}; allowed: finite and {rule}{limits}")
 
 
-#: Rule of each number of a follower or a shaft. All other numbers must be > 0.
+#: Rule of the numbers of a follower or a shaft that may be 0. All other numbers must be > 0.
 RULES = dict.fromkeys(("damping", "stem_damping", "shaft_damping", "preload"), "≥ 0")
 RULES |= {"restitution": "in [0, 1)", "motor_torque": "of either sign"}
 

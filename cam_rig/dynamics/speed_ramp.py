@@ -28,13 +28,14 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import compose, product
 from cam_rig.units import TURN, FloatArray
 
-#: Largest angle of the substitute cam that a ramp uses, rad. The remaining turn is never reached.
+#: Largest angle of the substitute cam that a ramp uses, rad. The rest of its turn is never reached.
 MAX_SUBSTITUTE_ANGLE = 0.875 * TURN
 
 P = TypeVar("P")
 
 Advance = Callable[[Law, P, FollowerState | None, Interval, int], tuple[FollowerState, Block]]
-#: A model at constant speed. Its last argument is the increase of ṡ (m/s) since the previous state.
+#: A follower model at constant speed. Its last argument is the increase of ṡ (m/s) since the
+#: previous state.
 AtOneSpeed = Callable[
     [Law, P, FollowerState | None, Interval, int, float], tuple[FollowerState, Block]
 ]

@@ -20,42 +20,47 @@ lab sheets              after `LAB_TURNS` turns from rest
 
 from __future__ import annotations
 
-#: Turns by which a tick may start early and still count as settled. Rig time is in whole
-#: nanoseconds, which are 1e-9 of a turn at 60 rpm and 1e-6 of a turn at 60 000 rpm.
+#: Number of turns by which a tick may start too early and still count as settled. Rig time is in
+#: whole nanoseconds, which are 1e-9 of a turn at 60 rpm and 1e-6 of a turn at 60 000 rpm.
 TURN_ATOL = 1e-6
 
-#: Turns from rest, the last of which gives a level. Levels are printed to 0.1 dB. A rigid
-#: follower that ends the first turn on the cam repeats it exactly. Landings damp the motion of a
-#: follower that ends it in flight.
+#: Number of turns from rest for a sound level, which is that of the last turn. Levels are printed
+#: to 0.1 dB. A rigid follower that ends the first turn on the cam repeats it exactly. Landings damp
+#: the motion of a follower that ends it in flight.
 LEVEL_TURNS = 2
 
-#: Relative tolerance of the contact force. All further turns change it by less. Measures are
-#: printed to six digits.
+#: Relative tolerance of a steady contact force: all further turns change it by less. Measures of
+#: the force are printed to six digits.
 FORCE_RTOL = 1e-6
-#: Turns after which a motion that has not become steady is measured and reported as unsettled.
-#: A damping ratio of 1 % leaves 1e-6 after 25 turns if the stem vibrates nine times per turn.
+#: Number of turns after which a motion that has not become steady is measured and reported as
+#: unsettled. A damping ratio of 1 % leaves 1e-6 after 25 turns if the stem vibrates nine times per
+#: turn.
 MAX_FORCE_TURNS = 40
 
-#: Tolerance of a state, relative to the lift and to the largest velocity of the law. Spectra show
-#: eight digits, and an error in the time of a landing changes its amplitudes by the same order.
+#: Tolerance of a steady state, relative to the lift and to the largest velocity of the law. Spectra
+#: show eight digits, and an error in the time of a landing changes its amplitudes by the same
+#: order.
 STATE_RTOL = 1e-8
 #: Largest period of a motion whose spectrum is computed, in turns.
 MAX_PERIOD_TURNS = 8
-#: Turns from rest before a period is searched for, tried in this order. Most motions need few.
+#: Numbers of turns from rest after which a period is searched for, tried in this order. Most
+#: motions need few.
 SPECTRUM_TURNS = (4, 16, 64)
 
 #: Tolerance of a turn that returns to its start, relative to the turn and to the scale of its
 #: vibration. Derivatives of a turn are differences over 1e-6 of that scale, so their relative error
 #: is 1e-5.
 RETURN_RTOL = 1e-11
-#: Turns from rest before a turn is expected to return to its start, tried in this order.
+#: Numbers of turns from rest after which a turn is tested for returning to its start, tried in this
+#: order.
 RETURN_TURNS = (2, 4, 8, 16, 32)
 
 #: Relative tolerance of states one period apart. It allows for the rounding of hundreds of exact
 #: turns, which grows with each landing.
 PERIOD_RTOL = 1e-9
 
-#: Turns from rest after which lab sheets evaluate a motion. A student's bench shows four digits.
+#: Number of turns from rest after which lab sheets evaluate a motion. A student's bench shows four
+#: digits.
 LAB_TURNS = 6
 
 

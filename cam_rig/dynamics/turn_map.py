@@ -30,9 +30,9 @@ from cam_rig.dynamics.velocity_jumps import require_continuous, step_before_velo
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Largest number of phases in a call of the search.
+#: Largest number of phases that one call of the search records.
 MAX_PHASES = 64
-#: Turns per call, after which the backend is selected again.
+#: Number of turns per call, after which the backend is selected again.
 TURNS_PER_CALL = 100
 #: State of a follower on the cam: gap 0 m and gap rate 0 m/s.
 ON_THE_CAM = (0.0, 0.0)

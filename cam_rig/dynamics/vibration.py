@@ -25,7 +25,7 @@ from cam_rig.laws import Law
 from cam_rig.laws.law import extremes, peak
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: Largest difference of the ordinates of a flat piece, relative to the lift.
+#: Largest difference between the ordinates of a piece that counts as flat, relative to the lift.
 FLAT_RTOL = 1e-12
 #: Largest height of a low piece above the lowest ordinate, relative to the lift. A spline
 #: through readings may dip below its dwell by a fraction of the scatter.
@@ -78,7 +78,7 @@ def low_dwell(law: Law) -> LowDwell:
     return LowDwell((middle - 0.5 * DEFAULT_WINDOW_RAD) % TURN, DEFAULT_WINDOW_RAD, False)
 
 
-#: Number of sample times in a turn of the flywheel.
+#: Number of sample times in a turn of the flywheel at which its speed is evaluated.
 SAMPLES = 4096
 
 
@@ -137,12 +137,13 @@ def energy_fluctuation(law: Law, shaft: TorsionalParameters, speed: float) -> fl
     return float(np.ptp(energy))
 
 
-#: Smallest number of natural periods of the stem per turn. With fewer, free and forced vibration
-#: cannot be separated.
+#: Smallest number of natural periods of the stem per turn at which the vibration is computed. With
+#: fewer, free and forced vibration cannot be separated.
 MIN_PERIODS = 3.0
-#: Lowest speed, rpm. At lower speeds a turn has more periods of the stem than can be sampled.
+#: Lowest speed of a vibration table, rpm. At lower speeds a turn has more periods of the stem than
+#: can be sampled.
 MIN_RPM = 1.0
-#: Highest speed, rpm.
+#: Highest speed of a vibration table, rpm.
 MAX_RPM = 1e5
 
 
@@ -169,14 +170,14 @@ def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
             )
 
 
-#: Smallest number of samples per turn.
+#: Smallest number of samples per turn of the vibration.
 MIN_SAMPLES = 4096
 #: Smallest number of samples per natural period of the stem.
 SAMPLES_PER_PERIOD = 32
 #: Largest ratio of the residual vibration to the whole vibration. A larger residual vibration is
 #: an artefact of a stem that does not follow the law.
 MAX_RESIDUAL_RATIO = 2.0
-#: Number of samples per turn of the twist.
+#: Number of samples per turn of the shaft's twist.
 TWIST_SAMPLES = 2048
 
 
@@ -323,8 +324,8 @@ def residual_vibration(
     return np.asarray(amplitudes)
 
 
-#: Smallest relative difference of the two rates. Closer rates are moved apart by it, because at
-#: critical damping both rates are equal.
+#: Smallest relative difference of the two rates of the stem. Closer rates are moved apart to it,
+#: because both are equal at critical damping.
 MIN_RATE_DIFFERENCE = 1e-7
 
 

@@ -35,8 +35,8 @@ from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import ArcsByCentres, ArcsByRadii, ArcSpec, TangentArcs
 from cam_rig.units import TURN, FloatArray
 
-#: Relative tolerance of the polar radii of two parts at their joint. They differ by rounding
-#: only, unless the contour folds back on itself.
+#: Largest relative difference of the polar radii of two parts at their joint (rounding). It is
+#: larger if the contour folds back on itself.
 JOINT_RTOL = 1e-9
 
 
@@ -247,7 +247,7 @@ def _secant(distance: float, direction: float) -> Curve:
 # Pieces of the segments that are made of tangent arcs.
 
 #: Largest difference between the lift of a cam file and that of its arcs, as a fraction of the
-#: lift. It allows lifts that are written with six digits.
+#: lift. It allows for lifts that are written with six digits.
 LIFT_RTOL = 1e-6
 
 

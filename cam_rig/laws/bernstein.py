@@ -25,9 +25,9 @@ from cam_rig.laws.polynomials import (
 )
 from cam_rig.units import FloatArray
 
-#: Distance from 1.0 to the next larger float.
+#: Float epsilon: distance from 1.0 to the next larger float.
 EPS = float(np.finfo(np.float64).eps)
-#: Number of points up to which one accumulating call is faster than a loop over the degree.
+#: Largest number of points at which one accumulating call is faster than a loop over the degree.
 MAX_ACCUMULATE_SIZE = 32
 
 
@@ -295,7 +295,7 @@ def compose(outer: FloatArray, inner: FloatArray) -> FloatArray:
 
 #: Breakpoints, and one column of ordinates for each interval between two of them.
 Pieces = tuple[list[float], list[FloatArray]]
-#: Distance from a breakpoint, as a fraction of the piece, below which a piece is split at the
+#: Distance from a breakpoint, as a fraction of the piece, within which a cut is moved to the
 #: breakpoint. It is above the rounding of an angle of one turn.
 BREAK_RTOL = 1e-12
 

@@ -19,7 +19,7 @@ from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.segments import Bezier, BSpline, Dwell, Rise, Segment, TangentArcs
 from cam_rig.units import TURN, FloatArray
 
-#: Largest step between two segments that counts as rounding, as a fraction of the lift.
+#: Largest step of the lift between two segments that counts as rounding, as a fraction of the lift.
 STEP_TOLERANCE = 1e-9
 #: Largest difference of the law's range from the lift of its file, as a fraction of the lift. The
 #: ordinates of a Bézier curve and the points of a table give the lift to 1 % only.

@@ -99,15 +99,15 @@ def between_lines(name: str) -> Law:
 
 # Curves of s to s''': of a cam over its turn, or of a named rise alone.
 
-#: Number of points of a curve, divided among its pieces.
+#: Number of points of a drawn curve, divided among its pieces.
 CURVE_POINTS = 2000
-#: Minimum number of points of each piece of a curve.
+#: Smallest number of points of each piece of a drawn curve.
 MIN_PIECE_POINTS = 12
 #: Orders of the derivatives in a figure: s, s', s'', s'''.
 ORDERS = range(4)
 #: Cam angle (rad) at which the rise of `between_lines` starts.
 RISE_START = 1.0
-#: Unit of lift for cams with different units, and its factor to m.
+#: Unit of the lift axis if the cams have different units, and its factor to m.
 DEFAULT_UNIT = ("mm", 1e-3)
 
 

@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 
 # Smallest and largest value of a derivative over the turn, from roots instead of samples.
 
-#: Largest difference of values that count as equal, as a fraction of the largest ordinate.
+#: Largest difference of extreme values that count as equal, as a fraction of the largest ordinate.
 TIE_RTOL = 1e-12
-#: Largest absolute cam angle, rad. Beyond it fewer than four digits of the phase remain.
+#: Largest absolute cam angle that is accepted, rad. Beyond it fewer than four digits of the phase
+#: remain.
 MAX_ANGLE = 1e12
 
 
@@ -61,12 +62,14 @@ def peak(law: Law, order: int) -> Extreme:
     return low if -low.value > high.value else high
 
 
-#: Smallest jump of s' that is not rounding, as a fraction of the lift per rad.
+#: Smallest jump of s' (fraction of the lift per rad) that counts as a velocity jump. A smaller one
+#: is rounding.
 VELOCITY_JUMP = 1e-9
-#: Rounding of a jump of s', as a fraction of the slopes in the two adjacent pieces.
+#: Upper bound of the rounding error of a jump of s', as a fraction of the slopes in the two
+#: adjacent pieces.
 SLOPE_ROUNDING = 1e-12
 
-#: Number of angles of a piece that are evaluated together: a block fits in the cache of a core.
+#: Number of angles of a piece that are evaluated together. They fit in the cache of a core.
 ANGLES_PER_BLOCK = 1024
 
 
@@ -403,11 +406,12 @@ class Law:
 
 # Smoothness of the joints: the class C0 to C4 of each.
 
-#: Highest class. A smoother joint counts as this class.
+#: Highest class of continuity that is distinguished. A smoother joint counts as this class.
 MAX_CONTINUITY = 4
 #: Largest jump that counts as 0, as a fraction of the derivative's peak in the adjacent pieces.
 JUMP_RTOL = 1e-6
-#: Rounding of a derivative at the end of a piece, in units of eps·level·(2p/span)^order.
+#: Upper bound of the rounding error of a derivative at the end of a piece, in units of
+#: eps·level·(2p/span)^order.
 LEVEL_ROUNDINGS = 16.0
 
 

@@ -11,13 +11,15 @@ from cam_rig.laws import bernstein
 from cam_rig.laws.law import Law, extremes
 from cam_rig.units import TURN
 
-#: Default heights, as fractions of the lift.
+#: Default heights at which passages are listed, as fractions of the lift.
 LEVELS = (0.01, 0.50, 0.99)
-#: Largest distance of a joint from a height that counts as rounding, as a fraction of the lift.
+#: Largest distance of a joint from a height at which the joint is on it (rounding), as a fraction
+#: of the lift.
 JOINT_TOLERANCE = 1e-12
-#: Largest distance (rad) of roots that are the same, because both pieces at a joint contain it.
+#: Largest distance (rad) of two roots that are the same root. Both pieces at a joint may contain
+#: it.
 SAME_ANGLE_RAD = 1e-7
-#: Angle (rad) before and after a root at which the law must be on different sides of the height.
+#: Distance (rad) before and after a root at which the law must be on different sides of the height.
 SIDE_ANGLE = 1e-5
 
 

@@ -11,19 +11,21 @@ import numpy as np
 
 from cam_rig.laws.vectors import Matrix, Vector, binomials
 
-#: Width of a part of [0, 1] below which double precision does not separate two roots.
+#: Smallest width of a part of [0, 1] that is halved. Below it double precision does not separate
+#: two roots.
 MIN_PART_WIDTH = 2.0**-46
-#: Halvings of [0, 1] at most, a few more than reach `MIN_PART_WIDTH`.
+#: Largest number of halvings of [0, 1], a few more than reach `MIN_PART_WIDTH`.
 MAX_DEPTH = 48
-#: Relative width of a bracket below which a root is found: four roundings.
+#: Relative width of a bracket at which a root is found: four float epsilons.
 BRACKET_RTOL = 4.0 * 2.0**-52
-#: Relative size of a Newton step that cannot change a root.
+#: Largest relative size of a Newton step that cannot change a root.
 NEGLIGIBLE_STEP = 2.0**-55
-#: Relative size of a step below which steps that stop shrinking are caused by rounding.
+#: Largest relative size of steps that count as rounding if they stop shrinking.
 ROUNDING_STEP = 2.0**-40
-#: Steps at most: a root next to 0 may need as many halvings as floats allow, others about six.
+#: Largest number of Newton steps. A root next to 0 may need as many halvings as floats allow, other
+#: roots need about six.
 MAX_STEPS = 2000
-#: Result of a search without a root.
+#: Return value of a search that finds no root.
 NO_ROOT = -1.0
 
 

@@ -23,21 +23,22 @@ from cam_rig.laws.bernstein import Pieces
 from cam_rig.laws.law import Law
 from cam_rig.units import TURN, FloatArray
 
-#: Numbers of samples per chunk that are tried. Long chunks need fewer preparations.
+#: Numbers of samples per chunk, tried in this order. Long chunks need fewer preparations.
 CHUNK_SIZES = (256, 64)
 #: Largest fraction of a piece that a chunk covers. The series of a longer chunk loses digits.
 MAX_CHUNK_FRACTION = 0.125
-#: Smallest number of chunks of a run for which chunks are faster.
+#: Smallest number of chunks of a run for which chunks are faster than a direct evaluation.
 MIN_CHUNKS = 2
-#: Number of runs without chunks that are evaluated together, from successive turns.
+#: Number of runs without chunks that are evaluated together. The runs are of successive turns.
 RUNS_PER_BLOCK = 4
 #: Largest relative size of the powers that are omitted from the series of a chunk.
 POWER_RTOL = 2.0**-56
-#: Largest difference of the starts (u) of equal runs: the rounding of many turns.
+#: Largest difference of the starts (u, no unit) of runs that count as equal. It is the rounding of
+#: many turns.
 START_ATOL = 2.0**-46
-#: Distance of a sample from a joint or an event, as a fraction of the sampling interval, up to
-#: which the sample is at it. Without this tolerance, rounding, which depends on the start of an
-#: interval, would select the side of the joint and with it the force.
+#: Largest distance of a sample from a joint or an event at which the sample counts as on it, as a
+#: fraction of the sampling interval. Without this tolerance, rounding, which depends on the start
+#: of an interval, would select the side of the joint and with it the force.
 AT_SAMPLE = 1e-6
 
 
@@ -200,7 +201,7 @@ class ChunkSeries:
         ``width`` is the distance of two samples in u, and ``chunk`` the number of samples.
         """
         scaled = taylor * (0.5 * width * (chunk - 1)) ** np.arange(taylor.shape[2])
-        sizes = np.abs(scaled).max(axis=1)  # a basis averages: no coefficient is larger
+        sizes = np.abs(scaled).max(axis=1)  # bounds, because the basis functions sum to 1
         needed = np.cumsum(sizes[:, ::-1], axis=1)[:, ::-1] > POWER_RTOL * sizes[:, :1]
         count = max(1, int(np.max(np.count_nonzero(needed, axis=1))))
         table = np.ascontiguousarray(scaled[:, :, :count])
@@ -257,7 +258,7 @@ def fill_in_chunks(
         shape, strides = (len(runs), full, chunk), (spacing * size, chunk * size, size)
         body = as_strided(row[first.begin :], shape, strides)
         np.matmul(term[:, :full], matrix, out=body[: len(term)])
-        body[len(term) :] = body[0]  # if all runs are equal
+        body[len(term) :] = body[0]  # a single term if all runs are equal
         if remainder:
             tail = as_strided(row[last:], (len(runs), remainder), (spacing * size, size))
             tail[:] = (term[:, full] @ matrix)[:, :remainder]
@@ -282,12 +283,13 @@ def _piece_series(law: Law, index: int, width: float, chunk: int, weights: bytes
 
 #: Degree of the interpolant of the third derivative. The degree of the curve is higher by 3.
 THIRD_DEGREE = 22
-#: Largest relative tail of the Chebyshev series of the third derivative that is accepted.
+#: Largest accepted tail of the Chebyshev series of the third derivative, relative to its largest
+#: coefficient.
 TAIL_RTOL = 1e-13
-#: Largest contribution of that tail to the curve, relative, that is always accepted. It is the
+#: Largest relative contribution of that tail to the curve that is accepted in any case. It is the
 #: rounding of the formula.
 CURVE_RTOL = 1e-17
-#: Shortest piece, as a fraction of the curve.
+#: Shortest piece into which a curve is divided, as a fraction of the curve.
 MIN_PIECE_FRACTION = 1e-5
 #: Function of abscissae ``(n,)`` and an order, which returns that derivative, ``(n,)``.
 Curve = Callable[[FloatArray, int], FloatArray]

@@ -115,9 +115,10 @@ def trigonometric(mean: float, cosine: list[float], sine: list[float]) -> Curve:
 
 
 #: Largest difference between the lift of a cam file and the height of its points, as a fraction of
-#: that height ...
+#: that height.
 LIFT_RTOL = 1e-2
-#: ... plus this number of smoothing tolerances, for the errors of the highest and the lowest point.
+#: Addition to that difference, in smoothing tolerances of the segment. It allows for the errors of
+#: the highest and the lowest point.
 MAX_LIFT_TOLERANCES = 8.0
 
 
@@ -242,9 +243,9 @@ def cycloidal(u: FloatArray, order: int) -> FloatArray:
 
 #: π, for the formulas below.
 PI = np.pi
-#: Common factor of the modified sine.
+#: Common factor of the formulas of the modified sine.
 SINE = 1.0 / (PI + 4.0)
-#: Common factor of the modified trapezoid.
+#: Common factor of the formulas of the modified trapezoid.
 TRAPEZOID = 1.0 / (PI + 2.0)
 #: Lift, slope and curvature of the modified trapezoid at u = 1/8, the end of the first sine.
 MOTION_AT_EIGHTH = TRAPEZOID * np.array([0.25 - 0.5 / PI, 2.0, 8.0 * PI])
@@ -353,7 +354,7 @@ def unit_rise(name: str) -> Pieces:
 
 # Law with one rise and an equal fall over any event angle.
 
-#: Narrowest dwell (rad). A narrower one is omitted.
+#: Narrowest dwell (rad) that gets a segment. A narrower dwell is omitted.
 MIN_DWELL = 1e-9
 
 

@@ -69,22 +69,26 @@ def bezier_pieces(spline: BSpline[np.float64]) -> Pieces:
     return breaks.tolist(), columns
 
 
-#: Degree of the splines through points.
+#: Degree of the splines through the points of a table.
 DEGREE = 5
 #: Number of ordinates at each end of a spline that are the dwell's level, so that s, s' and s''
 #: are continuous.
 FIXED_ORDINATES = 3
-#: Numbers of equal intervals that are tried from one dwell to the next.
+#: Numbers of equal intervals from one dwell to the next, tried in this order.
 INTERVAL_COUNTS = (*range(1, 9), *range(10, 17, 2), *range(20, 33, 4), *range(40, 65, 8))
 INTERVAL_COUNTS += (80, 96, 128, 192)
 
-#: Largest number of intervals per point. With more, the spline would pass through all points.
+#: Largest number of intervals per point. With more intervals, the spline would pass through all
+#: points.
 INTERVALS_PER_POINT = 0.75
-#: Exponent of ten of a weight of the jumps that has no effect compared with the points.
+#: Smallest exponent of ten of the weight of the jumps. There the jumps have no effect compared with
+#: the points.
 MIN_EXPONENT = -12.0
-#: Exponent of ten of a weight of the jumps compared with which the points have no effect.
+#: Largest exponent of ten of the weight of the jumps. There the points have no effect compared with
+#: the jumps.
 MAX_EXPONENT = 6.0
-#: Distance (rad) from the end of a dwell up to which a point belongs to it: rounding of angles.
+#: Largest distance (rad) from the end of a dwell at which a point belongs to the dwell (rounding of
+#: angles).
 END_ATOL = 1e-9
 
 
@@ -281,23 +285,25 @@ def _fifth_derivative_jumps(knots: FloatArray) -> FloatArray:
 
 # Scatter of readings, estimated from divided differences that a smooth law cannot have.
 
-#: Number of readings of a divided difference: those of a polynomial of degree 5, and one more.
+#: Number of readings of a divided difference: one more than a polynomial of degree 5 has
+#: coefficients.
 WINDOW = 7
 #: Median of |x| of the standard normal distribution.
 NORMAL_MEDIAN = 0.6744897501960817
-#: Number of standard deviations beyond which a difference is omitted. It is caused by an outlier
-#: or by a jump of a derivative.
+#: Number of standard deviations beyond which a divided difference is omitted. Such a difference is
+#: caused by an outlier or by a jump of a derivative.
 MAX_DEVIATION = 3.0
-#: Standard deviation of the standard normal distribution that is trimmed at `MAX_DEVIATION`.
+#: Standard deviation of the standard normal distribution after trimming at `MAX_DEVIATION`.
 TRIMMED_DEVIATION = 0.9865784
-#: Relative standard error of the scatter of n readings times √n, determined by simulation.
+#: Relative standard error of the scatter of n readings, times √n. It was determined by simulation.
 ERROR_FACTOR = 1.35
-#: Number of standard errors by which a tolerance may be below the scatter. With a lower tolerance
-#: the spline follows the noise.
+#: Number of standard errors by which a tolerance may be smaller than the scatter. With a smaller
+#: tolerance the spline follows the noise.
 MAX_ERRORS_BELOW = 3.0
-#: Smallest tolerance as a fraction of the scatter, for few readings with an uncertain scatter.
+#: Smallest tolerance as a fraction of the scatter. It applies to few readings, whose scatter is
+#: uncertain.
 MIN_SCATTER_FRACTION = 0.4
-#: Span of a window (rad) from which on it bridges a range without readings.
+#: Span of a window (rad) at which it is omitted, because it bridges a range without readings.
 MAX_WINDOW_SPAN = math.radians(100.0)
 
 

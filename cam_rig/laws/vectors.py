@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from cam_rig.units import FloatArray
 
 T = TypeVar("T")
-#: ``(n,)`` numbers.
+#: Array of n numbers, ``(n,)``.
 Vector: TypeAlias = FloatArray
-#: ``(m, n)`` numbers.
+#: Array of numbers, ``(m, n)``.
 Matrix: TypeAlias = FloatArray
-#: ``(l, m, n)`` numbers.
+#: Array of l matrices, ``(l, m, n)``.
 Matrices: TypeAlias = FloatArray
 #: Records of a structured array, ``(n,)``.
 Records: TypeAlias = NDArray[np.void]
-#: Rows of Pascal's triangle, up to a degree that few laws reach.
+#: Rows of Pascal's triangle, up to degree 95, which few laws reach.
 PASCAL = np.array([[float(math.comb(n, i)) for i in range(96)] for n in range(96)])
 
 

@@ -20,30 +20,30 @@ from cam_rig.live.state_validation import MAX_SAMPLES, require_possible
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Label and size of each dimension of an array, outermost first.
+#: Label and size of each dimension of an array in a message, outermost first.
 Dimensions = list[tuple[str, int]]
 #: Label of the rows of a law: cam angle at the start of the piece, then its Bernstein ordinates.
 PIECE_LABEL = "break_rad, ordinates_m"
 #: Label of the rows of a block.
 BLOCK_LABEL = ", ".join(COLUMNS)
-#: Label of the columns of a block.
+#: Label of the columns of a block: one column per sample.
 SAMPLE_LABEL = "sample"
 #: Pattern of the names of cams, which are also the names of their files.
 CAM_NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 #: Joints of a cam state: the angle with all turns, and the angle within the turn, which has the
 #: full precision. Bags of earlier versions have the first joint only.
 CAM_JOINTS = ("cam", "cam_in_turn")
-#: Maximum number of pieces of a law, more than any cam has. Larger laws would occupy a receiver for
-#: minutes.
+#: Largest number of pieces of a law in a message, more than any cam has. Larger laws would occupy a
+#: receiver for minutes.
 MAX_PIECES = 1000
-#: Maximum degree of a piece, for the same reason.
+#: Largest degree of a piece in a message, for the same reason.
 MAX_DEGREE = 64
-#: Shortest span of a piece (rad). The accelerations of shorter pieces could exceed the range of
-#: float64.
+#: Shortest span of a piece in a message, rad. The accelerations of shorter pieces could exceed the
+#: range of float64.
 MIN_PIECE_SPAN = 1e-9
-#: Largest lift of a law (m), larger than that of any cam.
+#: Largest lift of a law in a message, m, larger than that of any cam.
 MAX_LIFT = 10.0
-#: Largest value of a sample in SI units, larger than any value of a test rig.
+#: Largest absolute value of a sample in a message, SI, larger than any value of a test rig.
 MAX_VALUE = 1e12
 
 

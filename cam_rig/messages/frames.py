@@ -30,11 +30,13 @@ from cam_rig.units import FloatArray
 #: link ``cam``. The joint of an oscillating follower moves the link ``follower_arc``, its travel
 #: along the arc, which has no body.
 BASE, GUIDE, MOTOR, MICROPHONE, CAM, FOLLOWER, ARC = FRAMES
-#: Joint that turns an oscillating follower. Its position follows that of the joint ``follower``.
+#: Name of the joint that turns an oscillating follower. Its position follows that of the joint
+#: ``follower``.
 ARM = "follower_arm"
 #: Roll, pitch and yaw (rad) of the guide in base_link: x of the guide is y, its y is z.
 GUIDE_RPY = (0.5 * math.pi, 0.0, 0.5 * math.pi)
-#: Travel for lift-off above the largest lift of the scene, relative to this lift.
+#: Travel of the follower's joint above the largest lift of the scene for lift-off, relative to this
+#: lift.
 LIFT_OFF_TRAVEL = 1.0
 Vector = tuple[float, float, float]
 

@@ -90,11 +90,11 @@ def marker(
 
 #: Message type of /follower/markers.
 MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
-#: Namespace of the follower's markers.
+#: Namespace of the follower's markers, by which a viewer can hide them.
 NAMESPACE = "contact"
-#: Largest gap (µm) that `_GAP_TEXT` has room for. A larger gap is displayed as this value.
+#: Largest gap (µm) that fits in `_GAP_TEXT`. A larger gap is displayed as this value.
 MAX_GAP_UM = 9_999_999.9
-#: Placeholder of the gap in the template. All texts have this length.
+#: Placeholder for the text of the gap in the template of the message. All texts have its length.
 _GAP_TEXT = "gap 0000000.0 µm"
 
 

@@ -198,7 +198,7 @@ def _transform(
 
 # Functions that make the serialized messages of each topic, for a robot with its mounted cam.
 
-#: Returns a message for each of the instants of a tick.
+#: Function that returns a message for each of the instants of a tick.
 InstantMaker = Callable[[Instants], list[bytes]]
 
 
@@ -248,15 +248,16 @@ def transforms(robot: Robot) -> InstantMaker:
 
 #: Names of the joints of /joint_states, which are those of the URDF.
 JOINTS = ("cam", "follower")
-#: Makers of the topics with messages at each instant, in the order of one instant.
+#: Functions that make the messages of each topic with a message per instant, in the order of the
+#: topics at one instant.
 INSTANT_MAKERS = {
     topics.JOINT_STATES: joint_states,
     topics.FOLLOWER_CONTACT: contact_force,
     topics.FOLLOWER_MARKERS: follower_markers,
     topics.TF: transforms,
 }
-#: Makers of the topics with a message per mounted cam. The arguments are the robot and the rig time
-#: (ns) of the mounting.
+#: Functions that make the message of each topic with a message per mounted cam. Their arguments are
+#: the robot and the rig time (ns) of the mounting.
 CAM_MAKERS: dict[Topic, Callable[[Robot, int], bytes]] = {
     topics.TF_STATIC: lambda robot, time_ns: Transforms(robot).fixed(time_ns),
     topics.ROBOT_DESCRIPTION: lambda robot, _: serialize(new("std_msgs/String", urdf(robot))),

@@ -18,7 +18,7 @@ from cam_rig.messages.codec import rig_time
 from cam_rig.messages.topics import Topic
 from cam_rig.units import NS, FloatArray
 
-#: Message types of the ROS distribution in which the rig writes.
+#: Message types of the ROS distribution in whose format the rig writes.
 TYPES = get_typestore(Stores.ROS2_KILTED)
 _INVALID_CONTENT = (LookupError, ValueError, TypeError, OverflowError, MemoryError, AssertionError)
 #: Exceptions that rosbags raises for invalid bytes.

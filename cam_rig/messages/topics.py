@@ -16,10 +16,10 @@ from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.live.state_validation import MAX_SAMPLES
 from cam_rig.simulation.schedule import CamState
 
-#: Minimum history of topics with a message per instant: several turns at the usual number of points
-#: per turn, for slow subscribers (see `motion_depth`).
+#: Smallest history (messages) of topics with a message per instant. It covers several turns at the
+#: usual number of points per turn, for slow subscribers (see `motion_depth`).
 MOTION_DEPTH = 1000
-#: Topics that all namespaces share in ROS.
+#: Topics that all namespaces share in ROS, so that they get no namespace.
 GLOBAL_TOPICS = ("/parameter_events", "/tf", "/tf_static")
 
 
@@ -78,8 +78,8 @@ class Topic:
         return self.name if self.name in GLOBAL_TOPICS else namespace + self.name
 
 
-#: Rig time. A bag contains the time of each state. Live, a paced run also publishes rig times
-#: between the states.
+#: Topic of the rig time. A bag contains the time of each state. Live, a paced run also publishes
+#: rig times between the states.
 CLOCK = Topic(
     "/clock", "rosgraph_msgs/msg/Clock", "state", stamped=False, owner="cam_drive", derived=True
 )
@@ -103,7 +103,8 @@ FOLLOWER_SAMPLES = _follower(
 )
 # Motion for viewers.
 _motion = partial(Topic, per="instant", latched=False, depth=MOTION_DEPTH, derived=True)
-#: Without an owner, because nodes of other robots may publish joints too.
+#: Topic of the joint positions. It has no owner, because nodes of other robots may publish joints
+#: too.
 JOINT_STATES = _motion("/joint_states", "sensor_msgs/msg/JointState")
 FOLLOWER_CONTACT = _motion("/follower/contact", "geometry_msgs/msg/WrenchStamped", owner="follower")
 FOLLOWER_MARKERS = _motion(
@@ -111,9 +112,10 @@ FOLLOWER_MARKERS = _motion(
 )
 _model = partial(Topic, per="cam", stamped=False, derived=True)
 CAM_MARKERS = _model("/cam/markers", "visualization_msgs/msg/MarkerArray", owner="law_server")
-#: Without an owner, because robot_state_publisher publishes it too. The depth is that of ROS.
+#: Topic of the URDF. It has no owner, because robot_state_publisher publishes it too. Its depth is
+#: that of ROS.
 ROBOT_DESCRIPTION = _model("/robot_description", "std_msgs/msg/String", depth=1)
-#: Published live by robot_state_publisher, as is /tf.
+#: Topic of the fixed frames. In a live run robot_state_publisher publishes it, as well as /tf.
 TF_STATIC = _model("/tf_static", "tf2_msgs/msg/TFMessage", depth=1)
 TF = _motion("/tf", "tf2_msgs/msg/TFMessage", depth=100, stamped=False)
 LEVEL = _microphone(
@@ -121,45 +123,49 @@ LEVEL = _microphone(
 )
 PRESSURE = _microphone("/microphone/pressure", "sensor_msgs/msg/FluidPressure", "tick")
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "any")
-#: Topics of a bag in their order: all of the above.
+#: All topics of a bag, in their order. They are the topics defined above.
 RECORDING = tuple(value for value in vars().values() if isinstance(value, Topic))
-#: Topics that the recorder receives. It generates the messages of the other topics of a bag.
+#: Topics that the recorder subscribes to. It generates the messages of the other topics of a bag.
 RECEIVED = tuple(topic for topic in RECORDING if not topic.derived)
-#: Nodes that report on /diagnostics, in the order of a bag.
+#: Nodes that publish on /diagnostics, in the order of their messages in a bag.
 DIAGNOSED_NODES = ("cam_drive", "law_server", "follower", "microphone", "recorder")
-#: Name on /diagnostics of the playback of the motion in a paced run. It depends on the wall clock.
+#: Name on /diagnostics under which the follower reports the playback of the motion in a paced run.
+#: It depends on the wall clock.
 SHOWN_MOTION = "follower: motion"
-#: Name on /diagnostics of the drive's pacing. It depends on the wall clock, so that bags do not
-#: contain it.
+#: Name on /diagnostics under which the drive reports its pacing. It depends on the wall clock, so
+#: bags do not contain it.
 PACE = "cam_drive: pace"
 #: Key on /diagnostics of the quantity that the microphone measures, such as LAF or LZS.
 QUANTITY = "quantity"
-#: Suffix of a node's name on /diagnostics that marks heartbeats, which depend on the wall clock.
+#: Suffix of a node's name on /diagnostics that marks a heartbeat. Heartbeats depend on the wall
+#: clock.
 HEARTBEAT = ": heartbeat"
-#: Acknowledgement of the recorder: stamp of the newest tick whose messages are all written.
+#: Acknowledgement of the recorder: stamp of the newest tick of which all messages are written.
 RECORDER_ACK = Topic("/recorder/ack", "std_msgs/msg/Header", "tick", owner="recorder")
-#: Acknowledgement of the law server: stamp of the newest state that it has processed.
+#: Acknowledgement of the law server: stamp of the newest cam state that it has processed.
 LAW_SERVER_ACK = Topic("/law_server/ack", "std_msgs/msg/Header", "state", owner="law_server")
 #: Acknowledgement of the viewer: stamp of the newest tick that it has drawn.
 VIEWER_ACK = Topic("/viewer/ack", "std_msgs/msg/Header", "tick")
 _event = partial(Topic, per="any", stamped=False)
-#: End of the run: its outcome (level, message), number of ticks and rig time.
+#: Message at the end of the run: its outcome (level, message), number of ticks and rig time.
 FINISHED = _event("/rig/finished", "diagnostic_msgs/msg/DiagnosticStatus", owner="cam_drive")
-#: Folder of the bag that the recorder has closed. Not latched, because it is valid for one run.
+#: Path of the folder of the bag that the recorder has closed. It is not latched, because it is
+#: valid for one run.
 CLOSED = _event("/recorder/closed", "std_msgs/msg/String", latched=False, owner="recorder")
-#: Name of a node that receives messages (the recorder: whose file is open), and its scene.
+#: Name and scene of a node that is ready to receive messages. The recorder sends it after opening
+#: its file.
 READY = _event("/rig/ready", "std_msgs/msg/String")
 #: Real-time factor (rig seconds per wall-clock second), 0 for a free run.
 REAL_TIME_FACTOR = _event(
     "/rig/real_time_factor", "std_msgs/msg/Float64", depth=1, owner="cam_drive"
 )
-#: Command to the drive: speed in rpm from the next tick on, 0 for the scene's speeds.
+#: Command to the drive: cam speed (rpm) from the next tick on, 0 for the scene's speeds.
 CAM_RPM = _event("/cam/rpm", "std_msgs/msg/Float64", latched=False)
 #: Parameter changes of all nodes. Those of the law server report the mounted cam.
 PARAMETER_EVENTS = Topic(
     "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "any", latched=False, depth=1000
 )
-#: All topics in the order of the table.
+#: All topics of the rig, in the order of the table of topics.
 TOPICS = tuple(value for value in vars().values() if isinstance(value, Topic))
 
 

@@ -32,7 +32,7 @@ from cam_rig.messages.frames import (
 from cam_rig.show import looks as colours
 from cam_rig.units import FloatArray
 
-#: Number of sides of the prism by which a cam is approximated.
+#: Number of sides of the prism that approximates a cam in the URDF.
 PRISM_SIDES = 72
 
 
@@ -176,10 +176,10 @@ DISC_THICKNESS = 0.24
 BODY_THICKNESS = 0.12
 #: Thickness of lines such as the stem, relative to the size of the robot.
 LINE_THICKNESS = 0.04
-#: Size (m) to which wall, motor and microphone scale. It is the same for all cams.
+#: Size (m) to which wall, motor and microphone are scaled. It is the same for all cams.
 BENCH_SIZE = 0.125
-#: Significant digits of joints, from which other programs compute the positions of the links. All
-#: other numbers have six digits.
+#: Number of significant digits of joints, from which other programs compute the positions of the
+#: links. All other numbers have six digits.
 JOINT_DIGITS = 12
 
 

@@ -86,15 +86,15 @@ def _load_named(kind: str, name: str, load: Callable[[], File]) -> File:
     return config
 
 
-#: Cam that is drawn and turned by default.
+#: Name of the default cam of board and bench.
 DEFAULT_CAM = "poly345"
-#: Rig on which the cam turns by default.
+#: Name of the default rig of board and bench.
 DEFAULT_RIG = "paper_table2"
 
-#: Largest number of bytes of a Unix socket's path, see unix(7).
+#: Largest length of the path of a Unix socket, bytes, see unix(7).
 MAX_SOCKET_PATH_BYTES = 107
 
-#: HTML page that redirects to an address.
+#: HTML page that redirects a browser to an address.
 REDIRECT = """<!doctype html>
 <meta charset="utf-8">
 <meta name="referrer" content="no-referrer">

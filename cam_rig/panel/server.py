@@ -25,14 +25,14 @@ from cam_rig.show import looks
 from cam_rig.show.looks import web
 from cam_rig.viewer.web_server import MAX_MESSAGE, Served, serve_application
 
-#: Content-Security-Policy of every page: nothing from other hosts, no display in a frame of
-#: another.
+#: Content-Security-Policy of every page: no content from other hosts, and no display in a frame of
+#: another page.
 POLICY = (
     "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'"
 )
 
-#: Folder of the pages' files.
+#: Folder of the pages' static files.
 STATIC = Path(__file__).parent / "static"
 
 # Requests of pages: JSON objects of a bounded size.
@@ -146,7 +146,7 @@ def languages() -> list[str]:
     return sorted(path.stem for path in (STATIC / "texts").glob("*.json"))
 
 
-#: Names in `looks` of the colours that the pages use.
+#: Names in `looks` of the colours that are sent to the pages.
 COLOURS = ("LIFT", "VELOCITY", "ACCELERATION", "FORCE", "GAP", "LANDING", "LIFT_OFF", "FOLLOWER")
 
 
@@ -224,9 +224,10 @@ def serve(
 
 # A page's websocket: commands are executed, and changes are sent as fast as the page reads.
 
-#: Shortest wall time (s) between two rounds of queued messages.
+#: Shortest time (s, wall clock) between two rounds of queued messages to a page.
 MESSAGE_PERIOD_S = 0.05
-#: Wall time (s) within which a page must accept a message, or it is dropped.
+#: Longest time (s, wall clock) for a page to accept a message. A page that takes longer is
+#: disconnected.
 SEND_TIMEOUT_S = 30.0
 
 

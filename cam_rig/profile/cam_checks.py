@@ -26,7 +26,8 @@ from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import Follower
 from cam_rig.units import TURN, FloatArray
 
-#: Tolerance of s(θ) + s(θ + π) = s_max, as a fraction of the lift.
+#: Largest deviation from s(θ) + s(θ + π) = s_max that counts as rounding, as a fraction of the
+#: lift.
 BREADTH_RTOL = 1e-9
 
 
@@ -49,9 +50,9 @@ def breadth_check(law: Law) -> Check:
 
 # Pressure angle: from the follower's direction of motion to the common normal.
 
-#: Default limit for a follower in a guide, rad, as handbooks recommend.
+#: Default limit of the pressure angle of a follower in a guide, rad, as handbooks recommend.
 MAX_GUIDED_ANGLE = float(np.radians(30.0))
-#: Default limit for a follower on an arm, rad, as handbooks recommend.
+#: Default limit of the pressure angle of a follower on an arm, rad, as handbooks recommend.
 MAX_SWUNG_ANGLE = float(np.radians(45.0))
 
 
@@ -149,7 +150,8 @@ def require_profile(cam: CamConfig, law: Law) -> None:
             raise ProfileError(f"cam {cam.name!r}: {check}")
 
 
-#: Usual lifts of cams on a bench, least and greatest, m. Other lifts are reported, not rejected.
+#: Smallest and largest usual lift of cams on a test bench, m. Other lifts are reported, not
+#: rejected.
 USUAL_LIFTS = 1e-4, 0.1
 
 

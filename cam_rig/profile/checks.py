@@ -20,7 +20,7 @@ from cam_rig.profile.faces import Swung, SwungCentre, SwungFace
 from cam_rig.schema.cam import ConstantBreadth, Flat, Follower, InclinedFlat
 from cam_rig.units import TURN, FloatArray
 
-#: Relations of a value to its limit.
+#: Required relations of a value to its limit, by their text.
 RELATIONS: dict[str, Callable[[float, float], bool]] = {
     "more than": operator.gt,
     "less than": operator.lt,
@@ -116,7 +116,7 @@ class Check:
         )
 
 
-#: Points of the contour that is checked for crossings: one per 0.1°.
+#: Number of points of the contour that is checked for crossings: one per 0.1°.
 CROSSING_POINTS = 3600
 
 
@@ -186,7 +186,8 @@ def crossing_check(disc: Disc, law: Law) -> Check:
 
 # Radius of curvature: undercut, cusps and rollers that are too large (§2.3.1-2.3.2).
 
-#: A radius of curvature below this fraction of the base radius is a cusp and counts as 0.
+#: Radius of curvature below which a contour has a cusp, as a fraction of the base radius. The
+#: radius then counts as 0.
 CUSP_RATIO = 1e-9
 
 
@@ -259,7 +260,8 @@ def corner_check(law: Law, tolerance: float) -> Check:
 
 # Minimum base radius without undercut (eq. 2.42, and its counterpart for rollers).
 
-#: Factor between two steps of the search for a smaller base radius. Larger ones use its inverse.
+#: Factor from a base radius without undercut to the next smaller one in the search. With undercut
+#: the search multiplies by the inverse.
 BASE_STEP = 0.5
 #: Smallest base radius that the search tries, as a fraction of the cam's base radius.
 MIN_BASE_RATIO = 1e-2

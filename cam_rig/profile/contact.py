@@ -77,8 +77,8 @@ def turn_angles(points: int) -> FloatArray:
     return np.linspace(0.0, TURN, points, endpoint=False)
 
 
-#: A pitch curve is straight if its curvature times its distance from the axis is below this (rad).
-#: The rounding error of a straight flank's curvature is a thousandth of it.
+#: Largest product of curvature and distance from the axis (no unit) of a pitch curve that counts as
+#: straight. The rounding error of a straight flank's curvature is a thousandth of it.
 STRAIGHT_CURVATURE = 1e-10
 
 
@@ -123,7 +123,7 @@ class Element(ABC):
     arc length at the end of the arm. `place_on` measures it on a finished contour without the law.
     """
 
-    roller: float  # radius in m, 0 for a point or a face
+    roller: float  # roller radius, m, 0 for a point or a face
 
     @abstractmethod
     def touch(self, motion: Motion) -> Touch:
@@ -191,15 +191,16 @@ def offset_contact(
 
 # Extreme values over one turn: dense samples of each smooth piece, refined around the best one.
 
-#: Samples over the turn, shared equally among the pieces of the law.
+#: Number of samples over the turn, shared equally among the pieces of the law.
 TURN_SAMPLES = 4096
-#: Least number of samples of a piece.
+#: Smallest number of samples of a piece of the law.
 MIN_PIECE_SAMPLES = 65
-#: Greatest number of samples of a piece.
+#: Largest number of samples of a piece of the law.
 MAX_PIECE_SAMPLES = 513
-#: Points of a round of `zoom`.
+#: Number of points of each round of `zoom`.
 ZOOM_POINTS = 33
-#: Rounds of `zoom`: they locate the maximum to 1e-9 of a piece, and its value to rounding.
+#: Number of rounds of `zoom`: they locate the maximum to 1e-9 of a piece, and its value to
+#: rounding.
 ZOOM_ROUNDS = 5
 Curve = Callable[[FloatArray], FloatArray]
 

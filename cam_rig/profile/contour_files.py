@@ -15,15 +15,18 @@ from cam_rig.schema.instrument_table import CellTable, plain_number, read_lines
 from cam_rig.schema.quantity import UNITS
 from cam_rig.units import TURN, FloatArray
 
-#: Bytes of a file that is read: 80 000 points as `drawing_files.write_contour` writes them.
+#: Largest size (bytes) of a file that is read: 80 000 points as `drawing_files.write_contour`
+#: writes them.
 MAX_BYTES = 8 * MIB
-#: Largest distance of a contour from the cam's axis, m: far above that of any cam.
+#: Largest accepted distance of a contour from the cam's axis, m: far above that of any cam.
 MAX_SIZE = 10.0
-#: Smallest distance, m: a smaller contour is in another unit.
+#: Smallest accepted value of the largest distance of a contour from the axis, m. A smaller contour
+#: is in another unit.
 MIN_SIZE = 1e-5
-#: Largest range of the angles of a polar table, rad: a turn and its rounding.
+#: Largest range of the angles of a polar table, rad: one turn and its rounding.
 MAX_TURN = TURN * (1.0 + 1e-6)
-#: Largest difference of z of a plane contour, m: above the rounding of other programs.
+#: Largest difference of z in a contour that counts as plane, m: above the rounding of other
+#: programs.
 MAX_HEIGHT = 1e-6
 
 
@@ -76,7 +79,7 @@ class Placement:
         return np.array([placed.real, placed.imag])
 
 
-#: Placement without options.
+#: Placement that leaves a contour unchanged.
 UNPLACED = Placement()
 
 

@@ -20,9 +20,9 @@ from cam_rig.units import TURN, FloatArray
 
 #: Millimetres per metre.
 MM = 1e3
-#: Free margin around the curves, mm.
+#: Free margin of the page around the curves, mm.
 MARGIN_MM = 5.0
-#: Least number of decimals of a millimetre, compared with lines of 0.25 mm.
+#: Smallest number of decimals of coordinates in mm. It is sufficient for lines of 0.25 mm.
 COARSEST_DIGITS = 2
 #: Page with width (mm), height (mm) and paths.
 PAGE = """\

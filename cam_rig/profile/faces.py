@@ -203,9 +203,9 @@ class SwungCentre(Swung):
         return offset_contact(centre, tangent, second, self.roller, pressure)
 
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Return the arc length (m) at which the element just touches each point.
+        """Return the position (m) of the arm at which the element just touches each point.
 
-        The points are those of a contour, m.
+        The position is the arc length of the arm's end. The points are those of a contour, m.
         """
         arm = self.pivot - points
         arm_angle = -self.side * np.angle(arm)

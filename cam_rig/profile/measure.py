@@ -23,15 +23,15 @@ from cam_rig.units import TURN, ComplexArray, FloatArray, rms
 
 #: Closed curve in the cam frame: a function of a parameter of period 2π that returns x + iy in m.
 Curve = Callable[[FloatArray], ComplexArray]
-#: Points of the contour in the first step of the search.
+#: Number of points of the contour in the first step of the search for a contact.
 COARSE_POINTS = 4096
-#: Rounds that refine the best point.
+#: Number of rounds that refine the best point.
 ROUNDS = 5
-#: Points of a round, between the neighbours of the best point of the round before.
+#: Number of points of each round, between the neighbours of the best point of the previous round.
 ROUND_POINTS = 33
-#: Bisections that refine a crossing from 2π/COARSE_POINTS to rounding.
+#: Number of bisections that refine a crossing from 2π/COARSE_POINTS to rounding.
 BISECTIONS = 44
-#: Cam angles that are processed together, which bounds the memory.
+#: Number of cam angles that are processed together. It bounds the memory.
 BLOCK = 64
 
 
@@ -155,9 +155,9 @@ def _find_crossing(
 
 # Rotation of a contour whose zero direction is unknown.
 
-#: Cam angles of the first search for a rotation.
+#: Number of cam angles of the first search for the rotation of a contour.
 ALIGN_ANGLES = 720
-#: Gauss-Newton steps that refine the rotation.
+#: Number of Gauss-Newton steps that refine the rotation.
 ALIGN_STEPS = 4
 
 
@@ -183,10 +183,10 @@ def find_rotation(element: Element, curve: Curve, law: Law) -> tuple[float, floa
 
 # Faults of the points of a contour that the measured displacement does not show.
 
-#: A step between points above this multiple of the median step is a gap. Contours written at equal
-#: steps of the cam angle stay below 2.
+#: Step between two points of a contour above which it is a gap, as a multiple of the median step.
+#: Contours written at equal steps of the cam angle stay below 2.
 MAX_STEP_RATIO = 10.0
-#: Least number of points of a contour.
+#: Smallest number of points of a contour.
 MIN_POINTS = 36
 
 
@@ -245,9 +245,9 @@ def contour_warnings(points: FloatArray, is_table: bool) -> list[str]:
 
 # Backlash of a frame or a rocker that a cam moves both ways.
 
-#: Points of a finished contour.
+#: Number of points of a manufactured contour.
 CONTOUR_POINTS = 3600
-#: Cam angles at which both elements rest on their contours.
+#: Number of cam angles at which the backlash is computed.
 READINGS = 360
 
 

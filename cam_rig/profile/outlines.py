@@ -23,7 +23,7 @@ from cam_rig.units import FloatArray
 
 #: Height of a stem's bearing, as a fraction of the follower's reach.
 BEARING = 0.1
-#: Room for lift-off below the bearing, as a fraction of the greatest lift.
+#: Free height for lift-off below the bearing, as a fraction of the largest lift.
 LIFT_OFF = 0.12
 #: Distance of a stem's end above its bearing, as a fraction of the follower's reach.
 STEM_END = 0.04

@@ -86,19 +86,21 @@ def pitch_paths(follower: Follower, law: Law) -> list[ContourPath]:
     return paths
 
 
-#: Samples of the path from which the number of chords is estimated.
+#: Number of samples of the path from which the number of chords is estimated.
 PATH_SAMPLES = 8192
-#: Samples of each chord at which the chord error is measured.
+#: Number of samples of each chord at which the chord error is measured.
 CHORD_SAMPLES = 12
-#: Longest chord as a fraction of the path: straight parts have vertices too.
+#: Longest chord as a fraction of the path. It gives straight parts vertices too.
 MAX_CHORD_RATIO = 1.0 / 90.0
-#: Factor of the number of points from trial to trial.
+#: Factor of the number of points from one trial to the next.
 POINTS_FACTOR = 1.08
-#: Greatest number of trials.
+#: Largest number of trials to reach the tolerance.
 MAX_TRIALS = 12
-#: Least tolerance, m. Shorter distances are within the rounding of a coordinate of 1 m.
+#: Smallest accepted tolerance of the chords, m. Shorter distances are within the rounding of a
+#: coordinate of 1 m.
 MIN_TOLERANCE = 1e-11
-#: Smooth stretch: cam angles (rad), steps of the path between them (m), curvature (1/m).
+#: Samples of a smooth stretch: cam angles (rad), steps of the path between them (m), curvature
+#: (1/m).
 Samples = tuple[FloatArray, FloatArray, FloatArray]
 
 

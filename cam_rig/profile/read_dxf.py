@@ -46,29 +46,31 @@ from cam_rig.profile.contour_files import (
 from cam_rig.schema.quantity import UNITS
 from cam_rig.units import FloatArray
 
-#: Name of a unit for each $INSUNITS that is read.
+#: Name of each unit of the header variable $INSUNITS that is accepted.
 UNIT_NAMES = {units.MM: "mm", units.CM: "cm", units.M: "m", units.IN: "in"}
-#: Entities of which a contour can consist.
+#: Types of entities of which a contour can consist.
 CURVES = (Line, Arc, Circle, Ellipse, Spline, LWPolyline, Polyline)
-#: Entities of a drawing that are read, those of its blocks included.
+#: Largest number of entities of a drawing, including those of its blocks.
 MAX_ENTITIES = 100_000
-#: Largest distance of the chords of an arc or a spline from it, m: below the errors of a machine.
+#: Largest distance of an arc or a spline from its chords, m: below the errors of a machine.
 ARC_ERROR = 1e-9
-#: Smallest number of points of a curve with arcs. A spline through the ends of its straight parts
-#: alone would bulge.
+#: Smallest number of points of a curve with arcs. A spline through only the ends of its straight
+#: parts would bulge.
 ARC_POINTS = 20_000
-#: Thirds of the Bézier curves that stand for an arc: with 32 of them it is off by 1e-9 radii.
+#: Number of thirds of the Bézier curves that replace an arc. 32 Bézier curves have an error of 1e-9
+#: radii.
 ARC_SEGMENTS = 96
-#: Points of a curve before its last refinement.
+#: Number of points of a curve at which its refinement stops.
 MAX_POINTS = 1_000_000
-#: Ends of entities that are nearer than this (m) are joined. Programs write 3 to 16 decimals of mm.
+#: Largest distance (m) of ends of entities that are joined. Programs write 3 to 16 decimals of mm.
 JOIN_DISTANCE = 5e-6
-#: Radii of a circle around the axis differ at most by this distance, m.
+#: Largest difference of the radii of a circle around the axis, m.
 MAX_ECCENTRICITY = 1e-6
 #: Largest radius of a bore with its keyway, as a fraction of the smallest radius of its cam. A
 #: contour inside of its pitch curve is larger: its roller is seldom larger than the cam.
 MAX_BORE_RATIO = 0.5
-#: A closed curve of fewer straight lines is a frame or a keyway, if there are others.
+#: Smallest number of straight lines of a closed curve that can be a contour. If there are other
+#: curves, a curve with fewer lines is a frame or a keyway.
 MIN_LINES = 12
 
 
@@ -198,7 +200,7 @@ def _is_cam_inside(points: FloatArray, outline: FloatArray) -> bool:
     return bool(is_inside and is_large and encloses_axis(points) and not _is_centred(points))
 
 
-#: Errors that ezdxf raises at damaged files: it reads tags before it checks the structure.
+#: Errors that ezdxf raises for damaged files: it reads tags before it checks the structure.
 DAMAGE_ERRORS = (
     *(OSError, DXFError, ValueError, ArithmeticError, LookupError),
     *(AttributeError, AssertionError, StopIteration),

@@ -56,9 +56,9 @@ def distances(points: FloatArray, strip: FloatArray) -> FloatArray:
     return np.asarray(np.hypot(away[:, :, 0], away[:, :, 1]).min(axis=1))
 
 
-#: Degrees between two numbers of the ring.
+#: Angle between two numbers of the ring, degrees.
 NUMBER_STEP = 30
-#: Degrees between two ticks of the ring.
+#: Angle between two ticks of the ring, degrees.
 TICK_STEP = 10
 #: Radius of the end of a short tick, as a multiple of the ring's radius.
 SHORT_TICK = 1.03
@@ -66,9 +66,10 @@ SHORT_TICK = 1.03
 LONG_TICK = 1.07
 #: Radius of the middle of a number, as a multiple of the ring's radius.
 NUMBER_RADIUS = 1.17
-#: Polylines that fill a cam. They are few, because browsers without a graphics card are slow.
+#: Number of polylines that fill the picture of a cam. They are few, because browsers without a
+#: graphics card are slow.
 SHELLS = 6
-#: Points of each of them.
+#: Number of points of each of these polylines.
 SHELL_POINTS = 60
 #: Start and end of the arc that shows the cam's direction of rotation, degrees.
 ARROW_ARC_DEG = (150.0, 390.0)

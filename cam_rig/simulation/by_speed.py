@@ -19,8 +19,8 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import TickSamples, TransientFilter, WholeTurns
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-#: Smallest gap of a flight, as a fraction of the lift, above the rounding of the displacements. A
-#: force of zero with a smaller gap is a follower without preload that rests on the cam's dwell.
+#: Smallest gap of a flight as a fraction of the lift, above the rounding of the displacements. If
+#: the force is zero at a smaller gap, the follower has no preload and rests on the cam's dwell.
 MIN_GAP_RATIO = 1e-9
 
 
@@ -31,7 +31,7 @@ class FlightCount:
     Times are resolved to one sample.
     """
 
-    min_gap: float  #: m; with a smaller gap the follower has not left the cam
+    min_gap: float  #: smallest gap of a follower that has left the cam, m
     _length: int = field(default=0, init=False)  #: samples of the flight so far
     _has_left: bool = field(default=False, init=False)  #: True if the gap was above `min_gap`
     _bounced: bool = field(default=False, init=False)  #: True if the flight started with a bounce
@@ -78,17 +78,17 @@ class SpeedRow:
     turns: float  #: number of settled turns with samples
     #: sound level, dB re 20 µPa; None if the messages of the microphone are missing
     level_db: float | None
-    peak_force: float  #: N, maximum contact force of the samples, 0 in flight
-    min_force: float  #: N, minimum; below 0 in a model that keeps the follower on the cam
+    peak_force: float  #: maximum contact force of the samples, N, 0 in flight
+    min_force: float  #: minimum contact force, N; below 0 if the model cannot lose contact
     lift_offs: float  #: number of lift-offs per turn
-    flight: float  #: s, longest time off the cam, with the resolution of one sample
-    landing: float  #: N·s, largest landing impulse; landings within one sample are added
-    peak_torque: float  #: N·m, maximum of F s' (eq. 8 of the paper)
-    min_torque: float  #: N·m, minimum; below 0 the follower drives the cam
-    torque_mean: float  #: N·m
+    flight: float  #: longest time off the cam, s, with the resolution of one sample
+    landing: float  #: largest landing impulse, N·s; landings within one sample are added
+    peak_torque: float  #: maximum torque F s' on the cam, N·m (eq. 8 of the paper)
+    min_torque: float  #: minimum torque, N·m; below 0 the follower drives the cam
+    torque_mean: float  #: mean torque, N·m
 
 
-#: Weights of s, s' and s'' that select s', by which a force becomes a torque.
+#: Weights of s, s' and s'' that give s', which converts a force to a torque.
 SLOPE = np.array([[0.0, 1.0, 0.0]])
 
 
@@ -97,7 +97,7 @@ class _TickStatistics:
     """Statistics of the samples of one tick, or of several ticks at one speed."""
 
     samples: int = 0
-    turned: float = 0.0  #: rad
+    turned: float = 0.0  #: cam angle turned so far, rad
     max_force: float = -math.inf  #: N
     min_force: float = math.inf  #: N
     max_torque: float = -math.inf  #: N·m

@@ -24,9 +24,10 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import TickSamples
 from cam_rig.units import FloatArray, to_rpm
 
-#: Smallest number of rows of a chunk except the last: one tick may have very few.
+#: Smallest number of rows of a chunk of the file, except the last chunk. The samples of one tick
+#: alone may be very few.
 CHUNK_ROWS = 1 << 16
-#: Column of text. All other columns contain numbers.
+#: Name of the column with the cam's name. All other columns contain numbers.
 CAM = "cam"
 
 
@@ -36,7 +37,7 @@ class ExportColumn(NamedTuple):
     name: str  #: contains the unit
     unit: str
     meaning: str
-    attribute: str  #: of `TickSamples`
+    attribute: str  #: attribute of `TickSamples` with the numbers
 
 
 #: Columns of numbers, in the order of the files.
@@ -71,7 +72,7 @@ class Chunk:
 class Contents:
     """Summary of the exported rows, complete when the export is finished."""
 
-    rate: int  #: Hz
+    rate: int  #: sample rate, Hz
     rows: int = 0
     #: Number of interruptions: lost messages, a stopped cam, or a step that was left out.
     gaps: int = 0
@@ -207,12 +208,13 @@ def _schema(pa: Any, about: dict[str, str]) -> Any:
     return pa.schema([time, cam, *others], metadata=about)
 
 
-#: Columns without a channel in a WAV file. The time follows from the index of the sample, and an
-#: angle of many turns loses its digits in 32 bits.
+#: Columns without a channel in a WAV file. The time follows from the index of the sample. An angle
+#: of many turns would lose its digits in 32 bits.
 NO_CHANNEL = ("time_s", "angle_rad")
 #: Indices in `COLUMNS` of the channels of a WAV file.
 CHANNELS = tuple(i for i, column in enumerate(COLUMNS) if column.name not in NO_CHANNEL)
-#: Largest size of the samples of a WAV file, less its header: sizes in it are 32-bit numbers.
+#: Largest size of the samples of a WAV file, bytes: sizes in its header are 32-bit numbers, and 64
+#: KiB are left for the header.
 MAX_BYTES = 2**32 - 2**16
 #: Format code of floating-point samples in a WAV file (WAVE_FORMAT_IEEE_FLOAT).
 IEEE_FLOAT = 3

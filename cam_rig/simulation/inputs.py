@@ -48,13 +48,13 @@ Speeds = float | Sequence[float] | FloatArray
 
 #: Largest number of rigs that an error message lists. More would not fit in one line.
 MAX_LISTED_RIGS = 5
-#: Shipped rig for cams that are named without a rig.
+#: Name of the shipped rig that is used for cams without a rig.
 DEFAULT_RIG = "paper_table2"
-#: Largest number of speeds. A longer table takes minutes and is not readable.
+#: Largest number of speeds that is accepted. A longer table takes minutes and is not readable.
 MAX_SPEEDS = 1000
-#: Lowest cam speed, rpm: below the speed of any real cam.
+#: Lowest cam speed that is accepted, rpm: below the speed of any real cam.
 MIN_RPM = 0.01
-#: Highest cam speed, rpm: above the speed of any real cam.
+#: Highest cam speed that is accepted, rpm: above the speed of any real cam.
 MAX_RPM = 1e5
 
 

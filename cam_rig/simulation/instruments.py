@@ -9,14 +9,15 @@ import numpy as np
 
 from cam_rig.units import FloatArray
 
-#: Number of successive time steps whose median is the normal step. It is short, because an encoder
-#: that reports each count has a longer step at a lower speed.
+#: Number of successive time steps of which the median is the usual time step. It is small, because
+#: an encoder that reports each count has longer steps at a lower speed.
 WINDOW = 64
-#: Ratio of a gap to the normal time step, for readings at a constant rate.
+#: Smallest ratio of a gap to the usual time step, for readings at a constant rate.
 STEADY_GAP_RATIO = 1.8
-#: Ratio of a gap to the normal time step, for other readings: networks deliver in bursts.
+#: Smallest ratio of a gap to the usual time step, for other readings: networks deliver in bursts.
 GAP_RATIO = 4.0
-#: Largest relative deviation from the median step, for nine steps of ten, at a constant rate.
+#: Readings have a constant rate if nine of ten time steps deviate from the median step by at most
+#: this fraction.
 STEADY_RTOL = 0.05
 
 
@@ -90,17 +91,18 @@ class MeasuredRun:
     level: Signal | None = None  #: sound level, dB re 20 µPa
     notes: tuple[str, ...] = ()  #: sentences on anomalies in the bag
     begin_ns: int = 0  #: stamp of time 0, ns
-    counts: tuple[ReadingCount, ...] = ()  #: per quantity, of a bag of another program
+    counts: tuple[ReadingCount, ...] = ()  #: per quantity, if another program wrote the bag
 
 
-#: Largest deviation of an angle step from a whole number of counts, in counts. For a step of n
-#: counts it is √n times as large, because the count itself is known to this accuracy only.
+#: Largest deviation of an angle step from a whole number of an encoder's counts, in counts, for a
+#: step of one count. For a step of n counts it is √n times as large, because the size of a count is
+#: known to this accuracy only.
 COUNT_ATOL = 1e-3
-#: Largest deviation of an angle step from a whole number of counts, in counts, for any n.
+#: Upper limit of that deviation for any number of counts, in counts.
 MAX_COUNT_ATOL = 0.05
-#: Angles that differ by less are equal, rad: rounding.
+#: Largest difference of angles (rad) that count as equal (rounding).
 EQUAL_ANGLE_ATOL_RAD = 1e-12
-#: Smallest count of an encoder, rad.
+#: Smallest angle per count (rad) that is recognized as an encoder's.
 MIN_COUNT_RAD = 1e-8
 
 

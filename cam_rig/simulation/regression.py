@@ -15,12 +15,12 @@ from cam_rig.units import FloatArray, rms, to_rpm
 
 #: Degree of the paper's regressions (eq. 20-22).
 REGRESSION_DEGREE = 3
-#: Leading coefficients below this fraction of the largest coefficient are rounding.
+#: Size of a leading coefficient below which it is rounding, relative to the largest coefficient.
 COEFFICIENT_RTOL = 1e-12
 #: Largest absolute imaginary part of a root that counts as real.
 REAL_ROOT_ATOL = 1e-9
-#: Smallest number of speeds of a regression in a figure. A cubic through fewer would show features
-#: that were not measured.
+#: Smallest number of speeds for which a figure shows a regression. A cubic through fewer speeds
+#: would show features that were not measured.
 MIN_SPEEDS = 6
 
 

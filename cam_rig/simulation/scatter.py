@@ -6,11 +6,13 @@ import numpy as np
 
 from cam_rig.units import TURN, FloatArray, rms
 
-#: Number of bins of a turn in which noise is estimated, and over which differences are averaged.
+#: Largest number of bins into which the readings of a turn are divided to estimate the noise, and
+#: over which differences are averaged.
 BINS = 180
-#: Smallest number of readings in a bin. With fewer, the square of the median is too large.
+#: Smallest number of readings per bin. With fewer readings, the squared median overestimates the
+#: noise.
 MIN_READINGS = 40
-#: Median of the absolute value of normal noise, in standard deviations.
+#: Median of |x| of the standard normal distribution. It converts a median to a standard deviation.
 MEDIAN = 0.6744897501960817
 
 

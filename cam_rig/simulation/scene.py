@@ -127,9 +127,9 @@ def load_scene(scene: str | Path) -> LoadedScene:
     return open_scene(resolve_path("scenes", scene))
 
 
-#: Shipped rig whose acoustic constants were fitted to published levels.
+#: Name of the shipped rig whose acoustic constants were fitted to published levels.
 SHIPPED_RIG = "tm21"
-#: Model of the follower with which its constants were fitted.
+#: Model of the follower with which the constants of `SHIPPED_RIG` were fitted.
 SHIPPED_MODEL = "one_mass"
 
 
@@ -138,7 +138,7 @@ class LevelOrigin(StrEnum):
 
     CALIBRATED = "calibrated"  #: the rig's constants were fitted to the level of this cam
     IDENTIFIED = "identified"  #: the numbers of the cam were fitted to its level
-    PREDICTED = "predicted"  #: nothing was fitted to it
+    PREDICTED = "predicted"  #: no number of rig or cam was fitted to the level of this cam
     RELATIVE = "relative"  #: the rig was not calibrated: only differences of levels are meaningful
 
 
@@ -158,7 +158,8 @@ SI_UNITS = {
     "stem_damping": "N*s/m",
     "preload": "N",
 }
-#: Relative difference below which two numbers are equal: rounding of a conversion of units.
+#: Relative difference below which two numbers are equal. It allows for the rounding of a conversion
+#: of units.
 VALUE_RTOL = 1e-9
 
 

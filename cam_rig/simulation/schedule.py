@@ -26,9 +26,9 @@ class CamState:
     angle are moved to `turns`.
     """
 
-    time_ns: int  #: rig time
-    angle: float  #: rad, in [0, 2π)
-    speed: float  #: rad/s
+    time_ns: int  #: rig time, ns
+    angle: float  #: cam angle in [0, 2π), rad
+    speed: float  #: cam speed, rad/s
     cam: str  #: name of the mounted cam
     turns: int = 0  #: whole turns before the angle
 
@@ -106,7 +106,7 @@ def run_length(scene: SceneConfig) -> tuple[int, int]:
         duration += ramp[-1].stop_ns if ramp else 0
         duration += _ticks_end_ns(scene, speed, ticks_per_step(scene))
         ticks = [tick.stop_ns - tick.start_ns for tick in ramp]
-        longest = max(longest, *ticks, _ticks_end_ns(scene, speed, 1) + 1)  # some by rounding
+        longest = max(longest, *ticks, _ticks_end_ns(scene, speed, 1) + 1)  # + 1 ns: rounding
     return len(scene.cams) * duration, longest
 
 

@@ -28,9 +28,9 @@ class MeasuredTick:
 
     start: CamState
     stop_ns: int
-    pressure: float | None  #: r.m.s., Pa; None if the rig has no acoustic constants
+    pressure: float | None  #: r.m.s. sound pressure, Pa; None without acoustic constants
     samples: int  #: number of samples in the r.m.s. value
-    steady: bool = True  #: False on a ramp
+    steady: bool = True  #: True at constant cam speed, False on a ramp
 
     @classmethod
     def between(
@@ -45,8 +45,9 @@ class MeasuredTick:
         return cls(start, end.time_ns, pressure, count, interval.acceleration == 0.0)
 
 
-#: Largest difference between the rig time from state to state and the time of the turned angle, s.
-#: Beyond it the cam was stopped in between. A stop takes 1 s, and rounding far less.
+#: Largest difference (s) between the rig time from one state to the next and the time that the
+#: turned angle takes. A larger difference is a stop of the cam, which takes 1 s. Rounding is far
+#: smaller.
 STOP_ATOL_S = 0.1
 
 
@@ -183,7 +184,7 @@ def require_ticks(levels: dict[str, dict[float, float]], source: str) -> None:
         )
 
 
-#: Relative difference below which two speeds are equal: rounding of rpm.
+#: Relative difference below which two speeds are equal. It allows for the rounding of rpm.
 SPEED_RTOL = 1e-9
 
 
@@ -258,7 +259,7 @@ class FollowerSimulator:
     """
 
     model: Model
-    parameters: Any  #: of the model
+    parameters: Any  #: parameters of the model
     sample_rate: int  #: Hz
     laws: dict[str, Law] = field(default_factory=dict)  #: by cam
     last: CamState | None = None  #: last cam state, None before the first
@@ -380,9 +381,10 @@ def simulate(
 #: Sample rate of `simulate_steady_turns`, Hz. Levels are within 0.003 dB of those at 384 kHz
 #: (docs/accuracy.md).
 TURN_RATE_HZ = 12_000
-#: Centre of the speed response, a polynomial of (rpm − 300)/100, rpm: the middle of 200 to 400.
+#: Speed (rpm) at which the speed response is 0 dB: the middle of the range 200 to 400 rpm. The
+#: response is a polynomial of (rpm − 300)/100.
 RESPONSE_CENTRE_RPM = 300.0
-#: Unit of the argument of the speed response, rpm: the half of that range.
+#: Scale of the speed in that polynomial, rpm: half the range 200 to 400 rpm.
 RESPONSE_SCALE_RPM = 100.0
 
 

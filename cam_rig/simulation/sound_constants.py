@@ -25,7 +25,7 @@ class PublishedCam:
 
     cam: str
     turns: Sounding
-    published: FloatArray  #: level, dB, ``(n,)``
+    published: FloatArray  #: published level, dB, ``(n,)``
 
     @property
     def rpm(self) -> FloatArray:
@@ -66,7 +66,10 @@ class SteadyTurns:
         return np.array(power)
 
     def landing_power(self, _radiation: RadiationParameters) -> FloatArray:
-        """Return zeros in Pa², shape `(n,)`, because there are no landings."""
+        """Return the mean square sound pressure of the landings, Pa², shape `(n,)`.
+
+        It is 0, because the follower never leaves the cam.
+        """
         return np.zeros(self.speeds.size)
 
 

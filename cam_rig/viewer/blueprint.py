@@ -23,13 +23,14 @@ from cam_rig.viewer.run_view import BANDS, EVENTS
 from cam_rig.viewer.timeline import CAM_DEGREES, RIG_TIME, TURN_DEGREES
 from cam_rig.viewer.turn_chart import MAX_TITLE, TurnAxes
 
-#: Ratio of rig time to wall-clock time: a turn at 300 rpm takes 2 s of wall-clock time.
+#: Ratio of rig time to wall-clock time in the playback of a recording: a turn at 300 rpm takes 2 s
+#: of wall-clock time.
 PLAYBACK_SPEED = 0.1
 #: Options of a time panel that plays the recording in a loop.
 PLAYING: dict[str, Any] = {"state": "collapsed", "play_state": "playing"}
-#: Playback speed (degrees of the cam per second) of layouts that overlay turns.
+#: Playback speed of layouts that overlay turns, degrees of the cam per second of wall-clock time.
 DEGREES_PER_SECOND = 90.0
-#: Rig time (s) of a finished run that the curves show on each side of the time cursor.
+#: Rig time (s) of a finished run that the curves show before and after the time cursor.
 AROUND_CURSOR_S = 0.5
 
 

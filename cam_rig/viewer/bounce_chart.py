@@ -23,11 +23,11 @@ from cam_rig.viewer.turn_chart import DEGREES, WIDTH, label
 VIEW = "bounce"
 GAPS = f"{VIEW}/gap"
 LANDINGS = f"{VIEW}/landing"
-#: Height of each of the two axes in the plane, whose width is `WIDTH`.
+#: Height of each of the two axes, in the units of the plane, whose width is `WIDTH`.
 ROW = 48.0
-#: Height of the space for the title above each of the axes.
+#: Height of the space for the title above each of the axes, in the units of the plane.
 HEAD = 12.0
-#: Radius of a point. Rerun reads a negative radius as points of the screen.
+#: Radius of a point. A negative radius is in points of the screen in Rerun.
 POINT = -1.6
 
 

@@ -26,23 +26,23 @@ from cam_rig.viewer.turn_chart import MAX_TITLE, TurnAxes, curve, label
 from cam_rig.viewer.turn_chart import WIDTH as TURN_WIDTH
 
 VIEW = "noise"
-#: Range of the level axis in dB if no curve is published.
+#: Range of the level axis (dB) if the scene has no published curves.
 LEVELS = (50.0, 110.0)
-#: Radius of a dash. Rerun reads a negative radius as points of the screen.
+#: Radius of a dash. A negative radius is in points of the screen in Rerun.
 LINE = -1.2
-#: Radius of a point of a run in progress.
+#: Radius of a point of a run in progress, in points of the screen (negative for Rerun).
 POINT = -4.0
-#: Radius of a point of a finished run.
+#: Radius of a point of a finished run, in points of the screen (negative for Rerun).
 FINAL = -2.5
 #: Number of dashes of a published curve.
 DASHES = 40
-#: Width of the plane, whose height is 100.
+#: Width of the plane of the chart, whose height is 100.
 WIDTH = 200.0
-#: Width of a letter in the plane.
+#: Width of a letter of a name, in the units of the plane.
 LETTER = 4.4
-#: Free space on both sides of a name in the plane, in sum.
+#: Sum of the free spaces left and right of a name, in the units of the plane.
 AROUND = 12.0
-#: Smallest vertical distance between two names in the plane.
+#: Smallest vertical distance between two names, in the units of the plane.
 TITLE_DISTANCE = 10.0
 
 
@@ -184,7 +184,8 @@ class LevelChart:
 
 # Sound of the last turn in third-octave bands.
 
-#: Lowest band number 10 lg(f/Hz): 5 is 3.15 Hz, below the rotation frequency of every run.
+#: Number 10 lg(f/Hz) of the lowest third-octave band: 5 is 3.15 Hz, below the rotation frequency of
+#: every run.
 LOWEST_BAND = 5
 #: Smallest mean square pressure that has a bar, Pa²: 0 dB.
 SILENCE = 4e-10
@@ -245,9 +246,9 @@ def band_power(
 
 # Third-octave bars in the plane, with one scale for all cams and speeds.
 
-#: Range of the level axis in dB of every bar chart. Louder bars are cut at the upper edge.
+#: Range of the level axis of every bar chart, dB. Louder bars are cut at the upper edge.
 BAND_LEVELS = (0.0, 110.0)
-#: Height of the plane, relative to its width.
+#: Height of the plane of the bar chart, relative to its width.
 SHAPE = 0.42
 #: Width of a bar, relative to the width of its band.
 BAR = 0.8
@@ -320,11 +321,11 @@ class BandChart:
 
 TURNS = "turns"
 COMPARE = "compare"
-#: Height of the axes, whose width is 160.
+#: Height of the axes of overlaid turns, in the units of the plane, whose width is 160.
 ROW = 80.0
-#: Number of names in each line above the axes.
+#: Number of names in each line of names above the axes.
 NAMES_IN_LINE = 2
-#: Vertical distance between two lines of names in the plane.
+#: Vertical distance between two lines of names, in the units of the plane.
 NAME_STEP = 11.0
 #: Radius of a curve, in points of the screen (negative for Rerun).
 STROKE = -0.9

@@ -24,9 +24,9 @@ TIMELINE = "rig_time"
 #: Path that a page requests to report its rig time (ns), or -1 before it displays a recording. The
 #: response is the name of the recording to display.
 SHOWN_PATH = "/shown"
-#: Wall-clock time (s) between two reports of a page.
+#: Period (s, wall clock) at which a page reports its rig time.
 REPORT_EVERY_S = 1.0
-#: Wall-clock time (s) between two checks of a page for its first data.
+#: Period (s, wall clock) at which a page checks for its first data.
 LOOK_EVERY_S = 0.1
 #: Script that reads the displayed rig time from the viewer's state. Field 3 of the state contains
 #: the recordings. Field 3 of a recording is its time cursor, with the name of the timeline in 1.1
@@ -180,11 +180,11 @@ class PageTime:
 # Folder of a live recording, which only this user can read: recordings, and the delay of the page.
 # The viewer's node writes it and the process that serves the page reads it. No port is needed.
 
-#: Name of the file in which the server writes the delay of the page in s.
+#: Name of the file in which the server writes the delay of the page, s.
 BEHIND = "behind"
-#: Largest size of a part of a recording, bytes.
+#: Size of a part of a recording (bytes) at which the next part is started.
 MAX_PART = 64 * MIB
-#: Number of parts that are kept in addition to the first: 0.4 GB in total.
+#: Number of newest parts that are kept in addition to the first part: 0.4 GB in total.
 KEPT_PARTS = 5
 
 

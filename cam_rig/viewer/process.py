@@ -34,9 +34,9 @@ os.execv(viewer, [viewer, *sys.argv[1:]])
 """
 #: Options of the viewer, which only accepts connections from this machine.
 OPTIONS = ("--bind", LOOPBACK, "--hide-welcome-screen")
-#: Wall-clock time (s) within which the viewer must listen at its ports.
+#: Longest wall-clock time (s) from the start of the viewer until it listens at its ports.
 TIMEOUT_S = 30.0
-#: Wall-clock time (s) within which the viewer must end after SIGTERM.
+#: Longest wall-clock time (s) from SIGTERM until the viewer ends.
 END_S = 3.0
 #: Environment in which the viewer reports no usage. Its option for this would change the user's
 #: settings, but it also reports no usage if CI is set.

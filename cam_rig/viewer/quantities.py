@@ -27,7 +27,7 @@ from cam_rig.viewer.timeline import Canvas
 
 # Time series: the curves, and sending of samples as columns that keep every peak.
 
-#: Number of rows sent at once: large enough to be fast, small enough for the memory.
+#: Number of rows that are sent at once: large enough to be fast, small enough for the memory.
 ROWS_AT_ONCE = 100_000
 
 
@@ -44,7 +44,7 @@ class SeriesLine:
     factor: float = 1.0
     width: float = 1.2
     interpolation: InterpolationMode = InterpolationMode.Linear
-    #: Keeps the peaks at any zoom.
+    #: Reduction of the samples to the screen, which keeps the peaks at any zoom.
     aggregation: AggregationPolicy = AggregationPolicy.MinMax
 
     def style(self) -> rr.SeriesLines:
@@ -101,7 +101,7 @@ SPEED = SeriesLine(
 LIFT_OFF = Mark("plots/lift/lift_off", "lift-off", colours.LIFT_OFF)
 LANDING = Mark("plots/lift/landing", "landing", colours.LANDING)
 MARKS = LIFT_OFF, LANDING
-#: Series with so few points that they are sent without reduction.
+#: Series with so few points that all of them are sent.
 UNTHINNED = (ZERO, SPEED, LEVEL, *MARKS)
 
 
@@ -160,7 +160,7 @@ class SeriesWriter:
 
 # Twist of the shaft behind the cam, which no message contains.
 
-#: Model of which the twist of the shaft is plotted.
+#: Name of the model of which the twist of the shaft is plotted.
 TORSIONAL = "torsional"
 
 
@@ -206,17 +206,18 @@ ACCELERATION = PlotRow("acceleration", "Acceleration [m/s²]", ACCELERATION_LINE
 FORCE = PlotRow("force", "Contact force [N]", FORCE_LINE)
 GAP = PlotRow("gap", "Gap [µm]", GAP_LINE)
 TWIST = PlotRow("twist", "Twist of the shaft [°]", TWIST_LINE)
-#: Largest number of turns at each speed from which the axes of a scene are computed.
+#: Largest number of turns per speed that are simulated to determine the axes of a scene.
 MAX_TURNS = 50
-#: Key of the additional axis that resolves the smallest gap of a scene.
+#: Key of the additional axis of the gap, which resolves the smallest gap of a scene.
 CLOSE_GAP = "close_gap"
 #: Key of the axis (mm) of the gap at cam angle 0.
 ZERO_GAP = "zero_gap"
-#: Smallest gap (µm) that gets the additional axis.
+#: Smallest gap (µm) for which the additional axis is shown.
 MIN_GAP = 1.0
-#: Upper limit of the additional axis, relative to the smallest gap.
+#: Upper limit of the additional axis, as a multiple of the smallest gap.
 CLOSE_GAP_FACTOR = 4.0
-#: Largest upper limit of the additional axis, relative to the greatest gap.
+#: Largest upper limit of the additional axis at which it is shown, as a fraction of the largest
+#: gap.
 MAX_SHARE = 0.2
 
 

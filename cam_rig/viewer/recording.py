@@ -130,9 +130,9 @@ class RunFeed:
             self._sound_until = sound[0]
 
 
-#: Number of samples below which every sample of a run is kept.
+#: Number of samples of a run below which all are kept.
 WHOLE_BELOW = 1_000_000
-#: Number of buckets per curve of a longer run. Each shows its minimum and its maximum.
+#: Number of intervals of a longer run, for each of which a curve keeps its minimum and its maximum.
 BUCKETS = 250_000
 
 
@@ -233,14 +233,14 @@ def polygon(message: Any) -> FloatArray:
 
 # Live view of a run, drawn like a bag.
 
-#: Number of horizontal positions of a curve on a screen, each of which can show two points.
+#: Number of horizontal positions of a curve on a screen. At each of them a curve shows two points.
 ACROSS_SCREEN = 1000
 #: Shortest rig time (s) before the newest sample that the curves show. It covers several turns, and
 #: the data that the slowest page receives at once.
 MIN_WINDOW_S = 2.0
-#: Shortest wall-clock time (s) between two blocks of columns.
+#: Shortest wall-clock time (s) between two blocks of columns that are sent.
 SEND_EVERY_S = 0.25
-#: Wall-clock time (s) within which the remaining data must be sent at the end.
+#: Longest wall-clock time (s) for sending the remaining data at the end of a run.
 TIMEOUT_S = 8.0
 
 

@@ -62,15 +62,15 @@ POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
     f"frame-ancestors http://{LOCAL_HOST}:*"
 )
-#: Wall-clock time (s) between two checks of a live recording for new data.
+#: Polling period (s, wall clock) for new data of a live recording.
 LOOK_S = 0.1
-#: Number of bytes sent at once.
+#: Number of bytes of a recording that are sent at once.
 CHUNK = 1 << 16
-#: Longest response time of Rerun's server, s.
+#: Longest wall-clock time (s) for a response of Rerun's server.
 TIMEOUT_S = 20.0
-#: Links of Rerun's page to other hosts.
+#: Pattern of links of Rerun's page to other hosts.
 OUTSIDE = re.compile(rb'<link[^>]*"https://[^>]*>')
-#: Files that Rerun's page loads from its server: a script, a module, an icon.
+#: Pattern of the files that Rerun's page loads from its server: a script, a module, an icon.
 NAMED = re.compile(rb'(?:src|href)="([\w.-]+)"|fetch\("\./([\w.-]+)"\)')
 
 

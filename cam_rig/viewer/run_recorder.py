@@ -26,7 +26,8 @@ from cam_rig.viewer.timeline import (
 
 ABOUT = "about"
 RESULTS = "results"
-#: Rig time (s) that is sent to a file at once: long enough to be fast, short enough for the memory.
+#: Rig time (s) of samples that are written to a file at once: long enough to be fast, short enough
+#: for the memory.
 SEND_EVERY_S = 5.0
 
 

@@ -28,7 +28,7 @@ from cam_rig.viewer.turn_chart import MAX_TITLE, TurnChart
 
 # Time series of a run, tick by tick.
 
-#: Weights of s, s' and s'' that select s.
+#: Weights of s, s' and s'' that give s.
 LIFT_OF_LAW = np.array([[1.0, 0.0, 0.0]])
 
 
@@ -82,9 +82,9 @@ class TimeSeries:
             writer.flush()
 
 
-#: Entity of the texts of events.
+#: Entity path of the texts of events.
 EVENTS = "events"
-#: Entity of the third-octave bands.
+#: Entity path of the third-octave bands.
 BANDS = "bands"
 
 
@@ -199,7 +199,7 @@ class RunView:
             self._scene.mount(state, profile)
         title = f"{shortened(self._loaded.cams[state.cam].title, MAX_TITLE)}, "
         self._scene.speed(state, title)
-        if not self._finished:  # a bag has each turn from its start on
+        if not self._finished:  # live: no turn of this step is complete yet
             self._turn_chart.begin(state)
         text = f"{title}{to_rpm(state.speed):.0f} rpm"
         self._events.append((state.time_ns / NS, state.unwrapped, text, "INFO"))

@@ -24,26 +24,27 @@ from cam_rig.viewer.timeline import Canvas, FramePace
 
 # Scale of cam and follower: each cam fills its view, whatever its size.
 
-#: Radius of the ring of degrees around a cam, relative to the cam's greatest radius.
+#: Radius of the ring of degrees around a cam, relative to the cam's largest radius.
 RING = 1.04
 #: Radius of the circle that contains the ring's numbers, relative to the radius of these numbers.
 AROUND = 1.09
 #: Height of the space below the ring for a line of text and the bar of a force, relative to the
 #: ring's radius.
 TEXT_SPACE = 0.36
-#: Space for a follower in flight above the law's greatest lift, relative to that lift.
+#: Height of the space for a follower in flight above the law's largest lift, relative to that lift.
 FLIGHT = 0.3
-#: Smallest space for a follower in flight, relative to the follower's reach.
+#: Smallest height of this space, relative to the follower's reach.
 FLIGHT_OF_REACH = 0.05
-#: Space at the lower edge of the view, relative to its height.
+#: Height of the free space at the lower edge of the view, relative to the height of the view.
 MARGIN = 0.03
-#: Space at either side of the view, relative to its height.
+#: Width of the free space at each side of the view, relative to the height of the view.
 SIDE = 0.01
-#: Number of lifts at which the numbers covered by the follower are determined.
+#: Number of lifts at which the program determines which numbers of the ring the follower covers.
 LIFTS = 13
-#: Smallest distance of a visible number from the follower, relative to the ring's radius.
+#: Distance from the follower below which a number of the ring is left out, relative to the ring's
+#: radius.
 CLEARANCE = 0.14
-#: Length of the arrow of the greatest force, relative to the picture's height.
+#: Length of the arrow of the largest force, relative to the picture's height.
 ARROW = 0.22
 
 
@@ -194,17 +195,17 @@ def _lines(left: tuple[str, str, str], right: tuple[str, str, str]) -> str:
 
 #: Entity path of the view. The rig is a child, because a view ignores its own transform.
 VIEW = "scene"
-#: Frames per turn, chosen for smooth slow motion at every speed.
+#: Number of pictures per turn, chosen for smooth slow motion at every speed.
 FRAMES_PER_TURN = 72
-#: Radius of a line. Rerun reads negative radii as points of the screen instead of mm.
+#: Radius of a line. A negative radius is in points of the screen in Rerun, instead of mm.
 LINE = -1.5
-#: Radius of a thin line.
+#: Radius of a thin line, in points of the screen (negative for Rerun).
 THIN = -0.7
-#: Radius of a thick line.
+#: Radius of a thick line, in points of the screen (negative for Rerun).
 THICK = -2.5
-#: Radius of the point of the shaft.
+#: Radius of the point that marks the shaft, in points of the screen (negative for Rerun).
 SHAFT = -3.0
-#: Radius of the invisible point of a label.
+#: Radius of the invisible point that carries a label, in points of the screen (negative for Rerun).
 UNSEEN = -0.1
 
 
@@ -288,7 +289,10 @@ class Scene2D:
         self._texts(state, "numbers", *framing.numbers(), looks.GREY)
 
     def _framing_of(self, cam: str) -> Framing:
-        """Return the frame of a cam, also of a cam that was added to the scene later."""
+        """Return the frame of a cam's picture.
+
+        The frames are recomputed if the cam was added to the scene after this object was created.
+        """
         if cam not in self._framings:
             self._framings |= framings(self._loaded)
         return self._framings[cam]

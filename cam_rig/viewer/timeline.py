@@ -16,13 +16,13 @@ from cam_rig.dynamics.interval import NamedRows
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, FloatArray, to_rpm
 
-#: Timeline of the rig time since the start of the run, a duration.
+#: Name of the timeline of the rig time since the start of the run, a duration.
 RIG_TIME = "rig_time"
-#: Timeline of the unwrapped cam angle in whole degrees, a sequence.
+#: Name of the timeline of the unwrapped cam angle in whole degrees, a sequence.
 CAM_DEGREES = "cam_degrees"
-#: Timeline of the whole turns of the cam since the start.
+#: Name of the timeline of the whole turns of the cam since the start.
 TURN = "turn"
-#: Timeline of the degrees within the turn, 0 to 359, on which turns are overlaid.
+#: Name of the timeline of the degrees within the turn, 0 to 359, on which turns are overlaid.
 TURN_DEGREES = "turn_degrees"
 #: Tolerance (degrees, absolute) below a whole degree within which an angle counts as that degree.
 #: Rig time has whole ns, and half a ns is 1.2e-6° at 400 rpm and 3e-5° at 10 000 rpm. The distance
@@ -110,21 +110,24 @@ class Canvas:
 
 # Rate of the pictures of a live run: that of a screen, or less while the page is behind.
 
-#: Highest rate, pictures per second of wall-clock time: a screen displays no more.
+#: Highest rate of pictures, per second of wall-clock time: a screen displays no more.
 MAX_RATE = 30.0
-#: Lowest rate, pictures per second of wall-clock time.
+#: Lowest rate of pictures, per second of wall-clock time.
 MIN_RATE = 0.6
-#: Delay (s) of a page, without the period of the pictures, above which it is late.
+#: Delay (s) of a page behind the run above which the rate is reduced. The period of the pictures is
+#: not included.
 LATE_S = 0.8
-#: Delay (s) of a page, without the period of the pictures, below which it is in time.
+#: Delay (s) of a page behind the run below which the page is in time. The period of the pictures is
+#: not included.
 IN_TIME_S = 0.5
-#: Factor of the rate for a page whose delay is `LATE_S`. It is smaller for a longer delay.
+#: Factor by which the rate is reduced for a page with the delay `LATE_S`. The factor is smaller for
+#: a longer delay.
 SLOWER = 0.5
-#: Factor of the rate for a page that is in time.
+#: Factor by which the rate is increased for a page that is in time.
 FASTER = 2.0
-#: Wall-clock time (s) between two reductions of the rate, so that the first takes effect.
+#: Shortest wall-clock time (s) between two reductions of the rate, so that the first takes effect.
 SETTLE_S = 2.0
-#: Wall-clock time (s) during which a page must be in time before the rate increases.
+#: Wall-clock time (s) during which a page must be in time before the rate is increased.
 CALM_S = 5.0
 
 

@@ -23,7 +23,7 @@ from cam_rig.viewer.timeline import Canvas, Turn, lift_offs
 
 # Axes over one turn of the cam, 0 to 360°, one below the other.
 
-#: Width of the plane.
+#: Width of the plane of the chart. All lengths of the chart are in its units.
 WIDTH = 160.0
 #: Height of the axes of a row in the plane.
 ROW = 27.0
@@ -37,15 +37,16 @@ RIGHT = 6.0
 SPACE_ABOVE = 8.0
 #: Free space below all rows in the plane.
 SPACE_BELOW = 7.0
-#: Largest number of letters of a cam's title in tables and charts, for a page of 1000 pixels.
+#: Largest number of letters of a cam's title in tables and charts, which a page of 1000 pixels has
+#: room for.
 MAX_TITLE = 24
 #: Marks of the cam angle, °.
 DEGREES = {0.0: "0°", 90.0: "90°", 180.0: "180°", 270.0: "270°", 360.0: "360°"}
-#: Number of positions along the turn, at each of which a curve has two points.
+#: Number of horizontal positions along the turn. At each of them a curve has two points.
 POSITIONS = 360
 #: Colour of the line at the present cam angle.
 CURSOR = 0x555555FF
-#: Position of the middle of a row's title, relative to the corner of its axes.
+#: Position (x, y) of the middle of a row's title, relative to the upper left corner of its axes.
 TITLE_AT = (22.0, -HEAD + 1.0)
 #: Height of the labels of y above their marks, relative to the height of the axes.
 RAISED = 0.1
@@ -155,21 +156,21 @@ def curve(axes: TurnAxes, key: str, angle: FloatArray, values: FloatArray) -> Fl
 
 
 VIEW = "turn"
-#: Number of turns of a speed that are overlaid.
+#: Largest number of turns at one speed that are overlaid.
 MAX_OVERLAID = 4
-#: Largest difference of two turns that are drawn once, relative to a row's height.
+#: Largest difference of two turns that are drawn only once, relative to a row's height.
 SAME_TURN_TOLERANCE = 0.004
-#: Positions along x in the plane at which turns are compared.
+#: Horizontal positions in the plane at which turns are compared.
 ALONG = np.linspace(0.0, WIDTH, 361)
-#: Degrees at which the law is drawn.
+#: Cam angles at which the law is drawn, degrees.
 DEGREES_OF_LAW = np.linspace(0.0, 360.0, 361)
 #: Legend of the lift: x of a short stroke, and x of the middle of the name after it.
 LEGEND = ((52.0, 70.0), (84.0, 97.0), (106.0, 122.0), (134.0, 151.0))
-#: Length of a stroke of the legend.
+#: Length of a stroke of the legend, in the units of the plane.
 STROKE = 6.0
 #: Radius of a mark, in points of the screen (negative for Rerun).
 MARK = -4.0
-#: Position along y of the caption with cam and speed.
+#: Vertical position of the caption with cam and speed, in the units of the plane.
 CAPTION = -7.0
 
 

@@ -41,11 +41,12 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
-#: Paths that are accepted: plain characters, and not two slashes first, which would name a host.
+#: Pattern of the paths that are accepted: plain characters, and not two slashes first, which would
+#: name a host.
 PATH = re.compile(rb"/(?!/)[!-~]*")
 #: Loopback address of IPv6.
 LOOPBACK_6 = "::1"
-#: Host of the pages of this process on the loopback.
+#: Host name of this process's pages on the loopback. It is random.
 LOCAL_HOST = f"{secrets.token_hex(8)}.localhost"
 #: Page that stores the cookie and leads to a path. A redirect (303) would be part of a navigation
 #: that a file or another site has started, in which a browser sends no cookie of SameSite=Strict.
@@ -58,9 +59,9 @@ ENTRY = """<!doctype html>
 """
 #: Close code of a websocket that breaks a rule (RFC 6455).
 REFUSED = 1008
-#: Largest size in bytes of a websocket message and of the body of a request.
+#: Largest size of a websocket message and of the body of a request, bytes.
 MAX_MESSAGE = 1 << 16
-#: Wall-clock time (s) within which a server must end after the request to stop.
+#: Longest wall-clock time (s) from the request to stop until a server ends.
 END_S = 3.0
 
 

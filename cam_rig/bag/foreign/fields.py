@@ -10,9 +10,10 @@ import numpy as np
 
 from cam_rig.errors import did_you_mean
 
-#: Largest number of fields in an error message.
+#: Largest number of fields that an error message lists.
 MAX_NAMED = 24
-#: Part of a path: name of a field, and index or name of a joint.
+#: Pattern of one part of a field's path: name of the field, and index or name of a joint in
+#: brackets.
 PART = re.compile(r"(?P<name>\w+)(?:\[(?P<index>[\w/-]+)\])?")
 
 

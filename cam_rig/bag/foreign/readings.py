@@ -23,14 +23,14 @@ from cam_rig.errors import BagError, did_you_mean
 from cam_rig.simulation.instruments import MeasuredRun, ReadingCount, Signal
 from cam_rig.units import NS, FloatArray
 
-#: Largest number of readings of one quantity. Each takes 24 bytes.
+#: Largest number of readings of one quantity that are read. Each takes 24 bytes.
 MAX_READINGS = 20_000_000
-#: Number of readings of the lift whose median a reading is compared with.
+#: Number of readings of the lift whose median is compared with the reading in their middle.
 LIFT_WINDOW = 15
-#: Distance from this median, as a multiple of the lift, of a number that is not a reading. A
-#: follower that bounces stays nearer.
+#: Distance from this median above which a number is not a reading, as a multiple of the lift range.
+#: A follower that bounces stays nearer.
 SENTINEL_RATIO = 5.0
-#: Largest fraction of such numbers that are recognized, on each side of the readings.
+#: Largest fraction of such numbers that are recognized, above and below the readings each.
 MAX_SENTINELS = 0.01
 
 
@@ -47,9 +47,9 @@ class _Readings:
     messages: int = 0
     #: True if the header of any message of the topic has a time.
     has_stamps: bool = False
-    #: Number of values of the field's integer type, or None for another type.
+    #: Number of values of the field's integer type, None if the type is not an integer.
     values_of_type: int | None = None
-    #: Error of the first message without the number.
+    #: Error of the first message that does not contain the number.
     first_error: str = ""
 
     def take(self, message: Any, log_time: int, types: Typestore) -> None:

@@ -9,22 +9,22 @@ from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.schema.quantity import UNITS
 from cam_rig.units import TURN
 
-#: Units of each quantity, with their factors to SI. The first unit is the default. An angle may
-#: also be in counts (turn/1024). An r.m.s. sound pressure in Pa is converted to a level.
+#: Accepted units of each quantity, with their factors to SI. The first unit is the default. An
+#: angle may also be in counts (turn/1024). An r.m.s. sound pressure in Pa is converted to a level.
 QUANTITIES: dict[str, dict[str, float]] = {
     "angle": UNITS["angle"],
     "lift": {**UNITS["length"], "um": 1e-6},
     "force": {**UNITS["force"], "kN": 1e3},
     "level": {**UNITS["level"], "Pa": 1.0},
 }
-#: Unit of an angle in counts per turn.
+#: Pattern of the unit of an angle in counts per turn.
 COUNTS = re.compile(r"turn/([1-9]\d{0,8})")
-#: Item of the text: quantity, sign, topic and field, unit, clock.
+#: Pattern of an item of the text: quantity, sign, topic and field, unit, clock.
 ITEM = re.compile(
     r"(?P<quantity>\w+)=(?P<sign>-?)(?P<topic>/[\w/]+)(?:\.(?P<field>[\w.\[\]/-]+))?"
     r"(?::(?P<unit>[^@\s]+))?(?P<time>@bag)?"
 )
-#: Example for error messages.
+#: Example of the text for error messages.
 EXAMPLE = "angle=/encoder.position[0]:deg lift=/lvdt.data:mm"
 
 

@@ -14,56 +14,60 @@ from cam_rig.errors import BagError
 from cam_rig.simulation.instruments import EQUAL_ANGLE_ATOL_RAD, Signal
 from cam_rig.units import TURN, FloatArray
 
-#: Relative excess over one turn that is treated as rounding.
+#: Largest range of wrapped angles, in turns. The excess over one turn is rounding.
 TURN_RANGE_FACTOR = 1.0 + 1e-6
-#: Fraction of the angles that may be outside the range of the encoder, because they are wrong.
+#: Largest fraction of wrong angles that are outside the range of the encoder, at each end.
 MAX_OUTSIDE = 0.02
-#: Quantile of the steps that is their usual size, at the full speed of a run.
+#: Quantile of the steps of the angle that is their usual size at the full speed of a run.
 USUAL_STEP_QUANTILE = 0.9
-#: Part of a counter's range without readings (usual steps) if it wraps after its integer type.
+#: Largest part of a counter's range without readings at which it wraps at the end of its integer
+#: type, in usual steps.
 MAX_USUAL_STEPS = 3.0
-#: Smallest range of the readings (fraction of the period) at which they can wrap without a long
-#: step.
+#: Smallest range of the readings at which they can wrap without a long step, as a fraction of the
+#: period.
 MIN_RANGE = 0.75
-#: Largest usual step (fraction of the period) at which whole turns can be counted. With three
+#: Largest usual step at which whole turns can be counted, as a fraction of the period. With three
 #: readings per turn or fewer, the cam may have turned in either direction.
 MAX_STEP = 0.33
-#: Quantile of the steps that is compared with it: the faster speeds of a run.
+#: Quantile of the steps that is compared with `MAX_STEP`: that of the faster speeds of a run.
 FAST_STEP_QUANTILE = 0.75
 #: Number of steps whose median is the usual step, before and after each step. It must be odd.
 WINDOW_STEPS = 15
-#: Deviation (rad) from the usual step that is never reported as wrong: 7.2°.
+#: Largest deviation (rad) from the usual step that is never reported as wrong: 7.2°.
 MIN_WRONG = TURN / 50.0
-#: Scatter of the steps (standard deviations) that is not reported as wrong.
+#: Allowance for the scatter of the steps before an angle is reported as wrong, in standard
+#: deviations.
 MAX_SCATTER = 8.0
-#: Quantile of the steps that are not 0. It is the count of a coarse encoder, else a slow step.
+#: Quantile of the steps that are not 0. It is the count of a coarse encoder, otherwise a slow step.
 COUNT_QUANTILE = 0.05
-#: Number of such counts that is not reported as wrong, because two readings are rounded.
+#: Allowance for rounding before an angle is reported as wrong, in such counts: two readings are
+#: rounded.
 MAX_COUNTS = 2.0
 #: Standard deviation of a normal distribution in units of its median absolute deviation.
 MAD_SIGMA = 1.4826
-#: Duration of a step, relative to the median, from which it is a gap. In a gap the cam may have
+#: Smallest duration of a gap, relative to the median duration of a step. In a gap the cam may have
 #: turned by any angle.
 GAP_FACTOR = 4.0
-#: Largest number of adjacent wrong angles. Longer runs are a jump of the encoder.
+#: Largest number of adjacent wrong angles. A longer run is a jump of the encoder.
 MAX_RUN = 100
-#: Largest fraction of wrong angles. More are an error.
+#: Largest fraction of wrong angles in a recording. A larger fraction is an error.
 MAX_WRONG = 0.1
-#: Relative tolerance of an angle that is predicted across a run of wrong angles.
+#: Relative tolerance of an angle that is predicted across wrong angles.
 PREDICTION_RTOL = 0.05
-#: Largest distance of a jump from whole turns, as a fraction of the usual step.
+#: Largest distance of a jump from whole turns at which it is corrected, as a fraction of the usual
+#: step.
 WHOLE_TURNS_RTOL = 0.25
-#: Further distance that is allowed, in standard deviations of the scatter of the steps.
+#: Allowance for the scatter of the steps in this distance, in standard deviations.
 WHOLE_TURNS_SCATTER = 4.0
-#: Largest tolerance of a step, as a fraction of the period of a wrapped angle.
+#: Upper limit of the tolerance of a step, as a fraction of the period of a wrapped angle.
 MAX_TOLERANCE = 0.3
-#: Jump per turn of an angle in degrees, if its numbers are read as radians.
+#: Jump of an angle per turn if its numbers, read as radians, are degrees.
 DEGREES_PER_TURN = 360.0
-#: Tolerance of this jump, without the scatter of the steps.
+#: Tolerance of this jump, in the unit of the numbers. The scatter of the steps is added.
 DEGREES_ATOL = 0.5
-#: Number of steps that are compared at once. It bounds the memory for a long recording.
+#: Number of steps that are processed together. It bounds the memory for a long recording.
 BLOCK_STEPS = 100_000
-#: Largest number of times in a note.
+#: Largest number of times that a note lists.
 MAX_TIMES = 6
 
 

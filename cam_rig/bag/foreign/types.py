@@ -14,7 +14,7 @@ from rosbags.typesys.store import Typestore
 from cam_rig.bag.connection import Connection
 from cam_rig.errors import BagError
 
-#: Line between two definitions in the text of one schema.
+#: Pattern of the line between two definitions in the text of one schema.
 NEXT_IDL = re.compile(r"^=+\nIDL: .*\n", re.MULTILINE)
 #: Number of values of an integer type, by its name in a message definition.
 SPANS = {f"{sign}int{bits}": 2**bits for sign in ("", "u") for bits in (8, 16, 32, 64)}

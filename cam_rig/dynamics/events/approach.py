@@ -37,15 +37,19 @@ from cam_rig.dynamics.velocity_jumps import SAME_ANGLE_RAD
 from cam_rig.laws.polynomials import elevate, find_fall, integrate, restrict, value_at
 from cam_rig.laws.vectors import Vector, max_abs
 
-#: Rounding errors of the accelerations that a gap computed from them may contain.
+#: Upper bound of the rounding error of accelerations and gaps, in float epsilons of their largest
+#: ordinate.
 ACCELERATION_ROUNDING_ERRORS = 64.0
-#: Longest time (s) before a velocity jump in which a flight is treated as if it ended there.
+#: Upper limit (s) of the rounding of the time of a velocity jump (13). It bounds the rounding for
+#: slow cams.
 MAX_JUMP_ROUNDING_S = 1e-7
-#: Shortest proving step, as a fraction of a window. A polynomial is cheaper below it (measured).
+#: Shortest step of time that is proven by bounds, as a fraction of the window of `FREE_SYSTEM`. For
+#: shorter steps the polynomial of the window is cheaper (measured).
 MIN_STEP_FRACTION = 1.0 / 16.0
-#: Largest relative position in a piece: the end itself belongs to the next piece.
+#: Largest relative position in a piece of the law: the end itself belongs to the next piece.
 MAX_PIECE_POSITION = 1.0 - 1e-16
-#: Shortest window (s), for a flight that starts at time 0.
+#: Shortest advance (s) of the search. It is used at time 0, where one float epsilon of the time is
+#: 0.
 MIN_WINDOW_S = 1e-300
 
 
@@ -54,7 +58,7 @@ class Gap(NamedTuple):
 
     time: float  #: since the start of the flight, s
     gap: float  #: m
-    rate: float  #: m/s; at a velocity jump the left limit
+    rate: float  #: rate of the gap, m/s; at a velocity jump the left limit
     rounding: float  #: upper bound of the rounding error of ``gap``, m
     has_landed: bool  #: True if the flight ends here
 
@@ -64,7 +68,7 @@ class FlightOverCam(NamedTuple):
 
     lift_off: LiftOffState
     cam: Cam
-    gap_known: bool  #: True if the next two are better than a difference of two displacements
+    gap_known: bool  #: True if the fields below are better than differences of displacements
     gap: float  #: at the start, m
     gap_rate: float  #: at the start, m/s
     #: Uncertainty (m/s²) of the acceleration with which the gap opens at a lift-off, from the
@@ -243,7 +247,7 @@ def _search_window(flight: FlightOverCam, point: Gap, limit: float, piece_time: 
     end = min(time + window, limit)
     if piece_time == time:
         end = min(end, (high - cam.angle) / cam.speed)
-    if not end > time:  # advance by about one float
+    if not end > time:  # advance to the next float
         next_time = time + max(EPS * time, MIN_WINDOW_S)
         return Gap(next_time, point.gap, point.rate, point.rounding, False)
     duration, span = window if end == time + window else end - time, high - low

@@ -34,21 +34,21 @@ MODULES = (
     *("dynamics.modal.group_error", "dynamics.modal.harmonic_error"),
     *("dynamics.modal.first_zero", "dynamics.jump.rigid_zero"),
 )
-#: Modules with constants that compiled code contains.
+#: Modules whose constants are compiled into the code.
 CONSTANTS = ("units", "dynamics.velocity_jumps")
 #: Time (s) in plain Python after which compiled code is loaded: loading takes about as long.
 LOAD_AFTER_S = 0.5
-#: Environment variable that selects the backend.
+#: Environment variable that selects the backend of the event search.
 VARIABLE = "CAM_RIG_EVENTS"
-#: Its value for plain Python only.
+#: Value of `VARIABLE` that selects plain Python for all calls.
 PLAIN = "plain"
-#: Its value for compiled code from the first call on.
+#: Value of `VARIABLE` that selects compiled code from the first call on.
 COMPILED = "compiled"
 
 Kernel = Callable[..., Any]
 #: Time (s) that plain Python has spent in kernels of this process.
 _plain_time = SimpleNamespace(seconds=0.0)
-#: Kernels that are ready to be called, by their plain functions.
+#: Callable form of each prepared kernel, by its plain Python function.
 _ready: dict[Kernel, Kernel] = {}
 
 

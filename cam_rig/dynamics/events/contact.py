@@ -30,9 +30,10 @@ from cam_rig.laws.polynomials import elevate, find_fall, horner, restrict, value
 from cam_rig.laws.vectors import Matrices, Matrix, Records, Vector, index_at, without_refcount
 from cam_rig.units import TURN
 
-#: Shortest proving step, as a fraction of a window. A polynomial is cheaper below it (measured).
+#: Shortest step of time that is proven by bounds, as a fraction of `StemContactTable.window`. For
+#: shorter steps a polynomial is cheaper (measured).
 MIN_STEP_FRACTION = 0.25
-#: Number of equal cells of a part. The lowest polynomial force in each cell is stored.
+#: Number of equal cells of a part of a turn. A lower bound of the force is stored for each cell.
 CELLS = 8
 
 #: Scalars of one part of a turn.

@@ -20,23 +20,26 @@ import numpy as np
 from cam_rig.laws.polynomials import restrict
 from cam_rig.laws.vectors import Matrix, Records, Vector, dot
 
-#: The power series of the impulse response is used below this time, in units of the fastest rate.
+#: Largest product of time and fastest rate at which the power series of the impulse response is
+#: used.
 MAX_SERIES_TIME = 0.5
-#: Terms of that series: 0.5^18/18! is far below rounding.
+#: Number of terms of that power series. The first omitted term, 0.5^18/18!, is far below rounding.
 SERIES_TERMS = 18
-#: The series stops after two terms below this value. The first term is 1.
+#: Size below which a term of that series is negligible, 1/1024 of the float epsilon. The series
+#: stops after two such terms in a row. The first term is 1.
 MIN_SERIES_TERM = 2.0**-62
-#: Length of a window: ‖A‖ times the window's duration, as in `linear.exponential.REACH`.
+#: Product of ‖A‖ and the duration of a window (no unit), as in `linear.exponential.REACH`.
 WINDOW_REACH = 2.0
-#: Largest ‖A‖ t for which the power series of e^{At} is used without squaring.
+#: Largest product ‖A‖ t at which the power series of e^{At} is used without squaring.
 MAX_EXPONENTIAL_REACH = 0.5
-#: Terms of that power series: 0.5^18/18! is far below rounding.
+#: Number of terms of that power series. The first omitted term, 0.5^18/18!, is far below rounding.
 EXPONENTIAL_TERMS = 18
-#: Largest number of states of a system in flight, two masses with displacement and velocity each.
+#: Largest number of states of a system in flight: displacement and velocity of two masses.
 MAX_STATES = 4
-#: Ordinates of the acceleration in a window, as in `linear.exponential.SERIES_DEGREE`.
+#: Number of ordinates of the acceleration in a window, `linear.exponential.SERIES_DEGREE` + 1.
 SERIES_SIZE = 25
-#: A pair with a slow rate above this fraction of the fast rate loses no digits by subtraction.
+#: Smallest ratio of the slow to the fast rate of a pair at which the integral of its response is
+#: computed by a subtraction. At a smaller ratio the subtraction would lose digits.
 MIN_RATE_RATIO = 0.1
 
 
@@ -62,7 +65,7 @@ FREE_SYSTEM = np.dtype(
     ],
     align=True,
 )
-#: Constants of a pair (q, q̇) in one flight.
+#: Constants of a pair of states (q, q̇) in one flight.
 PAIR_START = np.dtype(
     [
         ("rate", "f8"),  # q̇ at the start, the load included

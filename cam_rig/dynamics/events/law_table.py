@@ -12,11 +12,13 @@ from cam_rig.laws.polynomials import weighted_value
 from cam_rig.laws.vectors import Matrices, Records, index_at
 from cam_rig.units import TURN
 
-#: Distance between 1 and the next float.
+#: Float epsilon: distance between 1 and the next float.
 EPS = 2.0**-52
-#: Rounding errors of the cam angle that the angle of an event may contain.
+#: Upper bound of the rounding error of an event's cam angle, in float epsilons of the angle plus
+#: one turn.
 ANGLE_ROUNDING_ERRORS = 4.0
-#: Rounding errors of a displacement that the difference of two displacements may contain.
+#: Upper bound of the rounding error of the difference of two displacements, in float epsilons of
+#: the displacements.
 GAP_ROUNDING_ERRORS = 16.0
 
 

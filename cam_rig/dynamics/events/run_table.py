@@ -39,7 +39,7 @@ RUN_STATE = np.dtype(
         # Contact: (η, η̇) of two masses, unused of one. Flight: (w, ẇ, Y, Ẏ) of two masses, (y, ẏ)
         # of one, as in `FreeSystem`. Numbers beyond these are unused.
         ("vector", "f8", (4,)),
-        ("gap_known", "?"),  # True if the gap is better than a difference of two displacements
+        ("gap_known", "?"),  # True if ``gap`` is better than a difference of displacements
         ("has_started", "?"),  # True if ``initial_step`` has been applied
     ],
     align=True,

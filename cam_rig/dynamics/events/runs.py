@@ -51,7 +51,7 @@ from cam_rig.dynamics.velocity_jumps import SAME_ANGLE_RAD
 from cam_rig.laws.vectors import without_refcount
 from cam_rig.units import TURN
 
-#: Angle (rad) up to which an interval of `LOSS` counts as rounding and causes no lift-off.
+#: Shortest interval of `LOSS` (rad) that causes a lift-off. A shorter interval is rounding.
 MIN_LOSS_ANGLE = 1e-9
 
 

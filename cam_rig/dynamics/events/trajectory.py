@@ -41,19 +41,20 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Room of the first call of the search, in phases. Each further call has twice the room.
+#: Number of phases that fit in the record of the first call of the search. Each further call has a
+#: record twice as long.
 FIRST_ROOM = 32
-#: Largest room of a call, in phases.
+#: Largest number of phases that fit in the record of a call.
 MAX_ROOM = 4096
-#: Fraction of a turn up to which a further turn counts as rounding.
+#: Largest fraction of a turn that is neglected when the duration is rounded up to whole turns.
 TURN_ROUNDING = 1e-6
-#: Step of the cam's velocity, relative to (cam speed × lift), up to which it counts as rounding.
+#: Smallest step of the cam's velocity that is not rounding, relative to cam speed × lift.
 MIN_VELOCITY_STEP = 1e-12
-#: Height of a bounce, as a fraction of the lift, below which it counts as contact.
+#: Smallest height of a bounce as a fraction of the lift. A lower bounce counts as contact.
 MIN_BOUNCE_RATIO = 1e-12
-#: Height of a bounce in m below which it counts as contact: 1e-5 of the size of an atom.
+#: Smallest height of a bounce in m, for very small lifts: 1e-5 of the size of an atom.
 MIN_BOUNCE_HEIGHT = 1e-15
-#: Rounding errors that a contact force may contain.
+#: Upper bound of the rounding error of a contact force, in float epsilons of its largest ordinate.
 ROUNDING_ERRORS = 64.0
 
 
@@ -81,7 +82,7 @@ class Trajectory:
     jump. `cam_rig.dynamics.events.runs` describes the state machine.
     """
 
-    #: Number of events per turn that no physical series reaches.
+    #: Number of events per turn above which a run fails. No physical series of bounces reaches it.
     max_events: ClassVar[int]
 
     def __init__(

@@ -60,7 +60,8 @@ class Perturbation(NamedTuple):
 
     frame: Matrix  #: directions of largest growth, orthonormal, ``(n − 1, n)``
     step: Matrix  #: derivative over the next step, ``(n, n)``
-    #: 1/s or 1, ``(n,)``. Lengths are measured in m/s, so that no number outweighs another.
+    #: Factors ``(n,)`` (1/s or 1) that convert the states to m/s, so that no state outweighs
+    #: another.
     weights: Vector
     product: Vector  #: work space, ``(n,)``
 
@@ -69,7 +70,7 @@ class Landing(NamedTuple):
     """Landing of the follower through which perturbations are carried."""
 
     time: float  #: s
-    approach: float  #: speed against the cam, m/s
+    approach: float  #: speed of the follower towards the cam, m/s
     restitution: float
 
 

@@ -33,7 +33,7 @@ from cam_rig.units import RPM, FloatArray
 #: Parameters of a follower that has a jump speed.
 AnyFollower = TwoMassParameters | FollowerParameters
 
-#: Text of `describe_follower` for a follower with two masses.
+#: Text by which `describe_follower` names a follower with two masses.
 TWO_MASSES = "two masses"
 
 

@@ -16,12 +16,13 @@ from cam_rig.dynamics.modal.motion import LawSeries
 from cam_rig.laws.polynomials import halve
 from cam_rig.laws.vectors import Matrix, without_refcount
 
-#: Largest number of halvings of a piece. A part of 2⁻⁴⁰ of a piece is within rounding.
+#: Largest number of times that a piece of the law is halved. A part of 2⁻⁴⁰ of a piece is within
+#: rounding.
 MAX_HALVINGS = 40
-#: Largest number of parts that are halved. More are needed only if the force is zero over a range
-#: of angles.
+#: Largest number of parts of pieces that are halved. A search needs more only if the force is zero
+#: over a range of angles.
 MAX_PARTS = 1 << 16
-#: Size of a negative force, relative to its terms, up to which it counts as zero (rounding).
+#: Largest size of a negative force that counts as zero (rounding), relative to its terms.
 FORCE_RTOL = 1e-14
 
 

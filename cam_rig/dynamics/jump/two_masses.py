@@ -17,17 +17,18 @@ from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN, to_rpm
 
-#: Speed at which the search starts, rpm.
+#: Cam speed at which the search for a jump speed starts, rpm.
 MIN_RPM = 1.0
-#: Speed at which the search ends, rpm.
+#: Cam speed at which the search for a jump speed ends, rpm.
 MAX_RPM = 1e5
-#: Damping ratio below which a follower counts as undamped. Its search in steady state is endless.
+#: Smallest damping ratio of a follower with a steady state. Below it the search in steady state
+#: would not end.
 MIN_DAMPING_RATIO = 1e-7
-#: Largest number of evaluations of a search. They take about half a minute.
+#: Largest number of evaluations of the force in a search. They take about half a minute.
 MAX_EVALUATIONS = 3e8
-#: Duration of a run from rest, s, as in Table 2 of the paper.
+#: Default duration of a run from rest, s, as in Table 2 of the paper.
 REST_DURATION_S = 1.7
-#: Longest run from rest, s. After a minute the motion is close to the steady state.
+#: Longest accepted run from rest, s. After a minute the motion is close to the steady state.
 MAX_REST_DURATION_S = 60.0
 
 

@@ -28,9 +28,9 @@ def linalg() -> Any:
     return importlib.import_module("scipy.linalg")
 
 
-#: Largest product of time and fastest rate for which the power series is used.
+#: Largest product of time and fastest rate at which the power series of the response is used.
 MAX_SERIES_REACH = 0.5
-#: Terms of the power series. The next term, 0.5^18/18!, is far below rounding.
+#: Number of terms of that power series. The first omitted term, 0.5^18/18!, is far below rounding.
 SERIES_TERMS = 18
 
 #: S (s), Ṡ (1) and C (s²), as in `response`.
@@ -113,7 +113,8 @@ def _overdamped(decay: float, root: float, stiffness: float, time: FloatArray) -
 
 #: Degree of the power series of the acceleration in a window.
 SERIES_DEGREE = 24
-#: |A| t of a window. The omitted terms of the series, 2^25/25!, are below rounding.
+#: Product of |A| and the duration of a window (no unit). The omitted terms of the series, 2^25/25!,
+#: are below rounding.
 REACH = 2.0
 #: Matrix from the coefficients of a power series to Bernstein ordinates, C(i, j)/C(n, j).
 POWERS_TO_ORDINATES = np.array(
@@ -231,8 +232,8 @@ class Flight:
 
     system: FreeSystem
     start: FloatArray  #: state at t = 0, ``(n,)``
-    gap: float | None = None  #: distance between contact mass and cam at t = 0, m, if known
-    gap_rate: float | None = None  #: rate of the gap at t = 0, m/s, if known
+    gap: float | None = None  #: distance of contact mass and cam at t = 0, m, or None
+    gap_rate: float | None = None  #: rate of the gap at t = 0, m/s, or None
 
     @property
     def gap_state(self) -> tuple[float, ...]:

@@ -26,10 +26,11 @@ from cam_rig.dynamics.linear.exponential import free_motion, linalg
 from cam_rig.laws import bernstein
 from cam_rig.units import FloatArray
 
-#: Largest |A|T of the slow modes in one part of a piece. Picard's terms then stay below e⁴.
+#: Largest product |A|T of the slow modes, where T is the duration of a part of a piece. The terms
+#: of Picard's series then stay below e⁴.
 PICARD_REACH = 4.0
-#: Largest ratio of the stiffness of an overdamped mass to its squared decay, at which its two rates
-#: count as very different.
+#: Largest ratio of stiffness to squared decay of an overdamped mass whose two rates count as very
+#: different.
 MAX_STIFFNESS_RATIO = 0.3
 
 

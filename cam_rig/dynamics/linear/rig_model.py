@@ -28,7 +28,7 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import TURN, ComplexArray, FloatArray
 
-#: Law with which the matrices of the models are created. They do not depend on law and speed.
+#: Law with which the matrices of the models are created. The matrices do not depend on the law.
 DWELL = Law("dwell", np.array([0.0, TURN]), np.zeros((1, 1)))
 #: Model of one rigid mass, without a state in contact.
 RIGID = "one_mass"
@@ -36,9 +36,9 @@ RIGID = "one_mass"
 ELASTIC = "elastic_stem"
 #: Model of two masses.
 TWO = "two_mass"
-#: Models in the order of the numbers that they need, the most first.
+#: Models in descending order of the number of rig parameters that they need.
 MODELS = (TWO, ELASTIC, RIGID)
-#: Largest angular frequency, rad/s. Its square is far below the largest float.
+#: Largest angular frequency of a model, rad/s. Its square is far below the largest float.
 MAX_FREQUENCY = 1e100
 
 

@@ -38,47 +38,52 @@ from cam_rig.dynamics.modal.motion import (
 from cam_rig.laws.vectors import Records, Vector, min_of, without_refcount
 from cam_rig.units import TURN
 
-#: Relative tolerance of the least outputs during the climb. The climb needs lower bounds only.
+#: Relative tolerance of the minimum of the output during the climb, which needs only lower bounds.
 CLIMB_RTOL = 0.25
-#: Smallest relative step towards a speed above which the rounding error is too large.
+#: Smallest step as a fraction of the speed that is tried if the rounding error at its end is too
+#: large. With a smaller step the climb ends as UNRESOLVED.
 UNRESOLVED_RTOL = 1e-3
-#: Shortest step, as a fraction of the speed. It needs no proof, because rounding decides there.
+#: Shortest step as a fraction of the speed. It needs no proof, because rounding decides there.
 MIN_STEP = 1e-11
-#: Planned chord error of a group, as a fraction of its least output at the start of the step.
+#: Chord error for which a step by groups is planned, as a fraction of the minimum of the output at
+#: the start of the step.
 GROUP_FRACTION = 0.75
-#: Factor of the next step after a step that was proven by groups.
+#: Factor from a step that was proven by groups to the next step.
 GROUP_GROWTH = 1.5
-#: Ratio of a step to the step that its bounds allow, above which a shorter step is planned.
+#: Largest ratio of a step to the step that its bounds allow. Above it the step is planned again
+#: with a smaller width.
 MAX_WIDTH_RATIO = 3.0
-#: Factor of the next step after a step that was not proven.
+#: Factor from a step that was not proven to the next step.
 SHRINK = 0.57
-#: Planned chord error by harmonics, as a fraction of the least output at the start of the step.
+#: Chord error for which a step by harmonics is planned, as a fraction of the minimum of the output
+#: at the start of the step.
 HARMONIC_FRACTION = 0.6
-#: Safety factor of the next step by harmonics.
+#: Safety factor of a step that is planned after a failed step by harmonics.
 HARMONIC_SAFETY = 0.93
-#: Largest factor of the next step by harmonics.
+#: Largest factor from a step that was proven by harmonics to the next step.
 MAX_GROWTH = 2.0
-#: Relative tolerance of the least outputs during the refinement of a zero.
+#: Relative tolerance of the minimum of the output during the refinement of a zero.
 ZERO_RTOL = 1e-4
-#: Relative distance above the zero at which the first negative turn is determined. Turns that
-#: become negative within it count as negative at the same speed.
+#: Relative distance above the zero at which the first negative turn is determined. All turns whose
+#: output becomes negative within this distance count as negative at the same speed.
 SAME_SPEED_RTOL = 5e-6
-#: Relative width of the bracket of a zero.
+#: Relative width at which the bracket of a zero is narrow enough: 45 times the float epsilon.
 BRACKET_RTOL = 1e-14
-#: Distance (rad) from the angle of the negative output within which a zero is refined first.
+#: Distance (rad) on both sides of the angle of the negative output within which a zero is refined
+#: first.
 NEIGHBOURHOOD = TURN / 64.0
-#: Largest number of iterations of a refinement, against an endless loop.
+#: Largest number of iterations of a refinement. It prevents an endless loop.
 MAX_REFINEMENTS = 200
 
 
 class ClimbStatus(IntEnum):
     """Result of a climb, the search that increases the speed step by step."""
 
-    FOUND = 0  #: the least output is zero at ``speed``
-    NEGATIVE = 1  #: the least output is not positive at the first speed
-    POSITIVE = 2  #: the least output is positive up to the last speed
+    FOUND = 0  #: the minimum of the output is zero at ``speed``
+    NEGATIVE = 1  #: the minimum of the output is not positive at the first speed
+    POSITIVE = 2  #: the minimum of the output is positive up to the last speed
     UNRESOLVED = 3  #: positive up to a speed above which the rounding error is too large
-    PAUSED = 4  #: positive up to ``low``, and no evaluations are left
+    PAUSED = 4  #: positive up to ``low``, where the evaluations were used up
 
 
 class StepKind(IntEnum):
@@ -86,7 +91,7 @@ class StepKind(IntEnum):
 
     HARMONICS = 0  #: bounds of `harmonic_error`
     GROUPS = 1  #: bounds of `group_error`
-    RETRY = 2  #: neither is sufficient: plan a step of the returned width
+    RETRY = 2  #: neither kind is sufficient: plan a step of the returned width
 
 
 class Climb(NamedTuple):
@@ -95,15 +100,15 @@ class Climb(NamedTuple):
     status: int  #: `ClimbStatus`
     low: float  #: speed (rad/s) up to which the output is proven positive
     step: float  #: next step, as a fraction of the speed
-    speed: float  #: zero of the least output if the status is FOUND, else ``low``, rad/s
-    angle: float  #: angle of the least output if FOUND or NEGATIVE, rad from the start of the run
-    #: Angle of the least output, rad from the start of the run, in the first turn that is negative
-    #: at a speed `SAME_SPEED_RTOL` above the zero.
+    speed: float  #: zero of the minimum output if the status is FOUND, else ``low``, rad/s
+    angle: float  #: angle of the minimum if FOUND or NEGATIVE, rad from the start of the run
+    #: Angle of the minimum of the output, rad from the start of the run, in the first turn that is
+    #: negative at a speed `SAME_SPEED_RTOL` above the zero.
     first_angle: float
 
 
 class Zero(NamedTuple):
-    """Speed and angle at which the least output is zero."""
+    """Speed at which the minimum of the output is zero, and the angle of that minimum."""
 
     speed: float  #: rad/s
     angle: float  #: rad from the start of the run
@@ -112,16 +117,16 @@ class Zero(NamedTuple):
 class Bracket(NamedTuple):
     """Speeds (rad/s) between which the least output becomes zero."""
 
-    low: float  #: the least output is positive
-    high: float  #: the least output is not positive
-    angle: float  #: angle of the least output at ``high``, rad from the start of the run
+    low: float  #: speed at which the minimum of the output is positive
+    high: float  #: speed at which the minimum of the output is not positive
+    angle: float  #: angle of the minimum of the output at ``high``, rad from the start of the run
 
 
 class Step(NamedTuple):
     """Planned step of the speed, and the bounds that are to prove it."""
 
     kind: int  #: `StepKind`
-    width: float  #: rad/s
+    width: float  #: difference of the speeds at its ends, rad/s
     error: ChordError  #: chord error of q, used if the kind is HARMONICS
 
 

@@ -27,7 +27,7 @@ from cam_rig.dynamics.modal.motion import (
 from cam_rig.laws.vectors import Matrix, Records, Vector
 from cam_rig.units import TURN
 
-#: Replacement of a smaller divisor, which keeps a bound finite.
+#: Lower limit of a divisor, so that a bound stays finite.
 MIN_DIVISOR = 1e-100
 
 #: Bounds of one group between two speeds (27).
@@ -66,9 +66,9 @@ class FadingSums(NamedTuple):
 class SpeedStep(NamedTuple):
     """Step of the speed, and the duration of the runs at both speeds."""
 
-    low: float  #: rad/s
-    high: float  #: rad/s
-    duration: float  #: s, infinite in steady state
+    low: float  #: lower speed, rad/s
+    high: float  #: higher speed, rad/s
+    duration: float  #: duration of the run, s, infinite in steady state
 
 
 def bound_groups(

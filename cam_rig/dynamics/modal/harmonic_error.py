@@ -24,9 +24,9 @@ from cam_rig.dynamics.modal.motion import (
     amplitude,
 )
 
-#: Ratio of the last to the first harmonic of a block, whose harmonics are bounded together.
+#: Ratio of the last to the first harmonic of a block. The harmonics of a block have one bound.
 BLOCK_RATIO = 2.0**0.25
-#: Multiple of the resonance frequency above which a harmonic is far (30).
+#: Multiple of the resonance frequency above which a harmonic is bounded as a far harmonic (30).
 FAR_RATIO = 3.0
 #: Chord error of the far harmonics ±k per cₖ/k, for w = 1 and Ω = 1 (30).
 FAR_ERROR = 0.25 * (1.0 + (FAR_RATIO / (FAR_RATIO - 1.0)) ** 3)

@@ -15,19 +15,20 @@ from cam_rig.dynamics.modal.motion import LawSeries
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, FloatArray
 
-#: Least number of pieces per turn. Longer pieces are cut into equal parts.
+#: Smallest number of pieces per turn. Longer pieces are cut into equal parts.
 MIN_PIECES = 8
-#: Pieces form groups of at most 1/64 of a turn. A longer piece is a group.
+#: Smallest number of groups of pieces per turn: a group spans at most 1/64 of a turn, or is one
+#: longer piece.
 MIN_GROUPS = 64
 #: Relative difference of two spans below which they count as equal.
 SPAN_RTOL = 1e-12
-#: Number of pieces above which the second number of `HARMONICS` is used.
+#: Number of pieces above which the second number of `HARMONICS` applies.
 MANY_PIECES = 600
-#: Number of harmonics that are bounded singly, for few and for many pieces. A turn has twice as
-#: many samples.
+#: Number of harmonics with a separate bound, for few and for many pieces. A turn has twice as many
+#: samples as harmonics.
 HARMONICS = (256, 512)
-#: Number of blocks of higher harmonics. The starts of successive blocks have the ratio
-#: `BLOCK_RATIO`.
+#: Number of blocks of higher harmonics, each with one bound. The starts of successive blocks have
+#: the ratio `BLOCK_RATIO`.
 BLOCKS = 100
 #: Factor of aliasing for N samples: Σ |c| over the harmonics that alias to k is at most this factor
 #: times the bound of |c| at N − k (28).

@@ -31,13 +31,13 @@ from cam_rig.laws.polynomials import weight_ordinates, weighted_value
 from cam_rig.laws.vectors import Records, Vector, index_at
 from cam_rig.units import TURN
 
-#: Number of parts into which a piece or a part is cut.
+#: Number of equal parts into which a piece of the law, or a part of it, is cut.
 CUTS = 4
-#: Tolerance of the least value, relative to the terms of the output: 450 times the float epsilon.
+#: Tolerance of the minimum of the output, relative to its terms: 450 times the float epsilon.
 MIN_RTOL = 1e-13
-#: Width of a part, as a fraction of its piece, below which it is not cut: rounding decides there.
+#: Smallest width of a part that is cut, as a fraction of its piece. Rounding decides below it.
 MIN_PART_WIDTH = 2.0**-50
-#: Room for parts that wait. There are fewer than `CUTS` for each of the 25 cuts down to
+#: Largest number of parts that wait. There are fewer than `CUTS` for each of the 25 cuts down to
 #: `MIN_PART_WIDTH`.
 MAX_PARTS = 160
 
@@ -67,7 +67,7 @@ class SearchRange(NamedTuple):
 
     start: float  #: angle from the start of the run, rad
     end: float  #: angle from the start of the run, rad
-    rtol: float  #: relative tolerance of the least value
+    rtol: float  #: relative tolerance of the minimum of the output
 
 
 def find_min_output(

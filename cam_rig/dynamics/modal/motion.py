@@ -22,16 +22,16 @@ from cam_rig.dynamics.events.run_table import CamWeights
 from cam_rig.laws.vectors import Matrices, Matrix, Records, Vector, min_of
 from cam_rig.units import TURN
 
-#: Size of a term, relative to the largest term, below which it is rounding. The series stops after
+#: Size of a term below which it is rounding, relative to the largest term. The series stops after
 #: two such terms in a row.
 SERIES_RTOL = 1e-14
-#: Largest rounding error of the terms of P, as a fraction of the terms with s, s' and s''.
+#: Largest accepted rounding error of the terms of P, as a fraction of the terms with s, s' and s''.
 MAX_ROUNDING = 1e-5
-#: Distance between 1 and the next float.
+#: Float epsilon: distance between 1 and the next float.
 EPS = 2.0**-52
 #: Logarithm of the fraction of a vibration that counts as zero: e⁻³⁹ = 1e-17 is below rounding.
 LOG_FADED = -39.0
-#: Smallest ρ as a fraction of δ: near critical damping the two rates become equal (16).
+#: Lower limit of ρ as a fraction of δ: near critical damping the two rates become equal (16).
 MIN_RHO = 0.5
 
 #: Fields of a `Flow` in a record.
@@ -137,8 +137,8 @@ class OscillatorMotion(NamedTuple):
     norm: VibrationNorm
     eta_terms: Vector  #: significant terms hₖ Ωᵏ
     forced: Matrix  #: ordinates of the output's polynomial part P, ``(p + 1, n)``
-    min_forced: Vector  #: least ordinate of P in each piece, ``(n,)``
-    group_min_forced: Vector  #: least ordinate of P in each group, ``(g,)``
+    min_forced: Vector  #: smallest ordinate of P in each piece, ``(n,)``
+    group_min_forced: Vector  #: smallest ordinate of P in each group, ``(g,)``
     max_forced: Vector  #: largest absolute ordinate of P in each piece, ``(n,)``
     span_flows: Records  #: records of `SPAN_FLOW` for ``LawSeries.spans``, ``(m,)``
     piece_starts: Records  #: records of `PIECE_START`, ``(n,)``

@@ -31,8 +31,8 @@ from cam_rig.laws import Law
 from cam_rig.laws.vectors import index_at
 from cam_rig.units import TURN, FloatArray
 
-#: Number of evaluations per call of the search: about 20 ms compiled, 1 s in plain Python. Ctrl-C
-#: takes effect between two calls.
+#: Number of evaluations per call of the search, after which Ctrl-C takes effect: about 20 ms
+#: compiled, 1 s in plain Python.
 EVALUATIONS_PER_CALL = 5e5
 
 

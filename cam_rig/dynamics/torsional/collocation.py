@@ -23,7 +23,7 @@ from cam_rig.dynamics.linear.exponential import response
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.units import FloatArray
 
-#: Samples evaluated together: their basis values stay in the processor's cache.
+#: Number of samples that are evaluated together: their basis values stay in the processor's cache.
 BATCH = 2048
 
 
@@ -144,9 +144,10 @@ class ChebyshevPath:
                 np.matmul(series, values[: series.shape[1], first:stop], out=out[:, first:stop])
 
 
-#: Relative size of the expected next correction at which Newton's method has converged.
+#: Expected size of the next correction at which Newton's method has converged, relative to the
+#: solution.
 NEWTON_RTOL = 1e-15
-#: Relative size below which corrections that no longer shrink are rounding.
+#: Largest relative size of corrections that count as rounding if they no longer shrink.
 ROUNDING_RTOL = 1e-12
 #: Largest number of Newton steps.
 MAX_ITERATIONS = 15

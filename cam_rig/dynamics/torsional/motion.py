@@ -171,13 +171,13 @@ def solve(
     return TorsionalMotion(law, parameters, start_time, path, pieces, lows, end)
 
 
-#: Largest change of a periodic state by one turn, relative to the peak twist.
+#: Largest accepted change of a periodic state by one turn, relative to the peak twist.
 PERIODIC_RTOL = 1e-11
 #: Change of the state by one turn at which the iteration ends, relative to the peak twist.
 TARGET_RTOL = 1e-13
 #: Largest number of iterations for a periodic state. Each computes one turn.
 MAX_TURNS = 25
-#: Change of the start for the slopes of the turn map, relative to the peak twist.
+#: Step of the start state for differences of the turn map, relative to the peak twist.
 SLOPE_STEP = 0.03
 #: Smallest norm of the slope of (turn map − identity). At a smaller one a turn hardly changes the
 #: state, and the shaft is in resonance with the cam.

@@ -28,19 +28,19 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, FloatArray
 
-#: Degrees that a window may have.
+#: Degrees that the polynomial of a window may have.
 DEGREES = (16, 24, 32, 48, 64)
-#: Phase of the shaft's free vibration that each degree resolves, rad. The Chebyshev coefficients of
-#: an oscillation are Bessel functions of half the phase.
+#: Largest phase of the shaft's free vibration (rad) that a window of each degree resolves. The
+#: Chebyshev coefficients of an oscillation are Bessel functions of half the phase.
 PHASES = (2.0, 7.0, 14.0, 30.0, 48.0)
-#: Smallest vibration, rad and rad/s. A long dwell may damp it below this value, close to the
-#: smallest float, where no digits are left. It is then set to 0.
+#: Smallest vibration (rad and rad/s) that is kept. A long dwell may damp it below this value, close
+#: to the smallest float, where no digits are left. It is then set to 0.
 MIN_VIBRATION = 1e-250
 #: Largest size of the last coefficients of a resolved window, relative to the largest coefficient.
 RESOLVED_RTOL = 1e-13
-#: Largest number of attempts with shorter windows or higher degrees.
+#: Largest number of attempts at a window, each with a shorter window or a higher degree.
 MAX_TRIES = 40
-#: Largest number of windows in one run. It is enough for hours of turning.
+#: Largest number of windows in one run, enough for hours of turning.
 MAX_WINDOWS = 100_000
 #: Largest number of successive windows of zero duration at a joint.
 MAX_STALLS = 3

@@ -21,7 +21,7 @@ from cam_rig.simulation.scene import calibration_cam
 
 # The server's end of the socket to the panel's node: commands out, node messages in.
 
-#: Wall time (s) within which a node must answer a command.
+#: Longest time (s, wall clock) from a command until a node must answer it.
 ANSWER_S = 5.0
 
 
@@ -99,17 +99,17 @@ class NodeLink:
             answer.set_result(reply)
 
 
-#: Node and specification of each live parameter that a page may set, by parameter name.
+#: Node and specification of each parameter that a page may set during a run, by parameter name.
 SETTINGS = {name: (node, spec) for node, specs in LIVE.items() for name, spec in specs.items()}
 #: Services of the drive that a page may call.
 SERVICES = ABOUT["cam_drive"].services
-#: Service that stops the drive until it is reset.
+#: Name of the service that stops the drive until it is reset.
 EMERGENCY_STOP = "emergency_stop"
-#: Answer to a command: `success`, `message`, and more for some commands.
+#: Answer to a command: `success`, `message`, and further keys for some commands.
 Reply = dict[str, Any]
 #: Answer to a command that was carried out.
 DONE: Reply = {"success": True, "message": ""}
-#: Names of the commands of a page.
+#: Names of the commands that a page may send.
 COMMANDS = ("call", "set", "set_up", "keep", "rerun", "note", "clear")
 
 

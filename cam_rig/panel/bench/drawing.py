@@ -28,18 +28,20 @@ from cam_rig.schema.load import Library, config_root, load_cam
 from cam_rig.show.looks import DECIMALS, MM, millimetres
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
-#: Smallest step (rad) between the samples that a page receives. A page draws no finer than one
-#: degree.
+#: Smallest step of the cam angle (rad) between the samples that are sent to a page. A page draws no
+#: finer than one degree.
 SAMPLE_STEP = math.radians(1.0)
-#: Number of cam states that are stored until the follower's samples of the same time arrive.
+#: Largest number of cam states that are stored until the follower's samples of the same time
+#: arrive.
 MAX_STATES = 64
-#: Header of a message with blocks of motion, padded to 8 bytes for aligned doubles.
+#: First bytes of a message with blocks of motion, padded to 8 bytes so that the doubles after them
+#: are aligned.
 MOTION = b"motion  "
-#: Header of a message with blocks of sound.
+#: First bytes of a message with blocks of sound, of the same length.
 SOUND = b"sound   "
-#: Points of a contour and of the curves of a turn.
+#: Number of points of a contour and of the curves of a turn.
 CONTOUR_POINTS = 360
-#: Number of turns of the scene that is simulated for the level of a speed.
+#: Number of turns that are simulated to determine the sound level of a speed.
 LEVEL_TURNS = 4
 
 

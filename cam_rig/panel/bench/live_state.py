@@ -26,17 +26,16 @@ from cam_rig.units import NS, TURN, FloatArray
 
 # The meter: speed and level of each tick, and the mean level of a steady speed.
 
-#: Shortest rig time (s) over which a noted level is averaged. The time is rounded up to whole
-#: turns.
+#: Shortest rig time (s) over which a noted level is averaged. It is rounded up to whole turns.
 MEAN_S = 1.0
 #: Time at the present speed before the averaged turns, in time constants of the meter. After 8 time
 #: constants the earlier reading has decayed by 35 dB.
 SETTLING_TIME_CONSTANTS = 8.0
-#: Relative tolerance within which two speeds (rpm) are equal, for rounding.
+#: Largest relative difference of two speeds (rpm) that count as equal (rounding).
 SPEED_RTOL = 1e-6
-#: Number of ticks that the meter stores: 1.1 min at 300 rpm and 12 ticks per turn.
+#: Largest number of ticks that the meter stores: those of 1.1 min at 300 rpm and 12 ticks per turn.
 MAX_TICKS = 4096
-#: Largest number of readings that a bench notes, so that the memory stays bounded.
+#: Largest number of readings that a bench notes. It bounds the memory.
 MAX_READINGS = 10_000
 
 
@@ -146,22 +145,22 @@ def to_csv(readings: list[NotedReading]) -> str:
     return out.getvalue()
 
 
-#: State of the drive while the cam turns.
+#: Name of the drive's state while the cam turns.
 TURNING = "turning"
-#: State of the drive after a stop.
+#: Name of the drive's state after a stop.
 STOPPED = "stopped"
-#: State of the drive after an emergency stop.
+#: Name of the drive's state after an emergency stop.
 EMERGENCY = "emergency"
-#: Contact state of the follower in a tick in which it left the cam.
+#: Name of the follower's contact state in a tick in which it left the cam.
 LOST = "contact lost"
-#: Contact state of the follower in a tick without loss of contact.
+#: Name of the follower's contact state in a tick without loss of contact.
 IN_CONTACT = "in contact"
 #: Level of a diagnostic message without a fault, as in diagnostic_msgs.
 OK = 0
 #: Level of a diagnostic message with an error, as in diagnostic_msgs.
 ERROR = 2
 
-#: Number of the last lines of the graph's log that are shown.
+#: Number of the newest lines of the node graph's log that are shown.
 MAX_LINES = 6
 
 
@@ -181,7 +180,7 @@ class LiveState:
     domain: int = 0
     #: State of the drive: turning, stopped or emergency.
     drive: str = STOPPED
-    #: Names of the nodes that the drive waits for.
+    #: Names of the nodes that the drive waits for, as text.
     waits_for: str = ""
     #: Parameter values by node.
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -189,7 +188,7 @@ class LiveState:
     state: dict[str, Any] = field(default_factory=dict)
     #: Contact state of the latest tick, `LOST` or `IN_CONTACT`, empty if unknown.
     contact: str = ""
-    #: True if the run is slower than its pace.
+    #: True if the run is slower than its real-time factor requires.
     is_late: bool = False
     #: Paths of the bags that were kept.
     kept_bags: list[str] = field(default_factory=list)
@@ -203,7 +202,7 @@ class LiveState:
 
     def __post_init__(self) -> None:
         self.meter = Meter()
-        #: Rig time (ns) of the last loss of contact.
+        #: Rig time (ns) of the last loss of contact, -1 before the first.
         self._lost_ns = -1
         self._ticks_in_flight = 0
 
@@ -340,9 +339,9 @@ class LiveState:
 
 # The sound of the rig, rendered from the samples of each tick while a page listens.
 
-#: Lowest sample rate (Hz) of the sound that is sent to a browser.
+#: Smallest sample rate of the sound that is sent to a browser, Hz.
 MIN_RATE_HZ = 16_000
-#: Sound pressure (Pa) at full scale of the page's sound.
+#: Sound pressure (Pa) that is sent to a page as the sample value 1.
 FULL_SCALE_PA = 20.0
 
 
@@ -354,7 +353,7 @@ class PageSound:
 
     def __init__(self, radiation: RadiationParameters, sample_rate: int) -> None:
         self._source = SoundSource(radiation, sample_rate, MIN_RATE_HZ)
-        #: Sample rate of the sound, Hz.
+        #: Sample rate of the page's sound, Hz.
         self.rate = self._source.rate
 
     def render(self, rows: FloatArray, rpm: float) -> bytes:

@@ -30,12 +30,14 @@ from cam_rig.units import NS, FloatArray
 
 # One page of the bench, with the motion that it displays and the sound that it plays.
 
-#: Number of blocks of motion, and of sound, that are queued for a page. The oldest are dropped.
+#: Largest number of blocks of motion, and of sound, that are queued for a page. The oldest blocks
+#: are dropped.
 MAX_BLOCKS = 64
-#: Wall time (s) between two messages of blocks. Blocks are joined because a message costs more than
-#: its content.
+#: Period (s, wall clock) of the messages with blocks. Blocks are joined, because a message costs
+#: more than its content.
 STREAM_EVERY_S = 0.04
-#: Wall time (s) between two messages with only a new level. A reader needs no faster display.
+#: Shortest time (s, wall clock) between two messages with only a new level. A reader needs no
+#: faster display.
 LEVEL_EVERY_S = 0.2
 
 
@@ -98,7 +100,7 @@ class BenchPage(LivePage):
             await asyncio.sleep(STREAM_EVERY_S)
 
 
-#: Lowest and highest speed (rpm) of the knob.
+#: Lowest and highest speed of the knob, rpm.
 KNOB = (20.0, 1000.0)
 #: Colours of the cams in the chart. Their markers differ too.
 CAM_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN, colours.BLACK)

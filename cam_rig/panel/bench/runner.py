@@ -27,28 +27,29 @@ from cam_rig.viewer.rerun_page import serve
 
 # The set-up of the rig: cam, model and follower numbers, written as a scene for the nodes.
 
-#: Model of two elastic masses, which needs a rig with a split mass.
+#: Name of the model with two elastic masses, which needs a rig with a split mass.
 TWO_MASS = "two_mass"
-#: Models that a bench runs, if the rig has their numbers.
+#: Names of the models that a bench can run if the rig has their parameters.
 MODELS = ("one_mass", TWO_MASS, "kinetostatic", "elastic_stem", "torsional")
-#: Highest speed (rpm) of a scene, unless the knob starts above it. It sets the range of the
+#: Highest speed of a bench's scene, rpm, unless the knob starts above it. It sets the range of the
 #: viewer's axes.
 AXIS_RPM = 600.0
-#: Source of the speeds of a bench's scene.
+#: Text of the source of the speeds in a bench's scene.
 SPEEDS_SOURCE = "the knob's first, and what the axes have room for"
 #: Speed (rpm) at which the knob starts.
 START_RPM = 200.0
-#: Ticks per turn. A command takes effect at the next tick, 17 ms later at 300 rpm.
+#: Number of ticks per turn. A command takes effect at the next tick, at most 17 ms later at 300
+#: rpm.
 TICKS_PER_TURN = 12
-#: Sample rate (Hz) of the recorded force and of the page's sound.
+#: Sample rate of the recorded force and of the page's sound, Hz.
 SAMPLE_RATE = 4000
-#: Lowest speed (rpm) that is accepted.
+#: Lowest accepted cam speed, rpm.
 MIN_RPM = 1.0
-#: Highest speed (rpm) that is accepted: a tick then has two samples.
+#: Highest accepted cam speed, rpm. A tick then has two samples.
 MAX_RPM = 60.0 * SAMPLE_RATE / (2 * TICKS_PER_TURN)
-#: Turns after which a bench ends by itself: 5.6 h at 300 rpm.
+#: Number of turns after which a bench ends: 5.6 h at 300 rpm.
 MAX_TURNS = 100_000
-#: Largest mass (kg) that is added to that of the rig.
+#: Largest mass that can be added to that of the rig, kg.
 MAX_ADDED_MASS = 100.0
 
 
@@ -185,11 +186,11 @@ def add_cam(cam: CamConfig, cams: Path) -> None:
     (cams / f"{cam.name}.yaml").write_text(text, encoding="utf-8")
 
 
-#: Wall time (s) between two checks whether the pages are still served.
+#: Polling period (s, wall clock) of the check that the pages are still served.
 POLL_S = 0.5
 #: Parameter values by node.
 NodeValues = dict[str, dict[str, Any]]
-#: Receiver of the events of the graph.
+#: Function that is called with each event of the node graph.
 EventCallback = Callable[[dict[str, Any]], object]
 
 

@@ -31,13 +31,13 @@ from cam_rig.schema.yaml_text import parse_yaml
 from cam_rig.simulation.scene import is_calibrated
 from cam_rig.units import FloatArray
 
-#: Lowest speed (rpm) that the board accepts.
+#: Lowest accepted cam speed, rpm.
 MIN_RPM = 1.0
-#: Highest speed (rpm) that the board accepts.
+#: Highest accepted cam speed, rpm.
 MAX_RPM = 1e5
-#: Speed (rpm) at which the board starts.
+#: Cam speed at which the board starts, rpm.
 START_RPM = 300.0
-#: Largest magnitude of an ordinate, in lifts: the limit of a cam file.
+#: Largest absolute value of an ordinate, in lifts, as in a cam file.
 MAX_ORDINATE = 100.0
 
 
@@ -217,11 +217,11 @@ class Board:
 
 # Output of the board: cam file, contour as DXF, and command of a design from the drawn cam.
 
-#: Largest distance (m) of the chords of the DXF from the contour.
+#: Largest distance of the DXF's chords from the contour, m.
 CHORD_ERROR = 1e-6
-#: Quantity that a design from the board maximises.
+#: Quantity that a design that starts from the board maximises.
 GOAL = "jump_speed"
-#: Limit that a design from the board satisfies.
+#: Limit of a design that starts from the board.
 LIMIT = "peak_acceleration<=start"
 
 

@@ -38,24 +38,24 @@ from cam_rig.studies.simulate.motion import simulate
 from cam_rig.studies.simulate.sound import sound_level
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: Smallest number of pieces per event.
+#: Smallest number of pieces per event of a law that can be drawn.
 MIN_PIECES = 16
-#: Largest span (rad) of a piece: 12°.
+#: Largest span of a piece of such a law, rad: 12°.
 MAX_PIECE_SPAN = TURN / 30
-#: Smallest degree of the pieces. s''' then has no step at a knot between the joints of the law,
-#: whatever ordinate is moved.
+#: Smallest degree of the pieces. At this degree s''' has no step at a knot between the joints of
+#: the law, whichever ordinate is moved.
 MIN_DEGREE = 5
-#: Highest derivative in which a joint between segments stays continuous when ordinates are moved.
+#: Highest derivative that stays continuous at a joint between segments when ordinates are moved.
 MAX_KEPT_CONTINUITY = 3
-#: Number of Gauss points per piece at which the laws are compared.
+#: Number of Gauss points per piece at which the drawn law is compared with the law of the cam file.
 GAUSS_POINTS = 16
 #: Weight of an error of s (in lifts) relative to an error of s'' (in its r.m.s. value). With s''
 #: alone the error of a law of arcs, whose s'' has steps, is an eighth of the lift. With s alone the
 #: B-spline oscillates between the steps.
 LIFT_WEIGHT = 10.0
-#: Number of points per turn at which the distance of the laws is measured.
+#: Number of points per turn at which the largest distance of these laws is computed.
 COMPARED_POINTS = 3600
-#: Distance relative to the lift up to which two laws are equal, for rounding.
+#: Largest distance of these laws that counts as rounding, relative to the lift.
 ROUNDING_RTOL = 1e-12
 #: Segment types whose ordinates can be drawn.
 DRAWABLE_SEGMENTS = (Bezier, BSpline)
@@ -194,10 +194,11 @@ def _end_derivatives(law: Law, event: LawEvent, end: int, count: int) -> list[fl
 
 #: Number of points of a contour on the page.
 CONTOUR_POINTS = 360
-#: Number of turns that are simulated for the level if contact is lost. The first turn settles.
+#: Number of turns that are simulated for the sound level if contact is lost. The first is left out
+#: as transient.
 LEVEL_TURNS = 6
-#: Value for the page: `value`, or `message` with the reason why there is no value. Empty for
-#: infinity, which JSON cannot contain.
+#: Value that is sent to the page: `value`, or `message` with the reason for a missing value. It is
+#: empty for infinity, which JSON cannot contain.
 PageValue = dict[str, float | str]
 
 

@@ -25,7 +25,7 @@ from cam_rig.units import TURN, FloatArray
 
 #: Number of equally spaced angles per turn at which the page evaluates the law.
 MOTION_POINTS = 720
-#: Number of curves of the law: s to s'''.
+#: Number of curves of the law that are drawn: s, s', s'' and s'''.
 ORDERS = 4
 
 

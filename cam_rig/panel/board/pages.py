@@ -25,7 +25,7 @@ from cam_rig.panel.server import LivePage, PanelPages, get, page_file, post
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.show import looks as colours
 
-#: Time (s) without changes after which the slow results of a law are computed.
+#: Time (s, wall clock) since the last change after which the slow results of a law are computed.
 PAUSE_S = 0.15
 #: Colours of the page's curves, as in the rig's other figures.
 COLOURS = {
@@ -141,11 +141,11 @@ class BoardPages(PanelPages):
 
 # The server's end of its worker processes, for the slow results of a law and for a design.
 
-#: Largest number of bytes of a line.
+#: Largest size of a line from a worker process, bytes.
 MAX_LINE = 1 << 24
-#: Module of the worker process.
+#: Name of the Python module that a worker process runs.
 WORKER = "cam_rig.panel.board.worker"
-#: Argument with which a worker makes a design.
+#: Command-line argument with which a worker process computes a design.
 DESIGN = "design"
 #: Worker process.
 Process = asyncio.subprocess.Process

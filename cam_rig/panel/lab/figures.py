@@ -10,13 +10,13 @@ from cam_rig.panel.lab.marking import MarksResult
 from cam_rig.show.figure import empty, styled
 from cam_rig.show.looks import BLUE, VERMILION, web
 
-#: Number of letters after which a name is cut.
+#: Largest number of letters of a student's name in the figure. A longer name is cut.
 MAX_NAME_LENGTH = 26
-#: Height of a student's row, inches.
+#: Height of the row of a student in the figure, inches.
 ROW_HEIGHT_IN = 0.26
 #: Number of bars of the histogram.
 BARS = 31
-#: Grey level of the range within the tolerance.
+#: Grey level of the range within the tolerance of an answer.
 TOLERANCE_SHADE = "0.92"
 
 

@@ -46,13 +46,13 @@ from cam_rig.units import NS, RPM, RPM_PER_RAD_S, TURN, FloatArray
 
 #: Sample rate (Hz) of the force and of the sound.
 RATE_HZ = MIN_RATE_HZ
-#: Number of points of a displayed turn.
+#: Number of points of a turn that is displayed.
 TURN_POINTS = 720
 #: Resolution of the force sensor, N.
 RESOLUTION_N = 0.1
-#: Lowest speed of the knob, relative to the lowest expected speed.
+#: Lowest speed of the knob, as a fraction of the lowest expected jump speed.
 KNOB_FROM = 0.5
-#: Highest speed of the knob, relative to the highest expected speed.
+#: Highest speed of the knob, as a multiple of the highest expected jump speed.
 KNOB_TO = 1.25
 
 
@@ -111,12 +111,13 @@ def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
     return blocks
 
 
-#: Largest relative differences of the hidden rig's numbers, in labs that do not ask for the stem.
+#: Largest relative differences between the numbers of the hidden rig and those on the sheet, in
+#: labs that do not ask for the stem.
 TOLERANCES = {"spring_stiffness": 0.08, "mass": 0.04, "preload": 0.15, "damping": 0.25}
 
 # The jump speed of springs, masses and preloads.
 
-#: Unit (rpm²) of the plot's y axis: 400 rpm is plotted at 160.
+#: Unit of the y axis of the plot of squared speeds, rpm²: 400 rpm is plotted at 160.
 SQUARE_RPM = 1000.0
 
 
@@ -225,8 +226,8 @@ def _jump_rpm(law: Law, follower: AnyFollower) -> float:
 
 #: Resolution of the sensor on the stem, µm.
 RESOLUTION_UM = 0.1
-#: Largest number of periods of the stem per turn at the highest speed of the knob. Neighbouring
-#: peaks are then at least 1/60 of the speed apart.
+#: Largest number of periods of the stem per turn at the highest speed of the knob. The speeds of
+#: neighbouring peaks then differ by at least 1/60.
 MAX_PERIODS_PER_TURN = 60.0
 
 
@@ -324,14 +325,15 @@ def _stem_frequency(follower: FollowerParameters) -> float:
 
 # The speed at which two cams are equally loud.
 
-#: Standard deviation (dB) of a reading of the sound-level meter. It is assumed, because no source
-#: prints it.
+#: Standard deviation of a reading of the sound-level meter, dB. It is assumed, because no source
+#: states it.
 SCATTER_DB = 0.3
 #: Resolution of the meter, dB.
 RESOLUTION_DB = 0.1
-#: Number of speeds of the knob at which the levels are compared to locate a crossing.
+#: Number of speeds over the range of the knob at which the levels are compared to locate a
+#: crossing.
 CROSSING_SPEEDS = 80
-#: Number of bisections that refine the crossing.
+#: Number of bisections that refine the speed of the crossing.
 BISECTIONS = 24
 
 
@@ -426,7 +428,7 @@ class NoiseSheet(LabSheet):
         return [self.level(cam, rpm, None) for cam in self.cams]
 
 
-#: Labs by the name that --lab accepts. The text of each task is in the page's texts.
+#: Lab sheets by the name that --lab accepts. The text of each task is in the page's texts.
 LABS: dict[str, type[LabSheet]] = {
     sheet.name: sheet for sheet in (JumpSheet, VibrationSheet, NoiseSheet)
 }

@@ -29,7 +29,7 @@ class AnswerMark:
     file: str
     lab: type[LabSheet]
     reading: LabReading
-    answer: float  #: in the lab's unit, as the true value
+    answer: float  #: answer in the lab's unit, which is also that of the true value
     true: float
     within: bool
 

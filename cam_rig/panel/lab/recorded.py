@@ -20,19 +20,19 @@ from cam_rig.panel.lab.sheet import COLUMNS, LabReading, LabSetup, LabSheet
 
 # The file of a sheet: CSV with a header of comment lines, which a spreadsheet preserves.
 
-#: Key of the first line of a sheet. Its value is the lab's name.
+#: Key of the first line of a sheet's file. Its value is the lab's name.
 TITLE = "cam_rig lab sheet"
-#: Other keys of the header.
+#: Keys of the other header lines of a sheet's file.
 HEADER_KEYS = ("cam", "rig", "title", "seed", "student", "date")
-#: Keys that may be missing in the header.
+#: Keys of header lines that may be missing.
 OPTIONAL_KEYS = ("seed", "student")
-#: Columns whose numbers must be above 0.
+#: Names of the columns whose numbers must be above 0.
 POSITIVE_COLUMNS = ("reading", "speed_rpm", *(lab.answer for lab in LABS.values() if lab.answer))
-#: Largest size of a sheet, bytes.
+#: Largest size of a sheet's file, bytes.
 MAX_BYTES = MIB
 #: Largest number of rows of a sheet.
 MAX_READINGS = 1000
-#: Largest number of characters of a line. Python's CSV reader fails from 131 072 on.
+#: Largest number of characters of a line of the file. Python's CSV reader fails from 131 072 on.
 MAX_LINE_LENGTH = 10_000
 #: Largest number of characters of a student's name.
 MAX_NAME = 80
@@ -209,10 +209,10 @@ class Notebook:
         return lock
 
     def _resume(self, path: Path) -> None:
-        """Continue the lab sheet in a file.
+        """Read the recorded sheet from its file, and write further readings to this file.
 
-        An empty file was created just before its process ended. Raises ConfigError if the file is
-        the sheet of another lab, cam, rig or seed.
+        An empty file, which a process created just before it ended, contains no readings. Raises
+        ConfigError if the file is the sheet of another lab, cam, rig or seed.
         """
         self.path = path
         if not path.stat().st_size:

@@ -21,7 +21,7 @@ from cam_rig.laws.cam import require_sprung
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.units import FloatArray
 
-#: Pattern of a seed, which becomes part of a file's name.
+#: Pattern of an accepted seed, which becomes part of a file's name.
 SEED_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
 
 
@@ -102,30 +102,32 @@ class LabSheet(ABC):
     """
 
     name: ClassVar[str]
-    #: Options by field of `LabSetup`, as multiples of the rig's number. Those of the added mass are
-    #: in kg.
+    #: Options of each field of `LabSetup`, as multiples of the rig's number. Those of the added
+    #: mass are in kg.
     multiples: ClassVar[Mapping[str, tuple[float, ...]]] = {}
-    #: Largest relative difference of each number of the hidden rig from the sheet, both ways.
+    #: Largest relative difference, in either direction, between each number of the hidden rig and
+    #: that on the sheet.
     tolerances: ClassVar[Mapping[str, float]]
-    #: Column of the instrument's reading, None if only the speed is read.
+    #: Name of the column with the instrument's reading, None if only the speed is read.
     measured: ClassVar[str | None] = None
-    #: Quantity that an answer gives, such as the jump speed.
+    #: Name of the quantity that the student determines, such as the jump speed.
     question: ClassVar[str]
-    #: Unit of the answer.
+    #: Unit of the student's answer.
     unit: ClassVar[str]
-    #: Column of the answer, None if the answer is the speed of a reading.
+    #: Name of the column with the answer, None if the answer is the speed of a reading.
     answer: ClassVar[str | None] = None
-    #: Definition of the true value.
+    #: Text that defines the true value of the answer.
     truth: ClassVar[str]
-    #: Tolerance (%) of an answer, unless another is given.
+    #: Default tolerance of an answer, %.
     default_tolerance: ClassVar[float] = 1.0
-    #: Field of the set-up whose values have different markers in the plot.
+    #: Field of the set-up that selects the marker of a reading in the plot.
     marker: ClassVar[str] = "added_mass"
-    #: Field of the set-up that fills the marker unless it has its first value, None if none does.
+    #: Field of the set-up whose value selects a filled marker, unless it is the first option. None
+    #: if no marker is filled.
     filled: ClassVar[str | None] = None
-    #: True if a turn has a sound.
+    #: True if the page plays the sound of a turn.
     has_sound: ClassVar[bool] = True
-    #: Second cam unless another is named, None if the lab has one cam.
+    #: Name of the default second cam, None if the lab has one cam.
     default_other_cam: ClassVar[str | None] = None
 
     cam: CamConfig
@@ -255,12 +257,12 @@ class LabSheet(ABC):
         """
 
 
-#: Columns of a file by field of a set-up.
+#: Name of the column of a file for each field of a set-up.
 COLUMNS = {
     "spring_stiffness": "spring_N_m",
     "added_mass": "added_mass_kg",
     "preload": "preload_N",
     "cam": "cam",
 }
-#: Number of points of a curve of theory over the whole axis, ends included.
+#: Number of points of the theoretical curve over the whole axis, including its ends.
 CURVE_POINTS = 401

@@ -24,19 +24,20 @@ from cam_rig.studies.bounce.motion import PERIODIC, TurnMotion, bouncing, motion
 from cam_rig.studies.bounce.result import EXPONENT
 from cam_rig.units import NS, RPM, FloatArray
 
-#: Turns that each start runs before its motion is classified.
+#: Number of turns that each start runs before its motion is classified.
 TRANSIENT_TURNS = 200
-#: Turns after these that classify the motion.
+#: Number of turns after these by which the motion is classified.
 CLASSIFIED_TURNS = 40
-#: Default number of starts along each side of the grid.
+#: Default number of starts along each side of the grid of gap and gap rate.
 DEFAULT_GRID = 40
-#: Range of the starts, as a multiple of the range of the motion from the cam.
+#: Range of gap and gap rate of the starts, as a multiple of the range of the motion that starts on
+#: the cam.
 RANGE_FACTOR = 2.0
-#: Relative tolerance of the fastest landing within which two motions are the same.
+#: Largest relative difference of the fastest landings of two motions that count as the same.
 LANDING_RTOL = 1e-3
-#: Samples per turn in a phase portrait.
+#: Number of samples per turn in a phase portrait.
 SAMPLES_PER_TURN = 1500
-#: Turns in the phase portrait of a motion that does not repeat.
+#: Number of turns in the phase portrait of a motion that does not repeat.
 PORTRAIT_TURNS = 8
 
 

@@ -25,33 +25,40 @@ from cam_rig.laws import Law
 from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.units import FloatArray
 
-#: Largest step of a converged Newton iteration, relative to lift and speed.
+#: Largest Newton step at which the iteration has converged, in units of lift and speed scales.
 NEWTON_RTOL = 1e-13
 #: Largest number of Newton iterations.
 MAX_ITERATIONS = 20
-#: Residual below this value is rounding, if a motion stretches small changes strongly.
+#: Largest Newton step that counts as rounding if it no longer halves, in the same units. Motions
+#: that stretch small changes strongly do not reach `NEWTON_RTOL`.
 ROUNDING_RESIDUAL = 1e-10
-#: First step along a branch, relative to lift and speed.
+#: First step along a branch, in units of lift and speed scales.
 FIRST_STEP = 1e-3
-#: Step at which a branch ends, in the same units.
+#: Step along a branch below which the branch ends, in the same units.
 MIN_STEP = 1e-9
 #: Longest step along a branch, in the same units.
 MAX_STEP = 5e-3
 #: Largest number of steps along a branch.
 MAX_STEPS = 20_000
-#: Relative step of the swept value for the derivative. It affects the iteration, not the result.
+#: Relative step of the swept value for a difference quotient. It affects the iteration, not the
+#: result.
 VALUE_STEP = 1e-7
-#: Largest difference of equal halves of a period, as a fraction of lift times speed.
+#: Largest difference between the two halves of a period that count as equal, as a fraction of lift
+#: times speed.
 HALF_PERIOD_RTOL = 1e-3
-#: Distances beyond the end of a branch at which another number of landings is searched for.
+#: Distances beyond the end of a branch at which a motion with another number of landings is
+#: searched for, in units of lift and speed scales.
 DISTANCES_BEYOND = (1e-8, 1e-7, 1e-6, 1e-5)
-#: Relative tolerance within which two bifurcations are the same.
+#: Largest relative difference of the values of two bifurcations that count as the same.
 BIFURCATION_RTOL = 1e-6
-#: Relative tolerance of the fastest landing within which two motions at one value are the same.
+#: Largest relative difference of the fastest landings of two motions at one value that count as the
+#: same.
 LANDING_RTOL = 1e-3
-#: A derivative that changes by more than this fraction just beyond an end is discontinuous.
+#: Relative change of the derivative just beyond the end of a branch above which the derivative is
+#: discontinuous.
 JUMP_RTOL = 1e-2
-#: Distance to ±1 below which a multiplier passes ±1 at a root. Above it the multiplier jumps.
+#: Largest distance of a test function from 0 at a root (no unit) at which a multiplier passes ±1
+#: continuously. At a larger distance the multiplier jumps.
 PASS_ATOL = 1e-5
 
 # Kinds of bifurcation, as tables and JSON contain them. `DESCRIPTIONS` explains each.
@@ -87,7 +94,7 @@ class PeriodicMotion:
     point: OperatingPoint
     states: FloatArray  #: at the end of each turn, as in `TurnsRun.states`
     derivative: FloatArray  #: ``(n, n)`` over the period, n = 2 for one mass, 4 for two
-    landings: int  #: number in the period
+    landings: int  #: number of landings in the period
     max_landing_speed: float  #: fastest landing against the cam, m/s
     min_landing_speed: float  #: slowest landing against the cam, m/s
 
@@ -143,7 +150,7 @@ class Bifurcation:
     kind: str
     point: OperatingPoint
     period: int | None
-    landings: int  #: in the period, before the bifurcation
+    landings: int  #: number of landings in the period before the bifurcation
 
     def same_as(self, other: Bifurcation, sweep: Sweep) -> bool:
         """Return True if both are the same bifurcation, found on two ways."""
@@ -332,11 +339,11 @@ class Family:
                 root = brentq(lambda part, f=test: f(ahead(part)[0]), 0.0, length, xtol=1e-15)
                 motion, _ = ahead(root)
                 if kind == SPIRAL and not motion.leading.imag:
-                    continue  # a real pair: one of the two is above 1 on either side
+                    continue  # two real multipliers, one above 1 on both sides: no bifurcation
                 reported = kind if abs(test(motion)) < PASS_ATOL else CORNER
                 yield Bifurcation(reported, motion.point, self.period, motion.landings)
                 if reported == CORNER:
-                    return  # the other test functions may jump there too
+                    return  # the other test functions may jump there too, without a root
 
     def _end(
         self, last: PeriodicMotion, point: FloatArray, along: FloatArray

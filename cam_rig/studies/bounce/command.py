@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from cam_rig.laws import Law
     from cam_rig.schema import RigConfig
 
-#: Default number of speeds.
+#: Default number of speeds of a sweep.
 DEFAULT_SPEEDS = 121
 #: Lowest default speed, as a multiple of the jump speed.
 MIN_JUMP_RATIO = 0.9

@@ -17,9 +17,10 @@ from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, PERIODIC, UNDET
 from cam_rig.studies.bounce.result import BounceMap
 from cam_rig.studies.bounce.sweep import SPEED, SWEPT
 
-#: Height of the marks of exponents of −∞, as a fraction of the height of the axes.
+#: Height above the lower edge at which exponents of −∞ are marked, as a fraction of the height of
+#: the axes.
 MARK_HEIGHT = 0.04
-#: Largest number of motions that have a colour and a portrait.
+#: Largest number of motions that get a colour and a portrait.
 MAX_MOTIONS = 6
 
 

@@ -30,13 +30,13 @@ PERIODIC = "periodic"
 IRREGULAR = "irregular"
 #: Kind of a motion that neither repeats nor has a positive exponent beyond its error.
 UNDETERMINED = "undetermined"
-#: Least number of times that a period must repeat in the classified turns.
+#: Smallest number of times that a period must repeat in the classified turns.
 MIN_REPEATS = 4
 #: Relative rounding error of a state.
 STATE_RTOL = 1e-16
-#: Number of blocks of turns over which the growth is averaged.
+#: Number of blocks of turns. The error of an exponent follows from the scatter of their means.
 BLOCKS = 10
-#: Student's t of `BLOCKS` means, two-sided, at 95 %.
+#: Student's t for the mean of `BLOCKS` means, two-sided, 95 %.
 STUDENT = 2.262
 
 
@@ -52,9 +52,9 @@ class TurnMotion:
 
     motion: str
     period: int | None  #: turns after which the motion repeats, None if it does not
-    settled: int | None  #: first turn from which on it repeats, None if it does not
-    exponents: tuple[float, ...]  #: 1/turn
-    exponent_error: float  #: of the largest exponent, 1/turn, 95 %, from its convergence
+    settled: int | None  #: first turn from which on the motion repeats, None if it does not
+    exponents: tuple[float, ...]  #: Lyapunov exponents, 1/turn
+    exponent_error: float  #: error of the largest exponent, 1/turn, 95 %, from its convergence
 
     @property
     def lyapunov_exponent(self) -> float:

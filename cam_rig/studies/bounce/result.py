@@ -30,11 +30,11 @@ from cam_rig.studies.bounce.sweep import (
 )
 from cam_rig.units import RPM, FloatArray
 
-#: Start of each row on the cam.
+#: Choice of the start state: each row starts at rest on the cam.
 START_ON_CAM = "rest"
-#: Start of each row in the end state of the row below.
+#: Choice of the start state: each row starts in the end state of the row below.
 START_BELOW = "below"
-#: Start of each row in the end state of the row above.
+#: Choice of the start state: each row starts in the end state of the row above.
 START_ABOVE = "above"
 
 
@@ -46,7 +46,7 @@ class BounceRow(TurnMotion):
     landings_per_turn: float
     comes_to_rest: bool  #: True if it comes to rest on the cam in the kept turns
     level_db: float | None
-    level_spread_db: float | None  #: loudest turn less quietest turn
+    level_spread_db: float | None  #: level of the loudest turn less that of the quietest, dB
     max_landing_speed: (
         FloatArray  #: ``(n,)`` m/s, fastest landing of each turn: of a period, or all kept
     )
@@ -293,7 +293,7 @@ def _rows_of_change(rows: Sequence[BounceRow]) -> list[BounceRow]:
     ]
 
 
-#: Number of rows up to which a terminal shows all rows.
+#: Largest number of rows that a terminal shows completely.
 MAX_SHOWN_ROWS = 40
 #: Kinds of motion in the order of the summary.
 KINDS = (IN_CONTACT, PERIODIC, IRREGULAR, UNDETERMINED)

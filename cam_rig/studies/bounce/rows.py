@@ -34,7 +34,8 @@ from cam_rig.studies.bounce.result import BounceMap, BounceRow
 from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.units import NS
 
-#: Largest number of turns in the mean of the level. One more turn starts the sound before them.
+#: Largest number of turns over which the sound level is averaged. The sound starts one turn
+#: earlier.
 LEVEL_TURNS = 16
 
 
@@ -44,7 +45,7 @@ class BounceRuns:
 
     law: Law
     sweep: Sweep
-    values: tuple[float, ...]  #: of the swept quantity, SI
+    values: tuple[float, ...]  #: values of the swept quantity, SI
     radiation: RadiationParameters | None  #: None if the rig does not define it
     transient_turns: int  #: turns before the kept turns
     turns: int  #: number of kept turns

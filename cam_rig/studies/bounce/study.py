@@ -33,11 +33,11 @@ from cam_rig.studies.bounce.rows import BounceFiles, BounceRuns, stored_rows
 from cam_rig.studies.bounce.sweep import RESTITUTION, SPEED, SWEPT, OperatingPoint, Sweep
 from cam_rig.units import RPM
 
-#: Rows that are sent to a process together.
+#: Number of rows that are sent to a process together.
 BATCH_ROWS = 4
-#: Least number of turns for which a motion can be classified as periodic or not.
+#: Smallest number of turns for which a motion can be classified as periodic or not.
 MIN_TURNS = 5 * MIN_REPEATS
-#: Largest number of turns of a row: about 40 s and 240 MB.
+#: Largest number of turns of a row. They take about 40 s and 240 MB.
 MAX_TURNS = 2_000_000
 
 

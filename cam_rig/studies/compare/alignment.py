@@ -13,34 +13,37 @@ from cam_rig.simulation.instruments import Signal
 from cam_rig.studies.compare.model_run import ModelRun, SteadyStretch
 from cam_rig.units import TURN, FloatArray, correlation_length, rms
 
-#: Number of orders of the cam by which the readings of a turn are compared.
+#: Number of orders of the cam by which the readings of a turn are compared with the model.
 ORDERS = 24
-#: Smallest number of readings of a turn for that.
+#: Smallest number of readings of a turn for this comparison.
 MIN_READINGS = 12
-#: Number of angles per turn among which the first offset is searched for.
+#: Number of angles per turn that are tried as the first offset.
 SEARCH_ANGLES = 2048
-#: Smallest ratio of a significant number to its standard error.
+#: Smallest ratio of a fitted number to its standard error at which it is significant.
 MIN_SIGNIFICANCE = 5.0
-#: Smallest shift of the cam angle (rad) by an identified clock error.
+#: Smallest shift of the cam angle (rad) by a clock error that is identified.
 MIN_CLOCK_SHIFT = 1e-3
-#: Smallest such shift in counts of the encoder, the accuracy of the motion at a varying speed.
+#: Smallest such shift in counts of the encoder. It is the accuracy of the motion at a varying
+#: speed.
 MIN_CLOCK_COUNTS = 0.5
-#: Number of standard deviations within which nine of ten readings are.
+#: Distance from the mean within which nine of ten normal readings are, in standard deviations.
 SIGMAS_OF_90_PERCENT = 1.645
-#: Smallest spread of the residuals, as a fraction of the lift range.
+#: Lower limit of the standard deviation of the residuals, as a fraction of the lift range.
 MIN_SPREAD = 1e-6
-#: Largest residual that is used, in standard deviations. Landings exceed it.
+#: Largest residual of a reading that is used in the fit, in standard deviations. Landings exceed
+#: it.
 CLIP_SIGMAS = 4.0
-#: Velocity of the follower, relative to the largest, below which its direction is undetermined.
+#: Smallest velocity of the follower at which its direction is determined, relative to the largest
+#: velocity.
 MIN_VELOCITY_RATIO = 0.05
-#: Largest scatter of all speeds, relative to that of the speeds without flights, at which all
+#: Largest ratio of the scatter of all speeds to that of the speeds without flights at which all
 #: speeds are used.
 MAX_SCATTER_RATIO = 1.2
 #: Largest number of Gauss-Newton steps.
 MAX_STEPS = 4
-#: Change of the cam angle (rad) below which the iteration has converged.
+#: Change of the cam angle (rad) by a step below which the iteration has converged.
 STEP_ATOL = 1e-6
-#: Names of the fitted numbers.
+#: Names of the fitted numbers, in the order of their errors.
 NAMES = ("offset", "zero", "lag", "delay", "drift")
 
 
@@ -188,7 +191,7 @@ def _estimate(runs: Sequence[ModelRun], offset_guess: float, lift: Signal) -> Al
     for run in runs:
         stretch = run.stretch
         modelled = stretch.angle_at(run.rows[0])
-        last = modelled > modelled[-1] - TURN  # Fourier coefficients of the last whole turn
+        last = modelled > modelled[-1] - TURN  # samples of the last whole turn
         wave = np.exp(1j * orders[:, None] * (modelled[last] + offset_guess))
         expected = wave @ run.rows[1, last] / np.count_nonzero(last)
         inside = (lift.time >= run.start) & (lift.time <= stretch.knots[-1])

@@ -15,7 +15,7 @@ from cam_rig.show.looks import EQUAL, is_rounding, reach, title_of
 from cam_rig.studies.compare.comparison import QUANTITIES, SpeedDeparture, group_by_cam
 from cam_rig.studies.compare.study import RunComparison
 
-#: Charts per quantity.
+#: Names of the charts of each quantity.
 CHARTS = ("measured", "model", "difference")
 #: Radius of a curve in screen points, negative as in Rerun.
 STROKE = -1.4
@@ -27,9 +27,9 @@ HEIGHT = 120.0
 RAISED = 0.06
 #: Marks of the cam angle in degrees.
 DEGREES = {float(angle): f"{angle}°" for angle in range(0, 361, 90)}
-#: Room right of a chart for half of the last mark, as a fraction of its width.
+#: Free space right of a chart for half of the last label, as a fraction of its width.
 RIGHT_MARGIN = 0.1
-#: Room below a chart for its marks, as a fraction of its height.
+#: Free space below a chart for its labels, as a fraction of its height.
 BOTTOM_MARGIN = 0.16
 
 

@@ -25,17 +25,19 @@ from cam_rig.units import TURN
 
 # Dominant frequency of a difference. It may be a resonance of a sensor or its mounting.
 
-#: Largest number of readings per segment of the spectrum.
+#: Largest number of readings in each segment of a signal whose spectra are averaged.
 MAX_SEGMENT_READINGS = 1024
-#: Smallest number of segments of the spectrum.
+#: Smallest number of these segments.
 MIN_SEGMENTS = 4
-#: Smallest ratio of a distinct peak to the median power.
+#: Smallest ratio of a peak's power to the median power at which the peak is reported.
 MIN_PEAK_RATIO = 30.0
-#: Relative tolerance of equal frequencies.
+#: Largest relative difference of frequencies that count as equal.
 FREQUENCY_RTOL = 0.05
-#: Smallest relative range of the speeds at which a common frequency is identifiable.
+#: Smallest relative range of the cam speeds at which a frequency that is common to all speeds is
+#: identifiable.
 MIN_SPEED_RANGE = 0.15
-#: Smallest order of the cam of a resonance. Mass, spring and damping cause differences below it.
+#: Smallest order of the cam at which a common frequency is reported as a resonance. Errors of mass,
+#: spring and damping cause differences at lower orders.
 MIN_RESONANCE_ORDER = 8.0
 
 
@@ -92,15 +94,15 @@ class DrawnQuantity(NamedTuple):
     colour: int
 
 
-#: Quantities of the figures.
+#: Labels, units and colours of the quantities in the figures.
 QUANTITIES = {
     "lift": DrawnQuantity("lift", "mm", 1e3, "µm", 1e6, looks.LIFT),
     "force": DrawnQuantity("contact force", "N", 1.0, "N", 1.0, looks.FORCE),
 }
-#: Largest noise of an instrument, as a fraction of the range of the model. Gauges and load cells
-#: have less than a tenth of it.
+#: Largest plausible noise of an instrument, as a fraction of the model's range, by quantity. Gauges
+#: and load cells have less than a tenth of it.
 MAX_NOISE = {"lift": 0.1, "force": 0.5}
-#: Smallest number of readings of a drawn turn, if the run has as many.
+#: Smallest number of readings of a drawn turn, if the run has this number.
 MIN_DRAWN_READINGS = 300
 #: Largest number of readings of a drawn turn.
 MAX_DRAWN_READINGS = 1500
@@ -329,9 +331,10 @@ def turn_warnings(rows: Iterable[SpeedDeparture]) -> list[str]:
     ]
 
 
-#: Largest drift between two clocks, s/s. Quartz clocks differ by less than a fifth of it.
+#: Largest plausible drift between two clocks, s/s. Quartz clocks differ by less than a fifth of it.
 MAX_CLOCK_DRIFT = 1e-3
-#: Largest ratio between measured and modelled lift range that causes no warning on cam or unit.
+#: Largest ratio between the measured and the modelled lift range, in either direction, without a
+#: warning about cam or unit.
 MAX_RANGE_RATIO = 2.0
 
 

@@ -70,17 +70,18 @@ class PairedStep:
     exact: bool = False
 
 
-#: Largest systematic deviation within the noise, as a fraction of the noise. The noise is an
-#: estimate.
+#: Largest systematic deviation that is attributed to the noise, as a fraction of the noise. The
+#: noise is an estimate.
 SYSTEMATIC_NOISE_FRACTION = 0.5
-#: Twice the standard error of the squared systematic deviation of one reading, relative to the
+#: Two standard errors of the squared systematic deviation, times √n for n readings, relative to the
 #: squared noise.
 NOISE_ERROR_FACTOR = 5.4
-#: Smallest deviation that a test bench can show, as a fraction of the model's range.
+#: Largest deviation that a test bench cannot show, as a fraction of the model's range.
 RANGE_RTOL = 2e-4
-#: Largest difference between equal turns of the model, as a fraction of its range.
+#: Largest difference between turns of the model that count as equal, as a fraction of its range.
 TURN_RTOL = 0.02
-#: Relative difference of equal numbers of an exactly driven model, relative to the model's range.
+#: Largest deviation from an exactly driven model that counts as rounding, relative to the model's
+#: range.
 ROUNDING_RTOL = 1e-9
 
 
@@ -184,16 +185,17 @@ def mean_over_turns(angle: FloatArray, value: FloatArray) -> tuple[FloatArray, F
 
 # Lift-offs and landings of the readings, by the same rule for run and model.
 
-#: Limit of a lost contact, in standard deviations of the noise.
+#: Threshold of a loss of contact, in standard deviations of the noise.
 FORCE_SIGMAS = 4.0
-#: Smallest limit of a lost contact, as a fraction of the mean force. The zero of a load cell has an
-#: error.
+#: Smallest threshold of a loss of contact, as a fraction of the mean force. It allows for the zero
+#: offset of a load cell.
 MEAN_FORCE_FRACTION = 0.02
-#: Smallest gap of a lost contact without a measured force, as a fraction of the lift.
+#: Smallest gap that counts as a loss of contact without a measured force, as a fraction of the
+#: lift.
 LIFT_FRACTION = 2e-3
-#: Number of adjacent readings whose mean distinguishes a lost contact from noise.
+#: Number of adjacent readings of which the mean distinguishes a loss of contact from noise.
 NEIGHBOURS = 5
-#: Largest distance (rad) between a measured and a modelled event that are the same event.
+#: Largest distance (rad) between a measured and a modelled event that are paired.
 MAX_EVENT_SHIFT = TURN / 12.0
 
 
@@ -280,7 +282,7 @@ def _contact_events(
     limit at random.
     """
     lost = margin <= 0.0
-    if not exact:  # the majority of each reading and its two neighbours
+    if not exact:  # majority vote of each reading and its two neighbours
         padded = np.pad(lost.astype(np.intp), 1, mode="edge")
         lost = padded[:-2] + padded[1:-1] + padded[2:] >= 2
     edges = np.r_[0, np.flatnonzero(np.diff(lost)) + 1, lost.size]

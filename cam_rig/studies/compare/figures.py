@@ -16,9 +16,9 @@ from cam_rig.studies.compare.comparison import QUANTITIES, SpeedDeparture, group
 from cam_rig.studies.compare.deviation import PairedSignal
 from cam_rig.studies.compare.study import RunComparison
 
-#: Largest number of readings per turn that are drawn as points. More are drawn as a line.
+#: Largest number of readings per turn that are drawn as points. If there are more, a line is drawn.
 MAX_POINTS = 600
-#: Legend of the grey points.
+#: Legend of the readings near a jump of the force, which are grey points.
 NEAR_JUMP_LABEL = "near a jump of the force: not counted"
 
 

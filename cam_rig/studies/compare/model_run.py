@@ -16,21 +16,23 @@ from cam_rig.units import NS, TURN, FloatArray, to_rpm
 
 # Motion of the cam through the counts of an encoder: steady stretches, and cam states along them.
 
-#: Largest relative difference of the mean speeds of turns at one speed.
+#: Largest relative difference between the mean speeds of turns that count as one speed.
 SPEED_RTOL = 0.02
-#: Largest such difference in counts of the encoder per turn.
+#: Lower limit of this difference for a coarse encoder, in counts per turn.
 SPEED_COUNTS = 4.0
-#: Largest cam angle (rad) in a gap that does not end a stretch.
+#: Largest cam angle (rad) that the cam may turn in a gap within a stretch. A larger angle ends the
+#: stretch.
 MAX_GAP_ANGLE = TURN / 8.0
-#: Number of knots per turn of a motion with varying speed.
+#: Number of knots per turn of the curve through a motion with varying speed.
 KNOTS_PER_TURN = 8
-#: Smallest number of readings between two knots.
+#: Smallest number of readings between two knots of this curve.
 READINGS_PER_PIECE = 6
-#: Number of readings with equal angle while the cam is stopped.
+#: Number of successive readings of which the angles must be equal if the cam is stopped.
 STILL_READINGS = 16
-#: Largest range (rad) of these angles.
+#: Largest range (rad) of angles that count as equal.
 STILL_ANGLE = 1e-3
-#: Largest scatter of a curve, relative to that of a line, at which the curve is used.
+#: Largest ratio of the scatter about the curve to that about a straight line at which the curve is
+#: used.
 MAX_CURVE_SCATTER = 0.9
 
 

@@ -207,16 +207,17 @@ def _add_tick(
 
 # Pairs of any test bench: the cam's motion is fitted through the readings of its angle.
 
-#: Smallest number of settled turns per speed.
+#: Smallest number of settled turns per speed that are compared.
 MIN_TURNS = 2.0
-#: Smallest number of readings of a quantity per speed.
+#: Smallest number of readings of a quantity per speed that are compared.
 MIN_READINGS = 32
-#: Change of the force within `JUMP_ANGLE` that is a jump, as a fraction of its range.
+#: Change of the force within `JUMP_ANGLE` above which it is a jump, as a fraction of the force's
+#: range.
 JUMP_FRACTION = 0.1
 #: Cam angle (rad) before and after a reading in which a jump affects it.
 JUMP_ANGLE = np.radians(0.5)
-#: Smallest scatter of the angle, in counts, at which its readings are rounded. Rounding alone has
-#: 0.29.
+#: Scatter of the angle, in counts, above which its readings are rounded to counts. Rounding alone
+#: gives 0.29.
 MIN_ROUNDING_COUNTS = 0.1
 
 

@@ -82,7 +82,7 @@ NOTES = (
         lambda row: any(part is not None and part.varies_by_turn for part in (row.lift, row.force)),
     ),
 )
-#: Display units in tables with one unit per row. Other quantities have SI units.
+#: Displayed unit of each quantity in tables with one unit per row. Other quantities have SI units.
 DISPLAY_UNITS = {
     "lift": "µm",
     "lift_zero": "mm",

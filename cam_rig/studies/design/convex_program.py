@@ -21,24 +21,26 @@ from cam_rig.errors import DesignError
 from cam_rig.extras import friendly_import_errors
 from cam_rig.units import FloatArray
 
-#: Largest ordinate of a law, in lifts.
+#: Largest absolute ordinate of a law, in lifts.
 MAX_ORDINATE = 10.0
 #: Name of the limit on the ordinates in messages.
 ORDINATE_LIMIT = "ordinates"
-#: Options of every solver run. The default factorisation is three times slower on these programs.
+#: Options of every run of the solver. The default factorisation is three times slower on these
+#: programs.
 SOLVER_OPTIONS = {"verbose": False, "max_iter": 400, "direct_solve_method": "qdldl"}
-#: Further options, tried in turn until the solver converges.
+#: Additional sets of options, tried in turn until the solver converges.
 SOLVER_TUNINGS = (
     {"tol_feas": 1e-10, "tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10},
     {"static_regularization_constant": 1e-7, "iterative_refinement_max_iter": 50},
     {"equilibrate_max_iter": 50, "reduced_tol_gap_rel": 1e-4, "reduced_tol_feas": 1e-4},
 )
 
-#: Tolerance of rows and of the relative gap within which an unconverged solution is used.
+#: Largest violation of the rows, and largest relative gap to the bound, at which an unconverged
+#: solution is used. The rows are in the scales of their limits.
 USABLE_ATOL = 1e-5
-#: Largest |t| for which a contradiction of limits is proved.
+#: Largest |t| (level of the goal, in its scale) for which a contradiction of limits is proved.
 MAX_LEVEL = 1e4
-#: Largest distance of the row of an active limit, in its scale.
+#: Largest distance of a row from its limit at which the limit is active, in the limit's scale.
 ACTIVE_TOLERANCE = 1e-5
 
 
@@ -314,7 +316,8 @@ def upper_bound(blocks: list[RowBlock], multipliers: FloatArray) -> float:
 
 # Linear programs that differ by a few rows, each solved from the solution of the previous program.
 
-#: Tolerance of rows and multipliers, relative to the scale of a limit.
+#: Feasibility tolerance of rows and multipliers of the simplex solver, relative to the scale of a
+#: limit.
 SIMPLEX_TOLERANCE = 1e-9
 #: Options of the simplex solver. By default it presolves every program and selects a method.
 SIMPLEX_OPTIONS: dict[str, bool | int | str | float] = {
@@ -356,7 +359,7 @@ class GrowingProgram:
         if self._solver is None:
             self._start(program, highspy)
         self._drop(highspy.HighsBasisStatus.kBasic)
-        rows = self._use_rows(blocks[:-1])  # columns have the limits of the ordinates
+        rows = self._use_rows(blocks[:-1])  # the last block is the limits of columns
         self._solver.run()
         if self._solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
             self._solver = None
@@ -404,7 +407,8 @@ class GrowingProgram:
                     self._index[key] = len(self._index)
                     new_rows.append(row)
                 solver_row = self._index[key]
-                if solver_row not in in_use or bounds > in_use[solver_row]:  # the tightest of equal
+                # Of equal rows the one with the tightest bounds is used.
+                if solver_row not in in_use or bounds > in_use[solver_row]:
                     in_use[solver_row], indices[solver_row] = bounds, first + row
             if new_rows:
                 self._add(block, new_rows)

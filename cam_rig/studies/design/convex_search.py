@@ -13,7 +13,8 @@ from cam_rig.studies.design.space import DesignProblem, ScaledLimit
 from cam_rig.studies.design.two_mass_search import TwoMassSearch
 from cam_rig.units import FloatArray
 
-#: Goal, as a fraction of the start's, below which it is solved again with a finer scale.
+#: Smallest goal of a design as a fraction of the start's goal. A smaller goal is solved again with
+#: a finer scale, for more digits.
 SMALL_FRACTION = 0.05
 
 
@@ -37,11 +38,11 @@ def best_convex(
 
     best = _best(Solver(problem, goal, limits, report))
     if goal.sense == "<=" and 0.0 < best.value < SMALL_FRACTION * goal.scale:
-        finer_goal = replace(goal, scale=best.value / SMALL_FRACTION)  # for more digits
-        with suppress(DesignError):  # the first result is used alone
+        finer_goal = replace(goal, scale=best.value / SMALL_FRACTION)  # gives more digits
+        with suppress(DesignError):  # if it fails, the first result is used
             again = _best(Solver(problem, finer_goal, limits, report))
             law = min(best, again, key=lambda result: result.value)
-            assert best.bound is not None and again.bound is not None  # of programs
+            assert best.bound is not None and again.bound is not None  # programs have bounds
             bound = max(best.bound, again.bound)
             best = replace(law, bound=bound, rounds=best.rounds + again.rounds)
     return best

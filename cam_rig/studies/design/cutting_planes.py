@@ -28,11 +28,12 @@ from cam_rig.studies.design.space import DesignProblem, ScaledLimit
 from cam_rig.studies.design.two_mass_contact import MARGIN, ContactRows, ResidualRows
 from cam_rig.units import RPM, FloatArray, to_rpm
 
-#: Every n-th of a program's thousands of inequalities is in its first round.
+#: Stride of the rows in the first round: every n-th of a program's thousands of inequalities is
+#: used.
 ROW_STRIDE = 24
-#: A row is violated if it is below minus this value.
+#: Size of a negative slack above which a row is violated, in the scale of its limit.
 VIOLATION = 1e-9
-#: Rows within this distance above zero are added together with the violated rows.
+#: Slack below which a row is added together with the violated rows, in the scale of its limit.
 NEARLY_VIOLATED = 1e-3
 #: Largest number of rounds in which rows are added.
 MAX_ROUNDS = 80
@@ -79,7 +80,7 @@ class WorkingRows:
         return violated
 
 
-#: Function that is called with the unknowns of a better law and its goal (SI).
+#: Function that is called with the unknowns of a better law and the value of its goal (SI).
 OnBetterLaw = Callable[[FloatArray, float], None]
 #: Sources of rows that are added if a law requires them.
 RowSource = WorkingRows | ContactRows | ResidualRows
@@ -151,7 +152,7 @@ class Solver:
                 contact = ContactRows(
                     self.problem, duration, limit.value, limit.name, limit=True, margin=margin
                 )
-                # first rows of a force: at the minima of the best law without vibration
+                # The first rows of a force are at its minima for the best law without vibration.
                 program = self.static_program(True)
                 program.at_least("rigid", force_parts(self.problem, contact.fastest, True), -1.0)
                 contact.add_rows_below(self.solve_in_rounds(program, []).unknowns, 0.5)
@@ -205,7 +206,7 @@ class Solver:
         """Return the best law for a goal that is the level of the program."""
         scale = -sign_of(self.goal.sense) * self.goal.scale
         solutions = {}
-        for sufficient in (False, True):  # the necessary rows prove that a class has no law
+        for sufficient in (False, True):  # necessary rows prove that no law exists
             program, sources = self.static_program(sufficient), self.row_sources(sufficient)
             if rows_of(self.goal.term).in_rounds:
                 sources.append(ResidualRows(self.problem, self.goal, sufficient))
@@ -227,7 +228,7 @@ class Solver:
         The value of the law is its jump speed (rad/s).
         """
         solutions: dict[float, ProgramSolution] = {}
-        # limits violated at points are violated by the whole class
+        # The rows are necessary: if they contradict each other, no law of the class is possible.
         possible = self.static_program(False)
         level_one = Affine.number(1.0, possible.unknowns)
         possible.at_least("level", level_one, -1.0)  # without a goal: t ≤ 1

@@ -32,37 +32,40 @@ from cam_rig.units import FloatArray
 MAX_STEPS = 60
 #: Largest number of corrections of the rows of one step.
 MAX_CORRECTIONS = 2
-#: First trust region: largest change of an ordinate in one step, in lifts.
+#: Initial trust region: largest change of an ordinate in one step, in lifts.
 FIRST_REACH = 0.1
 #: Largest trust region, in lifts.
 MAX_REACH = 2.0
-#: Trust region at which the descent ends, in lifts.
+#: Trust region below which the descent ends, in lifts.
 MIN_REACH = 1e-5
-#: Relative gain of the goal below which a step is idle. Two idle steps in a row end the descent.
+#: Relative gain of the goal below which a step is without progress. Two such steps in a row end the
+#: descent.
 GAIN_RTOL = 2e-5
-#: Relative gain promised within `FIRST_REACH` below which the descent ends.
+#: Gain that the linearised program predicts within `FIRST_REACH`, relative to the goal, below which
+#: the descent ends.
 PROMISE_RTOL = 1e-5
-#: Fraction of the promised gain below which the trust region is halved.
+#: Ratio of the gain to the predicted gain below which the trust region is halved.
 POOR_GAIN = 0.25
-#: Fraction of the promised gain above which the trust region may be doubled.
+#: Ratio of the gain to the predicted gain above which the trust region may be doubled.
 GOOD_GAIN = 0.7
-#: Margin of the limits in a program, in their scales.
+#: Initial margin of the limits in a program, in their scales.
 MARGIN = 1e-7
-#: Largest addition to the margin per correction, in scales.
+#: Largest increase of the margin per correction, in the scales of the limits.
 MAX_MARGIN_STEP = 1e-3
-#: Largest violation of a limit by a feasible law, in its scale.
+#: Largest violation of a limit at which a law is feasible, in the limit's scale.
 FEASIBLE_RTOL = 1e-9
-#: Largest margin, as a fraction of the last law's distance from the limit.
+#: Largest margin of a limit, as a fraction of the last law's distance from it.
 MARGIN_FRACTION = 0.5
 #: Step of the central differences of branches, as a fraction of the largest s, s' or s''.
 BRANCH_STEP = 1e-5
-#: Step of the central differences of a value, in lifts. Flights start and end within it.
+#: Step of the central differences of a value, in lifts. It is large, so that flights start and end
+#: within it.
 VALUE_STEP = 1e-3
-#: Distance of the points before and after a joint, in pieces.
+#: Distance of the evaluated points before and after a joint, as a fraction of a piece.
 JOINT_OFFSET = 1e-6
-#: Scale of a sound level, dB.
+#: Scale of a goal or limit that is a sound level, dB.
 LEVEL_SCALE = 10.0
-#: Margin of all limits that the search for a feasible law aims at, in scales.
+#: Margin of all limits at which the search for a feasible law aims, in their scales.
 FEASIBILITY_MARGIN = 0.02
 
 
@@ -169,7 +172,7 @@ class ValueTerm:
         target = self.target
         self.name, self._sign = target.name, sign_of(target.sense)
         self.allowed = math.nan if target.value is None else self._sign * target.value
-        # the level of the start would not measure its changes
+        # The changes of a level in dB do not scale with the level.
         self.scale = LEVEL_SCALE if target.term.quantity.unit == "dB" else target.scale
 
     def max_value(self, law: Law) -> float:
@@ -329,7 +332,7 @@ class Descent:
         ``level`` is the level of the program that gave the candidate.
         """
         gain, promised = current.goal - candidate.goal, current.goal + level
-        if self._speed:  # its level is a force
+        if self._speed:  # the program's level is a force, not a gain
             promised = gain
         change = np.abs(candidate.unknowns - current.unknowns)[: self._free].max()
         if gain < POOR_GAIN * promised:
@@ -367,7 +370,7 @@ class Descent:
                     "the class has laws that keep contact at every speed; add a limit such as "
                     "peak_acceleration<=start"
                 )
-            # rows with a positive least force at this jump speed give a higher jump speed
+            # a positive minimum of the force at this jump speed gives a higher jump speed
             rows = force_parts(self.problem, -current.goal * self.goal.scale, True)
             program.at_least(self.goal.name, rows, -1.0)
         elif rows_of(self.goal.term).in_rounds:

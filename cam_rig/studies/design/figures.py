@@ -21,7 +21,7 @@ from cam_rig.units import TURN, to_rpm
 
 #: Height of the figure, inches.
 HEIGHT = 8.6
-#: Number of points per turn.
+#: Number of points of a curve per turn.
 SAMPLES = 1441
 #: Line style of the start, and of bounds.
 START: dict[str, Any] = {"color": "0.45", "ls": "--", "lw": 1.2}

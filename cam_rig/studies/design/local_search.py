@@ -36,19 +36,19 @@ from cam_rig.studies.design.rows import add, rows_of
 from cam_rig.studies.design.space import DesignProblem, ScaledLimit, Space, measured
 from cam_rig.units import TURN, FloatArray
 
-#: Shortest span without a limit, as a multiple of the start's span.
+#: Lower bound of a free span, as a multiple of the start's span, unless a limit is given.
 SHORTEST = 0.5
-#: Longest span without a limit, as a multiple of the start's span.
+#: Upper bound of a free span, as a multiple of the start's span, unless a limit is given.
 LONGEST = 2.0
-#: Shortest length of a dwell that gives way, rad.
+#: Shortest length of a dwell that is shortened by a free span, rad.
 MIN_DWELL = 1e-3
-#: A search ends if its spans are within this angle, rad.
+#: Tolerance of the spans at which a search ends, rad.
 SPAN_ATOL = 5e-4
-#: A search ends if its goals are within this fraction.
+#: Relative tolerance of the goal at which a search ends.
 GOAL_RTOL = 1e-5
-#: Spans are whole multiples of this angle, degrees.
+#: Resolution of the spans, degrees: spans are whole multiples of it.
 STEP_DEG = 1e-4
-#: Largest number of designs of one search, per free span.
+#: Largest number of designs that one search computes, per free span.
 MAX_DESIGNS = 30
 #: Largest number of times that a start without a law is moved halfway to the base spans.
 MAX_HALVINGS = 4
@@ -231,9 +231,10 @@ class EventSpans:
 
 #: Convex goals whose best laws are starts.
 GOALS = ("rms_acceleration", "peak_velocity")
-#: Shortest distance of a random start, as a fraction of the way to a random corner of the class.
+#: Smallest distance of a random start from the first start, as a fraction of the way to a random
+#: corner of the class.
 MIN_FRACTION = 0.2
-#: Largest growth of the largest |s''| on the way, as a multiple of that of the first start.
+#: Largest value of max |s''| on that way, as a multiple of that of the first start.
 MAX_GROWTH = 3.0
 
 

@@ -24,15 +24,15 @@ from cam_rig.studies.design.convex_program import Affine
 from cam_rig.studies.design.space import Space
 from cam_rig.units import TURN, ComplexArray, FloatArray, to_rpm
 
-#: Gauss points per cell.
+#: Number of Gauss points per cell of an event.
 GAUSS = 5
-#: Largest phase (rad) of the vibration in a cell.
+#: Largest phase (rad) by which the stem vibrates within a cell.
 CELL_PHASE = 0.3
 #: Largest number of cells per event.
 MAX_CELLS = 8000
-#: Points per period at which the force in a dwell is evaluated.
+#: Number of points per period of the stem at which the force in a dwell is evaluated.
 PER_PERIOD = 32
-#: Number of periods from the start of a dwell in which the force is evaluated.
+#: Number of periods of the stem from the start of a dwell in which the force is evaluated.
 PERIODS = 1.25
 
 
@@ -191,10 +191,11 @@ class ForceAtSpeed:
         )
 
     def _angles_of(self, start: float, stop: float, event: int | None) -> FloatArray:
-        """Return the angles (rad) at which the force is evaluated in an event or dwell.
+        """Return the cam angles (rad) at which the force is evaluated, shape ``(n,)``.
 
-        They are the ends of an event's cells, or points in the first periods of a dwell (``event``
-        None).
+        In an event they are the ends of its cells. In a dwell (``event`` None) they are equally
+        spaced over the first `PERIODS` periods of the stem. ``start`` and ``stop`` (rad) are the
+        ends of the event or dwell.
         """
         if event is not None:
             width = self.cells.width(event)

@@ -62,9 +62,9 @@ def is_design(path: Path) -> bool:
 
 #: Largest number of pieces per event.
 MAX_PIECES = 200
-#: Largest degree.
+#: Largest degree of the pieces of a designed law.
 MAX_DEGREE = 15
-#: Largest order of continuity at joints.
+#: Largest order of continuity at the joints of a designed law.
 MAX_JOINTS = 6
 #: Largest number of ordinates per event in a cam file.
 MAX_ORDINATES = 500
@@ -144,11 +144,11 @@ class LawClass:
         return f"B-splines of degree {self.power} in {self.pieces} pieces, C{self.joints} joints"
 
 
-#: Largest number of starts.
+#: Largest number of starts of a multistart search.
 MAX_STARTS = 1000
-#: Default number of starts.
+#: Default number of starts of a multistart search.
 DEFAULT_STARTS = 8
-#: Relative tolerance of the goal within which two descents have the same result.
+#: Largest relative difference of the goals of two descents that count as the same result.
 MULTISTART_RTOL = 1e-3
 
 
@@ -176,7 +176,8 @@ class Multistart:
         return f"local ({starts}, {self.starts_agreeing} ended within 0.1 % of the best)"
 
 
-#: Parts of the start that can be kept: all, all but the spans of events, or the lift only.
+#: Properties of the start that the design keeps, by choice: spans of events, dwells and lift, all
+#: but the spans of events, or the lift only.
 KEEP = (("events", "dwells", "lift"), ("dwells", "lift"), ("lift",))
 
 

@@ -18,9 +18,9 @@ from cam_rig.studies.design.request import DesignRequest, Multistart
 from cam_rig.studies.design.space import DesignProblem, LawEvent, ScaledLimit
 from cam_rig.units import TURN, FloatArray
 
-#: Largest relative gap between result and bound of a certified design.
+#: Largest relative gap between the result and its bound at which a design is certified.
 CERTIFIED_RTOL = 2e-3
-#: Relative excess above which the start is reported to break a limit.
+#: Relative excess over a limit above which the start is reported to break the limit.
 EXCESS_RTOL = 1e-6
 
 
@@ -206,7 +206,7 @@ class LawDesign(Result):
             return "interrupted: the best law so far, without a bound"
         bound = self.spans_bound if goal.bound is None else goal.bound
         if bound is None:
-            assert search is not None  # what is local has one
+            assert search is not None  # a design without a bound has a search
             return f"{search.words}; no bound: another law may be better"
         limit_text = f"{'below' if goal.sense == '<=' else 'above'} {goal.in_table_unit(bound):.5g}"
         limit_text += f" {goal.term.quantity.typeset}"
@@ -281,7 +281,7 @@ class Front(Result):
 
 # Cam file of the designed law: B-splines between the dwells of its start.
 
-#: Relative tolerance within which the lift of a law equals that of its file.
+#: Largest relative difference at which the lift of a law equals that of its file.
 LIFT_RTOL = 1e-12
 
 

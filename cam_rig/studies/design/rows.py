@@ -30,17 +30,18 @@ from cam_rig.studies.design.convex_program import Affine, ConvexProgram
 from cam_rig.studies.design.space import SPARE, DesignProblem, ScaledLimit, measured
 from cam_rig.units import TURN, FloatArray
 
-#: Parts of a piece if only the hull of the lift itself is required.
+#: Number of parts of a piece in the hull of the lift if the lift has no extremes within an event.
 LIFT_PARTS = 2
-#: Parts of a piece for a limit over a range of angles.
+#: Number of parts of a piece for a limit over a range of angles.
 RANGE_PARTS = 16
-#: Relative excess of a lift that is reached within an event, allowed near that angle.
+#: Relative excess of a lift that is allowed near an angle within an event at which the lift is
+#: reached. The ordinates are above the curve there.
 TURNING_RTOL = 1e-4
-#: Number of orders of the turn in a sound level.
+#: Number of orders of the turn that are included in a sound level.
 HARMONICS = 96
-#: Upper bound of the share of the higher orders in a sound level.
+#: Upper bound of the relative contribution of the omitted higher orders to a sound level.
 LEFT_OUT = 2e-4
-#: Largest phase (rad) of the highest order between two Gauss cells.
+#: Largest phase (rad) by which the highest order changes over a Gauss cell.
 CELL_PHASE = 6.0
 
 
@@ -267,7 +268,7 @@ class QuantityRows:
     convex: Callable[[DesignProblem, bool], bool] = lambda _problem, _goal: True
     #: Scale of the rows, by default the value of the start.
     scale: Callable[[DesignProblem, Term, Sense], float] = _value_of_start
-    #: Conversions of a value (SI, dB) to the unit of the rows and back.
+    #: Conversion of a value (SI, dB) to the unit of the rows. Its inverse is the next field.
     to_rows: Conversion = _unchanged
     from_rows: Conversion = _unchanged
 
@@ -339,7 +340,7 @@ def scale_limit(
         if not math.isfinite(value):
             raise ConfigError(f"limit {term.key}: the start has no such value; use a number")
     scale = 1.0 if rows.run else rows.scale(problem, term, sense)
-    if not (math.isfinite(scale) and scale > 0.0):  # the value of the start is not a scale
+    if not (math.isfinite(scale) and scale > 0.0):  # the start's value cannot be a scale
         scale = 1.0 if value is None else abs(value) or 1.0
     return ScaledLimit(term, sense, value, scale)
 

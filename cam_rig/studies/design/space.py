@@ -35,7 +35,7 @@ from cam_rig.units import TURN, FloatArray
 
 #: Largest difference of the ordinates of a dwell, as a fraction of the lift.
 FLAT_RTOL = 1e-12
-#: Largest difference between a derivative at the end and at the start of a turn, relative.
+#: Largest relative difference between a derivative at the end and at the start of a turn.
 CLOSURE_RTOL = 1e-9
 
 
@@ -127,13 +127,14 @@ def _second_derivative(law_class: LawClass) -> Any:
     return sparse.csr_array(matrix)
 
 
-#: Least number of parts per piece in the hull of a polynomial.
+#: Smallest number of parts per piece in the hull of a polynomial.
 MIN_PARTS = 24
-#: Largest number of parts per piece.
+#: Largest number of parts per piece that follows from `PARTS_PER_PIECE`.
 MAX_PARTS = 48
-#: Number of parts per turn.
+#: Smallest number of parts per turn in the hull of a polynomial.
 PARTS_PER_TURN = 256
-#: Number of parts per piece of an event and piece: more pieces are closer to their limits.
+#: Number of parts of each piece, per piece of its event: laws with more pieces are closer to their
+#: limits.
 PARTS_PER_PIECE = 1.5
 
 
@@ -345,7 +346,8 @@ class Space:
 
 # Problem of a design: the space of laws, the rig and the follower. Goals and limits.
 
-#: Margin of limits, in their scales, for rounding of the solver and of the file.
+#: Margin of the limits of a design, in their scales. It allows for the rounding of the solver and
+#: of the file.
 SPARE = 2e-8
 
 

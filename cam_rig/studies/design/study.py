@@ -34,16 +34,19 @@ from cam_rig.studies.design.rows import rows_of, scale_limit
 from cam_rig.studies.design.space import DesignProblem, ScaledLimit, Space, measured
 from cam_rig.units import FloatArray
 
-#: Rounding error of a goal far below the start's, as a fraction of the start's, from cancellation
-#: in its integrals. Within it the bound is set to the law's value at best.
+#: Largest difference between a law's goal and its bound that counts as rounding, as a fraction of
+#: the start's goal. It is due to cancellation in the integrals of a goal far below the start's.
+#: Within it, a bound that the law exceeds is set to the law's value.
 ROUNDING_RTOL = 1e-6
-#: Excess of the written law, as a fraction of the scale, above which a limit is broken.
+#: Excess of the written law over a limit above which the limit is broken, relative to the larger of
+#: the limit and the start's value.
 BROKEN_RTOL = 1e-6
 #: Followers between two faces or rollers of one disc, whose fall depends on the rise.
 CLOSED_TYPES = ("constant_breadth", "constant_diameter")
-#: Relative tolerance within which a limit on a span is active.
+#: Largest relative distance of a span from its limit at which the limit is active.
 SPAN_RTOL = 1e-3
-#: Callback with a function that creates the design of a better law, and its goal's value (SI).
+#: Function that is called with a function that creates the design of a better law, and with the
+#: value of its goal (SI).
 OnBest = Callable[[Callable[[], LawDesign], float], None]
 
 
@@ -328,11 +331,11 @@ def design(
     return search_design(cam, rig, request)
 
 
-#: Least number of points of a front.
+#: Smallest number of points of a front.
 MIN_POINTS = 3
 #: Largest number of points of a front.
 MAX_POINTS = 200
-#: Tolerance of the shortest and the longest span of a front, in spans of the start.
+#: Tolerance of the shortest and the longest span of a front, as a fraction of the start's span.
 EDGE_TOLERANCE = 2e-3
 
 
@@ -373,7 +376,7 @@ def front(
         limits = (*request.limits, Limit(other, sense, value))
         return search_design(cam, rig, replace(request, limits=limits))
 
-    # at the first value only one law is possible
+    # The first value is left out, because only one law is possible there.
     return _compute_front(other, np.linspace(best, last, points + 1)[1:], design_at, progress)
 
 

@@ -25,35 +25,43 @@ from cam_rig.units import RPM, TURN, FloatArray, to_rpm
 
 #: Lowest speed of the grid, as a fraction of the fastest speed.
 MIN_SPEED_RATIO = 0.45
-#: Phase (rad) between neighbouring speeds over the time in which vibration decays.
+#: Largest phase difference (rad) of the vibration at neighbouring speeds, over the time in which
+#: the vibration decays.
 PHASE_STEP = 0.5
 #: Largest number of speeds of the grid.
 MAX_SPEEDS = 400
-#: Lowest speed of an extended grid, as a fraction of the speed of a loss of contact below the grid.
+#: Lowest speed of an extended grid, as a fraction of the speed below the grid at which contact was
+#: lost.
 EXTENSION_RATIO = 0.7
 #: Lowest speed of any grid, rad/s.
 MIN_SPEED = 10.0 * RPM
-#: Every n-th speed of the grid always has rows, the fastest included.
+#: Stride of the speeds that always have rows, counted from the fastest speed.
 SPEED_STRIDE = 6
-#: Largest number of rows per turn and speed that one law adds: the lowest minima.
+#: Largest number of rows that one law adds per turn and speed: those of its lowest minima.
 MAX_ROWS = 4
-#: Speeds with less distance than this are evaluated in every round, in scales.
+#: Distance of the force from its limit below which a speed is evaluated in every round, in force
+#: scales.
 CLOSE_DISTANCE = 0.1
-#: Rows are removed if the solution is farther above them, in scales.
+#: Distance above which a row is removed: the solution's force is then higher than the limit by more
+#: than this, in force scales.
 REMOVE_ABOVE = 0.15
-#: A row is added if the force is below the level by more than half of this value, in scales.
+#: A row is added if the force is below the level by more than half of this value, in force scales.
 ROW_LEVEL_ATOL = 6e-3
-#: Fraction of the fastest speed above which rows are not removed, because that speed may fall.
+#: Fraction of the fastest speed above which rows are kept in any case, because the fastest speed
+#: may be lowered.
 KEEP_ABOVE = 0.95
-#: Largest level, in scales.
+#: Upper limit of the level of a program, in force scales. It keeps the level finite before the
+#: first rows.
 MAX_LEVEL = 100.0
-#: Rows are removed again if the level has fallen by this value since the last removal.
+#: Fall of the level since the last removal of rows after which rows are removed again, in force
+#: scales.
 MIN_LEVEL_FALL = 1e-3
-#: First margin of the least force, in scales. The force between the evaluated angles is lower.
+#: Initial lower limit of the contact force, as a fraction of the force scale. It is above 0 because
+#: the force is lower between the evaluated angles and speeds.
 MARGIN = 0.01
-#: Factor of the margin if the exact search finds a lower force.
+#: Factor by which the margin is increased if the exact search finds a loss of contact.
 MARGIN_FACTOR = 1.6
-#: Evaluated turns of a run from rest, as far as it lasts, in addition to its last turn.
+#: Numbers of the evaluated turns of a run from rest, as far as it lasts. Its last turn is added.
 TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
 
 
@@ -242,11 +250,11 @@ class ContactRows:
 
 # Residual vibration: the amplitude after each event, at all speeds of a range.
 
-#: Every n-th speed is in the first program.
+#: Stride of the speeds that have rows in the first program.
 FIRST_STRIDE = 8
-#: A cut is added if the law exceeds the allowed amplitude by this fraction.
+#: Relative excess of the law over the allowed amplitude above which a row is added.
 CUT_RTOL = 1e-4
-#: Largest number of elements of a table of phases.
+#: Largest number of elements of a table of phases. It bounds the memory.
 MAX_TABLE = 2_000_000
 
 

@@ -26,30 +26,32 @@ from cam_rig.studies.design.cutting_planes import (
 from cam_rig.studies.design.two_mass_contact import MARGIN, ContactRows
 from cam_rig.units import FloatArray, to_rpm
 
-#: First fastest speed of the search, as a fraction of the bound of one rigid mass.
+#: Fastest speed at the start of the search, as a fraction of the bound of one rigid mass.
 FIRST_SPEED_FRACTION = 0.95
-#: Level of the first rows, in scales: the minima of the force of the best rigid law below it.
+#: Contact force below which the minima of the best law of a rigid mass give the first rows, in
+#: force scales.
 FIRST_LEVEL = 0.5
 #: Largest number of programs in a search for the jump speed of two masses.
 MAX_SPEED_ROUNDS = 120
-#: Largest number of laws that the exact search may reject.
+#: Largest number of laws that the exact search may reject before the search ends.
 MAX_REJECTED = 24
-#: A speed has converged if the level is within this distance of the margin.
+#: Largest distance of the level from the margin at which a speed has converged, in force scales.
 LEVEL_ATOL = 4e-3
-#: Relative tolerance within which the jump speed of a law reaches a speed.
+#: Relative amount by which the jump speed of a law may be below a speed that it reaches.
 JUMP_RTOL = 5e-4
-#: Largest number of searches.
+#: Largest number of searches for one design.
 MAX_SEARCHES = 6
 #: Relative gap between law and bound at which the search ends.
 GAP_RTOL = 2e-3
-#: Distance of the level above the margin up to which a law is searched exactly. Above it the speed
-#: is raised without an exact search.
+#: Largest distance of the level above the margin at which a law is checked by the exact search, in
+#: force scales. At a larger distance the speed is raised without it.
 EXACT_DISTANCE = 0.1
-#: First estimate of the change of the level per relative change of the speed.
+#: First estimate of the change of the level (force scales) per relative change of the speed.
 FIRST_SLOPE = -11.0
-#: Largest relative step of the speed.
+#: Largest relative change of the speed per round.
 MAX_STEP = 0.06
-#: Fraction of its speed that a law must reach. A search below it has located only the bound.
+#: Smallest ratio of a law's jump speed to the fastest speed of its search. Below it the search has
+#: located only the bound.
 MIN_SPEED_FRACTION = 0.95
 #: Multiples of the best law's jump speed at which a bound is searched for.
 BOUND_FACTORS = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 1.15, 1.3)
@@ -138,7 +140,7 @@ class TwoMassSearch:
                 excess = solution.level - contact.margin
                 step = float(np.clip(-excess / self._slope, -MAX_STEP, MAX_STEP))
                 contact.move(min(1.0 + step, limit / contact.fastest))
-        if solution is not None:  # out of rounds, or resonances narrower than the grid
+        if solution is not None:  # not converged within the rounds
             self._reaches(contact, solution)
 
     def _next_phase(

@@ -18,14 +18,14 @@ from cam_rig.studies.fit_cam.dwells import DEGREE_DECIMALS
 from cam_rig.studies.fit_cam.spline_fit import SplineFit
 from cam_rig.units import TURN
 
-#: Base radii, as multiples of the lift, that are tried in this order. The first whose contour
-#: passes the checks is taken.
+#: Base radii (lifts) that are tried in this order. The first whose contour passes the checks is
+#: used.
 BASE_RADII_IN_LIFTS = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0)
 #: Assumed roller radius, as a fraction of the base radius: a usual proportion.
 ROLLER_PART = 0.3
 #: Number of decimals of lengths in mm in a file: 1 nm, below the step of any gauge.
 MILLIMETRE_DECIMALS = 6
-#: Origin of an assumed radius, for a cam file.
+#: Text of the origin of an assumed radius in a cam file.
 FREE_CHOICE = "a free choice, not identifiable from the readings: replace it with the cam's radius"
 
 

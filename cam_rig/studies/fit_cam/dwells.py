@@ -22,35 +22,37 @@ from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.studies.fit_cam.outliers import exclude_outliers, max_outliers
 from cam_rig.units import TURN, FloatArray
 
-#: Smallest number of readings of a run. Fewer are within the scatter of one level by
-#: chance.
+#: Smallest number of successive readings at one level that can be a dwell. Fewer are within the
+#: scatter by chance.
 MIN_RUN_READINGS = 5
-#: Smallest span (rad) of a run, from its first to its last reading, and of a dwell. Over it, a
-#: harmonic law with a lift of 10 mm is 0.04 mm below its top, far more than the scatter of a gauge.
+#: Smallest span (rad) of such a run, from its first to its last reading, and of a dwell. Over this
+#: span a harmonic law with a lift of 10 mm is 0.04 mm below its top, far more than the scatter of a
+#: gauge.
 MIN_DWELL_SPAN = math.radians(15.0)
-#: Smallest number of readings between the computed ends of a dwell, as many as the coefficients of
+#: Smallest number of readings between the computed ends of a dwell: the number of coefficients of
 #: the parabola that is compared with its level.
 MIN_DWELL_READINGS = 3
-#: Largest reduction of the sum of squares by a parabola, in squares of the scatter: the 99.9 %
-#: quantile of the reduction by chance, with two degrees of freedom.
+#: Largest reduction of the sum of squares by a parabola at which a level is constant, in squares of
+#: the scatter. It is the 99.9 % quantile of the reduction by chance, with two degrees of freedom.
 MAX_TREND = 13.8
-#: Largest difference of two levels that are treated as equal, in its standard errors.
+#: Largest difference of two levels that are treated as equal, in standard errors of the difference.
 SAME_LEVEL_ERRORS = 3.0
-#: Part of the event beyond a run whose readings determine the end, as a fraction of the event.
-#: Beyond it, the powers of the angle no longer describe the law.
+#: Fraction of the event next to a run whose readings determine the end of the dwell. Beyond it, the
+#: powers of the angle no longer describe the law.
 EVENT_FRACTION = 0.35
-#: Largest distance (rad) of the end from the last reading of the run. A 4-5-6-7 law with a
-#: lift of 10 mm over 90 deg leaves a range of 0.4 mm, four scatters of a coarse gauge, within
-#: 17 deg.
+#: Largest distance (rad) of the end of a dwell from the last reading of the run. A 4-5-6-7 law with
+#: a lift of 10 mm over 90 deg leaves a range of 0.4 mm, four scatters of a coarse gauge, within 17
+#: deg.
 MAX_END_DISTANCE = math.radians(25.0)
-#: Number of angles at which a dwell may end that are averaged.
+#: Number of angles that are tried as the end of a dwell and averaged by their likelihood.
 END_ANGLES = 200
-#: Decimals of degrees of a dwell's start and span, as in a cam file.
+#: Number of decimals of a dwell's start and span in degrees, as in a cam file.
 DEGREE_DECIMALS = 4
-#: Distance (rad) between two dwells at or below which the shorter of them is dropped. A cam file
-#: allows half of it.
+#: Smallest distance (rad) between two dwells that are both kept: with a smaller distance the
+#: shorter dwell is dropped. A cam file allows half of it.
 MIN_EVENT_SPAN = math.radians(2.0 * MIN_EVENT_DEG)
-#: Powers of the angle with which a law leaves its dwell: a jump of the third to fifth derivative.
+#: Powers of the angle with which a law may leave its dwell: a jump of the third, fourth or fifth
+#: derivative.
 LEAVING_POWERS = (3, 4, 5)
 
 

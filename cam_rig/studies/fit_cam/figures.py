@@ -12,7 +12,7 @@ from cam_rig.units import TURN
 
 #: Number of points of a fitted curve over one turn: ten per degree.
 CURVE_POINTS = 3601
-#: Grey level of shaded areas. Curves and readings are visible on it.
+#: Grey level of shaded areas, on which curves and readings are visible.
 SHADE_GREY = "0.8"
 
 

@@ -19,16 +19,16 @@ from cam_rig.units import TURN, FloatArray
 #: Largest difference (rad) of two angles that count as the same angle. It is above the rounding of
 #: angles that are written in degrees with four decimals.
 ANGLE_ATOL = 1e-6
-#: Smallest plausible step of a gauge, m, far below that of any gauge. It replaces a smaller step,
-#: because the rounding of calculated lifts is not zero.
+#: Lower limit of the step of a gauge, m, far below that of any gauge. It is used for calculated
+#: lifts, whose rounding is not zero.
 MIN_RESOLUTION = 1e-9
-#: Largest plausible reading of a gauge, m. A larger reading has another unit than its heading.
+#: Largest plausible reading of a gauge, m. A larger reading is in another unit than its heading.
 MAX_LIFT = 10.0
-#: Largest difference of the levels on both sides of a range without readings that count as the same
+#: Largest difference of the levels before and after a range without readings that count as the same
 #: level, as a fraction of the lift. A missing rise or fall has a far larger difference.
 GAP_LEVEL_RTOL = 0.05
-#: Largest difference of readings of the same level, in scatters. One step of the gauge is added.
-#: Of 10⁸ pairs of readings with normal errors, some two thousand differ by more.
+#: Largest difference of repeated readings at one angle, in scatters. One step of the gauge is
+#: added. Of 10⁸ pairs of readings with normal errors, about two thousand differ by more.
 MAX_REPEAT_SCATTERS = 6.0
 
 
@@ -202,14 +202,14 @@ def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:
 
 # Checks of the rows of a file, before they are put in order.
 
-#: Smallest distance of an end mark from the line before it, in usual steps of the angle. Five lines
-#: in a row are seldom missing before the last one.
+#: Smallest distance of an end mark, a last line that is not a reading, from the line before it, in
+#: usual steps of the angle. Five successive lines are seldom missing before the last line.
 END_MARK_STEPS = 5.0
 #: Smallest distance of the lift of an end mark from the range of the other lifts, as a fraction of
 #: that range. A reading at the end of a table is within the range, or close to it.
 END_MARK_RANGE = 0.2
-#: Largest change of a lift in the other sense that still is a lift in one sense only, and largest
-#: distance of its last level from the end of the range. Both are fractions of the range.
+#: Largest change of a lift in the opposite direction if it only rises or only falls, and largest
+#: distance of its ends from those of the range. Both are fractions of the range.
 ONE_WAY_RTOL = 0.05
 
 
@@ -248,13 +248,15 @@ def _require_return(file: str, name: str, rows: _Rows) -> None:
         )
 
 
-#: Largest distance of a reading from the end of the range that counts as the level there, as a
-#: fraction of the range. It is above the scatter, and a nose without a dwell is short within it.
+#: Largest distance of a reading from the end of the range at which it is on that level, as a
+#: fraction of the range. It is above the scatter, and small enough for the nose of a cam without a
+#: dwell to be short.
 LEVEL_RTOL = 0.02
-#: Smallest part of the turn at the highest level of readings of the base circle with the wrong
-#: sign. Few lobes rest as long at their nose.
+#: Smallest fraction of the turn at the highest level at which the readings have the wrong sign: the
+#: level is then that of the base circle. Few lobes rest as long at their nose.
 MIN_TOP_PART = 0.25
-#: Smallest ratio of this part to that at the lowest level. Laws with two dwells have similar ones.
+#: Smallest ratio of this fraction to that at the lowest level, also required for the wrong sign.
+#: Laws with two dwells have similar fractions.
 MIN_TOP_RATIO = 2.0
 
 

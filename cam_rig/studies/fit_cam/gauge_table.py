@@ -23,7 +23,8 @@ Shaft = Literal["cam", "crank"]
 #: Longest range without readings (rad) if the heading does not identify an angle. Line numbers,
 #: such as 1 to 120, leave a longer range.
 MAX_GAP_OF_ASSUMED_ANGLES = 0.25 * TURN
-#: Statement of a radius or diameter of the base circle or the roller in a line before the numbers.
+#: Pattern of a stated radius or diameter of the base circle or the roller, in a line before the
+#: numbers.
 STATED_LENGTH = re.compile(
     r"(?P<part>base|grundkreis|primitiv\w*|roller|rollen?|galet|rodillo|rullo)[\s_-]*"
     r"(?:circle|kreis)?[\s_-]*"
@@ -32,9 +33,9 @@ STATED_LENGTH = re.compile(
     r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>[a-zµμ\"]*)",
     re.I,
 )
-#: Words of the roller in such a statement.
+#: Words for the roller in such a line.
 ROLLER_WORDS = ("roll", "galet", "rodillo", "rullo")
-#: Beginnings of the words of a diameter in such a statement.
+#: Beginnings of words for a diameter in such a line.
 DIAMETER_WORDS = ("dia", "diá", "durch", "ø")
 
 

@@ -11,16 +11,18 @@ from cam_rig.laws.spline import scatter
 from cam_rig.schema.segment_base import MIN_POINTS
 from cam_rig.units import FloatArray
 
-#: Part of the angles at the far end over which its slope is fitted, with at least 2 readings.
+#: Fraction of the angles at the far end over which the slope there is fitted, with at least 2
+#: readings.
 END_FRACTION = 0.03
-#: Part of the lift at the nose over which polynomials are fitted, with at least 4 readings.
+#: Fraction of the lift at the nose over which polynomials are fitted, with at least 4 readings.
 NOSE_FRACTION = 0.02
-#: Largest distance of the lift at the nose from the largest lift, in scatters. One step is added.
+#: Largest distance of the lift at the nose from the largest lift, in scatters. One step of the
+#: gauge is added.
 TIE_SCATTERS = 3.0
-#: Relative rounding of a difference of one step of the gauge.
+#: Relative rounding error of a difference of one step of the gauge.
 STEP_RTOL = 1e-6
-#: Largest relative change of the curvature over the distance to the vertex, that of a nose whose
-#: lift changes with the fourth power of the angle.
+#: Largest relative change of the curvature from the last reading to the vertex. It is that of a
+#: nose whose lift changes with the fourth power of the angle.
 MAX_CURVATURE_CHANGE = 2.0 / 3.0
 #: Largest slope at the far end that counts as rest, as a fraction of the steepest slope. A lobe
 #: that ends at 80 % of its angle has a slope several times as large.
@@ -28,10 +30,10 @@ MAX_END_SLOPE = 0.05
 #: Largest distance of the vertex from the last reading, in steps of the angle. Half
 #: a step is possible if the nose is between two readings. A quarter is added for noise.
 MAX_STEPS_TO_NOSE = 0.75
-#: Standard errors of the slopes that are allowed in addition.
+#: Allowance for noise in the slope limits, in standard errors of the slope.
 SLOPE_ERRORS = 3.0
-#: Standard errors of the slope of a cubic that are allowed in addition. It depends mainly on the
-#: first reading, which is the largest because its error is large.
+#: Allowance for noise in the limit of a cubic's slope, in standard errors of the slope. This slope
+#: depends mainly on the first reading, which is the largest because of its error.
 CUBIC_SLOPE_ERRORS = 6.0
 
 

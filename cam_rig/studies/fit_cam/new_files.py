@@ -15,15 +15,17 @@ from cam_rig.schema import RigConfig
 from cam_rig.schema.load import assumed_numbers, quantity_data, to_yaml
 from cam_rig.units import to_rpm
 
-#: Speeds of the scene as fractions of the jump speed of a rigid follower. The last is above it.
+#: Cam speeds of the new scene, as fractions of the jump speed of a rigid follower. The last is
+#: above it.
 SPEED_FRACTIONS = (0.4, 0.6, 0.8, 0.9, 1.1)
-#: Speeds (rpm) if a rigid follower leaves the cam at every speed or never: those of a bench.
+#: Cam speeds (rpm) of the new scene if a rigid follower leaves the cam at every speed or never:
+#: those of a test bench.
 DEFAULT_RPM: tuple[float, ...] = (100.0, 200.0, 300.0)
-#: Largest speed (rpm) of a scene, above that of any valve train.
+#: Highest cam speed (rpm) of the new scene, above that of any valve train.
 MAX_RPM = 20_000.0
 #: Smallest number of samples per turn at the highest speed: two per degree.
 MIN_SAMPLES_PER_TURN = 720
-#: Smallest sample rate, Hz.
+#: Smallest sample rate of the new scene, Hz.
 MIN_SAMPLE_RATE = 10_000
 
 

@@ -20,20 +20,23 @@ from cam_rig.studies.fit_cam.shifted_runs import find_shifted_runs, require_no_s
 from cam_rig.units import TURN, FloatArray, rms
 
 #: Smallest distance of an outlier from its neighbours or from the law, in scatters. A normal error
-#: is that large once in 500 million readings.
+#: is as large once in 500 million readings.
 MIN_OUTLIER_SCATTERS = 6.0
 #: Smallest ratio of the distance of an outlier to that of the next reading. A kink of the law has
 #: several readings at similar distances.
 MIN_OUTLIER_RATIO = 2.0
-#: Largest number of outliers. A larger number is not caused by single slips.
+#: Largest number of readings that are dropped as outliers. A larger number is not caused by single
+#: slips.
 MAX_OUTLIERS = 10
-#: Largest number of outliers as a fraction of the readings, for the same reason.
+#: Largest number of readings that are dropped as outliers, as a fraction of all readings, for the
+#: same reason.
 MAX_OUTLIER_FRACTION = 0.05
-#: Widths of outliers, in readings next to each other, that are searched for one after the other.
-#: The largest is that of a shifted run.
+#: Numbers of adjacent readings that form one outlier, searched for in this order. The largest is
+#: that of a shifted run.
 OUTLIER_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
-#: A search for a width of n takes every n-th reading: at least this number over the turn, which
-#: are 3 deg apart, so that the law between them is smooth.
+#: Smallest number of readings over the turn in a search for outliers of n readings, which uses
+#: every n-th reading. The readings are then at most 3 deg apart, so that the law between them is
+#: smooth.
 MIN_SUBSET = 120
 
 

@@ -21,39 +21,41 @@ from cam_rig.laws.spline import WINDOW, differences
 from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.units import TURN
 
-#: Largest number of readings of a run. The law inside a longer run does not follow from the
+#: Largest number of readings of a shifted run. The law inside a longer run does not follow from the
 #: readings next to it.
 MAX_RUN = 32
-#: Longest span (rad) of a run, for the same reason.
+#: Longest span (rad) of a shifted run, for the same reason.
 MAX_RUN_SPAN = math.radians(15.0)
-#: Number of readings on either side that are fitted with a run. With fewer, the polynomial is
-#: nearly undetermined.
+#: Number of readings before and after a run that are fitted together with it. With fewer, the
+#: polynomial is nearly undetermined.
 RUN_FLANK = 5
-#: Number of readings on either side that are fitted with a slip.
+#: Number of readings before and after a slip (a sudden shift of the gauge) that are fitted together
+#: with it.
 SLIP_FLANK = 8
-#: Degree of the polynomial through a run and its neighbours: high enough for the law over them, and
-#: with the shift fewer coefficients than neighbours.
+#: Degree of the polynomial through a run and its neighbours. It is high enough for the law over
+#: them, and with the shift there are fewer coefficients than neighbours.
 RUN_DEGREE = 5
-#: Degree of the polynomial through the neighbours of a slip, which span less.
+#: Degree of the polynomial through the neighbours of a slip. They span less than those of a run.
 SLIP_DEGREE = 4
-#: Difference of neighbours, in scatters, above which an edge of a run may be near. It only selects
-#: the edges to examine, so it is lower than the limit of an outlier.
+#: Smallest difference of two adjacent readings that may be the edge of a run, in scatters. It only
+#: selects the edges to examine, so it is lower than the limit of an outlier.
 MIN_EDGE_SCATTERS = 4.0
-#: Smallest shift, in its standard errors. Up to 14 000 runs are tried, so it is above the limit of
-#: a single reading.
+#: Smallest significant shift of a run, in standard errors of the shift. Up to 14 000 runs are
+#: tried, so it is above the limit of a single reading.
 MIN_SHIFT_ERRORS = 8.0
-#: Smallest significance of a run, as a fraction of the largest. Of these runs the shortest is
-#: taken, because good readings between two specks look like a longer run.
+#: Smallest significance of a run that is considered, as a fraction of the largest. The shortest of
+#: these runs is used, because good readings between two dirt specks look like a longer run.
 MIN_SIGNIFICANCE_RATIO = 0.7
-#: Largest difference of a slip and of its return, in standard errors.
+#: Largest difference between a slip and the slip back, in standard errors.
 MAX_RETURN_ERRORS = 4.0
-#: Largest step of the angle from the last to the first reading, in usual steps, over which a jump
-#: of the lift is a drift of the gauge.
+#: Largest step of the angle from the last to the first reading (usual steps) at which a jump of the
+#: lift between them is a drift of the gauge.
 MAX_CLOSING_STEPS = 2.0
-#: Largest residual of the polynomial with the shift, r.m.s. in scatters. It is larger at a kink of
-#: the law.
+#: Largest r.m.s. residual of the polynomial with the shift, in scatters. The residual is larger at
+#: a kink of the law.
 MAX_RESIDUAL_SCATTERS = 2.0
-#: Number of runs from which on they are a property of the law.
+#: Largest number of runs that are marked as shifted. More runs are a property of the law, and none
+#: is marked.
 MAX_RUNS = 10
 #: Largest number of edges that are examined. More edges are a property of the law, and the time
 #: increases with the square of their number.

@@ -31,18 +31,20 @@ from cam_rig.studies.fit_cam.suspects import (
 from cam_rig.studies.fit_cam.valve_events import ValveTrain, explain_missing_events, valve_events
 from cam_rig.units import FloatArray
 
-#: Number of standard errors of the scatter that are added to it if the error of the gauge is not
-#: given. A tolerance that is too small gives many knots. One that is too large has little effect.
+#: Addition to the scatter that gives the tolerance if the error of the gauge is not given, in
+#: standard errors of the scatter. A tolerance that is too small gives many knots. A tolerance that
+#: is too large has little effect.
 SCATTER_MARGIN_ERRORS = 2.0
-#: Factor by which the tolerance is widened repeatedly, until there is a spline within it.
+#: Factor by which the tolerance is increased repeatedly until a spline is within it.
 WIDENING_FACTOR = 2.0
-#: Largest median distance of readings (deg) that determine the law between them. The peak
-#: acceleration of shipped laws is within 2 % at 5 deg, and within 5 % at 10 deg.
+#: Largest median distance of readings (deg) without a warning that they do not determine the law
+#: between them. The peak acceleration of shipped laws is within 2 % at 5 deg, and within 5 % at 10
+#: deg.
 MAX_CLOSE_STEP_DEG = 5.0
-#: Largest distance of the law beyond the range of its readings, as a fraction of the lift, that is
-#: not reported if it is also within the tolerance.
+#: Largest distance of the law beyond the range of its readings that is not reported, as a fraction
+#: of the lift. It must also be within the tolerance.
 MAX_BEYOND_READINGS = 0.01
-#: Smallest distance of a reading from its neighbours, in scatters, above which its residual is
+#: Smallest distance of a reading from its neighbours, in scatters, at which its residual is
 #: compared with the scatter, and not only with the other residuals. It is below the limit of an
 #: outlier, because the residual of the reading is evaluated as well.
 MIN_CONTRADICTION_SCATTERS = 2.5

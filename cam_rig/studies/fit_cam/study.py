@@ -29,7 +29,7 @@ from cam_rig.studies.fit_cam.gauge_table import (
 from cam_rig.studies.fit_cam.spline_fit import SplineFit, fit_spline
 from cam_rig.studies.fit_cam.valve_events import CHECKING_HEIGHTS, ValveTrain
 
-#: Types of followers in order of preference, for the cam file of readings of several followers.
+#: Types of followers in order of preference. The first with readings is that of the cam file.
 FOLLOWER_ORDER: tuple[FollowerKind, ...] = ("roller", "point", "flat")
 
 

@@ -11,8 +11,8 @@ from cam_rig.studies.fit_cam.dwells import likely_range
 from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.units import FloatArray
 
-#: Smallest reported residual, as a multiple of the scatter or of the r.m.s. of the others. A normal
-#: error is that large in one reading of 370.
+#: Smallest residual that is reported, as a multiple of the scatter or of the r.m.s. of the other
+#: residuals. A normal error is as large in one reading of 370.
 MIN_REPORTED_SCATTERS = 3.0
 #: Largest number of reported residuals.
 MAX_REPORTED = 3
@@ -40,7 +40,8 @@ def list_farthest(readings: Readings, residuals: FloatArray, sizes: FloatArray) 
 
     ``residuals`` is in m. ``sizes`` is the residuals as multiples of the scatter.
     """
-    limit = max(MIN_REPORTED_SCATTERS, 0.5 * likely_range(sizes.size))  # by chance, of many
+    # The second limit is the likely maximum of this number of normal errors.
+    limit = max(MIN_REPORTED_SCATTERS, 0.5 * likely_range(sizes.size))
     far = [i for i in np.argsort(-sizes)[:MAX_REPORTED] if sizes[i] > limit]
     listed = ", ".join(
         f"line {readings.lines[i]} ({math.degrees(readings.angles[i]):.6g} deg) by "

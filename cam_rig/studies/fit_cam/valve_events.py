@@ -9,7 +9,8 @@ from cam_rig.laws import Law
 from cam_rig.laws.passages import passages
 from cam_rig.units import TURN
 
-#: Usual checking heights of a valve (m) in metric and in inch tables: 1 mm and 0.050 in.
+#: Usual lifts (m) at which the events of a valve are listed in metric and in inch tables: 1 mm and
+#: 0.050 in.
 CHECKING_HEIGHTS = (1e-3, 0.05 * 0.0254)
 
 

@@ -15,12 +15,14 @@ from cam_rig.show.result import Column, Records, Result
 from cam_rig.studies.fit_rig.parameters import PARAMETERS
 from cam_rig.units import FloatArray, round_to_error
 
-#: Half the width in standard deviations of the interval with 95 % of a normal distribution.
+#: Half the width of the interval that contains 95 % of a normal distribution, in standard
+#: deviations.
 NORMAL_95 = 1.96
-#: Relative standard error above which an identified value has a warning: fewer than one digit.
+#: Relative standard error above which an identified value gets a warning: it has fewer than one
+#: digit.
 CAUTION_RELATIVE_ERROR = 1.0 / 3.0
-#: Relative standard error below which a parameter is identified. Its interval of 95 % then excludes
-#: zero.
+#: Largest relative standard error at which a parameter is identified. Its 95 % interval then
+#: excludes zero.
 MAX_RELATIVE_ERROR = 0.5
 
 
@@ -100,7 +102,8 @@ class ParameterEstimate:
         return text.removesuffix(" 1") + (f" ({self.caution})" if self.caution else "")
 
 
-#: Usual sizes of followers on a bench, least and greatest, SI. Other values are reported.
+#: Smallest and largest usual values of followers on a test bench, SI. Other values are reported,
+#: not rejected.
 USUAL_VALUES = {"mass": (0.005, 500.0), "spring_stiffness": (10.0, 1e8)}
 
 

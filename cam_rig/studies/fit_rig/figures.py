@@ -13,7 +13,7 @@ from cam_rig.studies.fit_rig.jumps.fit import JumpFit
 from cam_rig.studies.fit_rig.run.result import RigFit
 from cam_rig.units import TURN
 
-#: Largest number of speeds in the figure.
+#: Largest number of speeds that the figure shows.
 MAX_SPEEDS = 3
 #: Number of points of a fitted curve over one turn.
 CURVE_POINTS = 1440

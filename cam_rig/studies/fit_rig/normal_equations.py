@@ -6,9 +6,11 @@ import numpy as np
 
 from cam_rig.units import FloatArray
 
-#: Relative change of the residuals below which a direction is not identifiable.
+#: Change of the residuals along a direction, relative to the largest change, below which the
+#: direction is not identifiable.
 NULL_RTOL = 1e-6
-#: Smallest component of a parameter in a direction that contains it.
+#: Smallest component of a parameter in a unit vector for which the parameter is part of that
+#: direction.
 MIN_COMPONENT = 0.05
 
 

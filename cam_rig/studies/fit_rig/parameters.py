@@ -39,11 +39,11 @@ PARAMETERS = {
     "roller_share": ParameterLimits("1", 0.01, 0.99),
     "stem_damping": ParameterLimits("N*s/m", 0.0, 1e9),
 }
-#: Parameters of one rigid mass.
+#: Keys of the parameters of one rigid mass.
 ONE_MASS = ("mass", "spring_stiffness", "preload", "damping", "restitution")
-#: Parameters of two masses and a stem.
+#: Keys of the parameters of two masses and a stem.
 TWO_MASSES = (*ONE_MASS, "stem_stiffness", "roller_share", "stem_damping")
-#: Parameters that one rigid mass does not have.
+#: Keys of the parameters that a model with one mass does not have.
 TWO_MASS_ONLY = ("roller_share", "stem_damping")
 
 

@@ -23,7 +23,7 @@ from cam_rig.studies.fit_rig.rig_file import write_rig
 from cam_rig.studies.fit_rig.run.fit import fit_run
 from cam_rig.studies.fit_rig.run.result import RigFit
 
-#: Suffixes of tables. All other sources are bags.
+#: File name extensions of tables. All other sources are bags.
 TABLES = (".csv", ".txt", ".tsv")
 #: Models that can be fitted.
 MODELS = ("one_mass", "two_mass")

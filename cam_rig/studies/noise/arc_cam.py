@@ -25,7 +25,7 @@ from cam_rig.units import FloatArray, rms
 #: Largest pitch radius (m) of a flank that is visibly concave, as in the paper. With a larger
 #: radius a flank of some millimetres is practically straight.
 MAX_FLANK = 0.5
-#: Fit error assigned to a geometry that cannot exist, dB.
+#: Fit error (dB) assigned to a geometry that cannot exist, far above that of any other.
 IMPOSSIBLE = 50.0
 
 
@@ -40,17 +40,17 @@ def with_geometry(cam: CamConfig, lift_mm: float, event_deg: float, nose_deg: fl
     return CamConfig.model_validate(data)
 
 
-#: Lifts of the start shapes, relative to the given shape.
+#: Lifts of the start shapes, as multiples of the given shape's lift.
 LIFTS = (1.2, 1.0, 0.85, 0.72, 0.61)
-#: Events of the start shapes, relative to the valley of equal levels. In this valley the lift is
-#: about proportional to the cube of the event.
+#: Event angles of the start shapes, as multiples of the angle in the valley of equal levels. In
+#: this valley the lift is about proportional to the cube of the event angle.
 EVENTS = (0.97, 1.0, 1.03)
-#: First steps of the search, relative to lift and event.
+#: Initial steps of the search, relative to lift and event angle.
 SIMPLEX = 0.03
-#: Largest number of evaluations of the search.
+#: Largest number of evaluations of the level error in the search.
 TRIALS = 32
-#: Step of a numerical derivative, relative to lift and event. At the joints of arcs the force jumps
-#: between samples, so that levels scatter by 0.01 dB as the shape changes.
+#: Step of a difference quotient, relative to lift and event angle. It is large, because levels
+#: scatter by 0.01 dB as the shape changes: at the joints of arcs the force jumps between samples.
 DERIVATIVE_STEP = 2e-2
 
 

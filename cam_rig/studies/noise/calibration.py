@@ -21,7 +21,7 @@ from cam_rig.units import TURN, FloatArray, rms
 
 #: Number of terms of the speed response. With the gain it is a cubic, like the regressions.
 RESPONSE_TERMS = 3
-#: Step of a numerical derivative: relative for a constant, in dB for a term of the response.
+#: Step of a difference quotient: relative for a constant, in dB for a term of the response.
 DERIVATIVE_STEP = 1e-4
 
 
@@ -76,13 +76,13 @@ def sensitivity(cam: PublishedCam, acoustics: Acoustics) -> FloatArray:
 
 # Transfer functions between contact force and sound, fitted to one cam and tested on another.
 
-#: Number of samples of a turn.
+#: Number of samples of the contact force per turn.
 SAMPLES = 1024
-#: Number of harmonics of a turn: up to 500 Hz at 200 rpm.
+#: Number of harmonics of the turn that radiate sound: up to 500 Hz at 200 rpm.
 HARMONICS = 150
-#: Number of starts of a fit of modes, which has several local minima.
+#: Number of starts of a fit of resonance modes, which has several local minima.
 STARTS = 8
-#: Seed of the random starts.
+#: Seed of the random generator of these starts.
 SEED = 1
 
 #: Function that returns |pressure per force|² from log constants ``x`` and frequency (Hz).
@@ -136,9 +136,9 @@ def _modes(x: FloatArray, frequency: FloatArray) -> FloatArray:
 
 
 _POLE = (1e-4, 20.0)
-#: Start of the first mode: gain, frequency and damping ratio.
+#: Start values of the first mode: gain, frequency (Hz) and damping ratio.
 _LOW_MODE = (1e-4, 12.0, 0.4)
-#: Start of the second mode.
+#: Start values of the second mode: gain, frequency (Hz) and damping ratio.
 _HIGH_MODE = (1e-4, 50.0, 0.4)
 STRUCTURES = (
     Structure("low-pass", _low_pass, _POLE),

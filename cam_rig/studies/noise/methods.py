@@ -32,13 +32,13 @@ from cam_rig.units import FloatArray, rms
 
 # Confidence intervals of the noise curves and their crossings, by a bootstrap of the fit errors.
 
-#: Number of neighbouring speeds that are drawn together, a third of the range.
+#: Number of neighbouring speeds that are drawn together in the bootstrap: a third of the range.
 BLOCK = 7
-#: Number of draws.
+#: Number of draws of the bootstrap.
 DRAWS = 2000
-#: Seed of the draws.
+#: Seed of the random generator of the draws.
 SEED = 1
-#: Percentage outside a 95 % band on each side.
+#: Percentage of the draws that are outside a 95 % band on each side.
 TAIL = 2.5
 
 
@@ -360,7 +360,7 @@ def _curve(
 
 # Leave-one-out test: the acoustic constants are fitted to two of the three cams.
 
-#: Number of alternating fits of shape and constants.
+#: Number of rounds in which the shape and the acoustic constants are fitted in turn.
 ROUNDS = 2
 
 

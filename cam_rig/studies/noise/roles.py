@@ -21,11 +21,13 @@ from cam_rig.simulation.sound_constants import PublishedCam
 from cam_rig.studies.noise.arc_cam import ArcShape, ShapeProblem
 from cam_rig.units import FloatArray, to_rpm
 
-#: Step of the speeds at which a shape is fitted. It is then compared at all speeds.
+#: Stride of the speeds at which a shape is fitted: every second speed. The result is compared at
+#: all speeds.
 EVERY = 2
-#: Remedy for a scene that does not fit a noise study.
+#: Remedy in the error message for a scene that does not fit a noise study.
 OTHERWISE = "for any other scene take cam-rig simulate or report"
-#: Smallest number of speeds. Half of them are still more than the four numbers of a cubic.
+#: Smallest number of speeds of a noise study. Half of them are still more than the four numbers of
+#: a cubic.
 MIN_SPEEDS = 9
 
 
@@ -99,7 +101,7 @@ class NoiseSetup:
     @property
     def crossover(self) -> Crossover:
         """Crossing that the paper states: two cams and their speed of equal levels."""
-        assert self.loaded.published is not None  # the study has its levels
+        assert self.loaded.published is not None  # scenes of a study have published levels
         return self.loaded.published.crossover
 
     @cached_property

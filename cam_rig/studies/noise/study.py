@@ -51,7 +51,7 @@ PARTS = (
     "lift, high dwell and joints",
 )
 
-#: Step of the speeds that have a displayed row.
+#: Stride of the speeds that have a displayed row: every second speed.
 EVERY = 2
 
 

@@ -37,11 +37,11 @@ from cam_rig.units import FloatArray
 
 #: Bounds of the search: lift (m), event (rad) and curvature of the flank (1/m).
 SEARCH_BOUNDS = Bounds([0.002, 1.2, 1.0 / MAX_FLANK], [0.02, 3.5, 40.0])
-#: Number of generations of the search.
+#: Largest number of generations of the evolutionary search.
 GENERATIONS = 12
-#: Number of shapes per generation and varied number.
+#: Number of shapes per generation, for each varied number.
 POPULATION = 7
-#: Seed of the search.
+#: Seed of the random generator of the search.
 SEED = 2
 
 

@@ -55,7 +55,7 @@ def read_run(bag: Path, scene: str | None = None) -> SceneRun:
     return run
 
 
-#: Suffixes of the file of a bag. A bag can also be a folder.
+#: File name extensions of a bag that is a single file. A bag can also be a folder.
 BAG_FILES = (".mcap", ".db3")
 
 

@@ -30,7 +30,8 @@ from cam_rig.studies.simulate.sound import SoundLevel
 from cam_rig.studies.simulate.study import SceneRun
 from cam_rig.units import FloatArray
 
-#: Margin above and below the levels of turns, dB. Without it the axis would show their rounding.
+#: Free space above and below the levels of turns in the figure, dB. Without it the axis would show
+#: their rounding.
 MARGIN_DB = 1.0
 
 

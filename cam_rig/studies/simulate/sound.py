@@ -222,9 +222,9 @@ class ListenResult(Result):
     }
 
     loaded: LoadedScene
-    pressure: FloatArray  #: Pa, ``(n,)``
-    rate: int  #: Hz
-    out: Path  #: sound file
+    pressure: FloatArray  #: sound pressure, Pa, ``(n,)``
+    rate: int  #: sample rate, Hz
+    out: Path  #: path of the sound file
 
     @cached_property
     def measured(self) -> Measurement:
@@ -233,7 +233,7 @@ class ListenResult(Result):
 
     @property
     def full_scale(self) -> float:
-        """Pressure (Pa) of the largest number in the sound file."""
+        """Sound pressure (Pa) at full scale of the sound file, at least the peak."""
         return full_scale(self.measured.peak_pa)
 
     @property

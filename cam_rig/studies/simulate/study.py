@@ -50,7 +50,7 @@ SPEEDS = (
 )
 
 
-#: Note on a row without a sample in contact.
+#: Note on a row without a sample in contact, for which no contact force is reported.
 BOUNCING = Footnote(
     "The follower bounces without end and is never at rest on the cam, so no sample has a contact "
     "force, only the impulses of landings.",

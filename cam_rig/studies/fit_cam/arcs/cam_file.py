@@ -24,10 +24,12 @@ from cam_rig.studies.fit_cam.cam_files import (
 )
 from cam_rig.units import round_to_error
 
-#: Largest distance of the rounded contour from the best, in errors of a reading. The standard
-#: errors alone do not determine the number of digits, because the errors of radii are correlated.
+#: Largest distance of the contour with rounded numbers from the best contour, in errors of a
+#: reading. The standard errors alone do not determine the number of digits, because the errors of
+#: radii are correlated.
 MAX_ROUNDING_DISTANCE = 0.1
-#: Largest number of digits that are added to those of the standard errors, one after the other.
+#: Largest number of digits that are added, one after the other, to the number that follows from the
+#: standard errors.
 MAX_ADDED_DIGITS = 6
 
 

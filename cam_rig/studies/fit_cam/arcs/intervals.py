@@ -8,10 +8,10 @@ from enum import StrEnum
 
 from cam_rig.units import round_to_error
 
-#: Distance from the middle of an interval to its ends, in standard errors of a normal error.
+#: Half the width of the interval that contains 95 % of a normal distribution, in standard errors.
 NORMAL_95 = 1.96
-#: Relative standard error above which a parameter is poorly identifiable. The 95 % interval of a
-#: parameter with this error extends from a third of its value to five thirds.
+#: Largest relative standard error of a parameter that is well identifiable. Its 95 % interval then
+#: extends from a third of its value to five thirds.
 MAX_RELATIVE_ERROR = 1.0 / 3.0
 
 

@@ -28,23 +28,23 @@ from cam_rig.studies.fit_cam.arcs.contour import Parameter, parameter_value
 from cam_rig.studies.fit_cam.arcs.search import NO_CONTOUR_RESIDUAL, ArcSearch
 from cam_rig.units import FloatArray
 
-#: Probability of a value beyond each end of an interval.
+#: Probability of a value beyond each end of a 95 % interval.
 TAIL_PROBABILITY = 0.025
 #: Tolerance of the end of an interval, relative to its distance from the best value. Two digits of
 #: the end are displayed.
 END_RTOL = 0.01
-#: Relative tolerance of the sum of squares of a contour with a fixed parameter. It is far below the
-#: change that determines the end of an interval.
+#: Relative tolerance of the sum of squares of a contour with one parameter fixed. It is far below
+#: the change of the sum that determines the end of an interval.
 PROFILE_RTOL = 1e-6
-#: Step of the search variables for numerical derivatives: the cube root of the rounding error would
-#: be 6e-6. The variables are of the order of 1.
+#: Step of the search variables, which are of the order of 1, for a central difference. It is of the
+#: order of the cube root of the rounding error, 6e-6.
 DERIVATIVE_STEP = 1e-6
-#: Relative standard error of a coordinate that is assumed if the derivatives do not determine it.
-#: This is the case for a concave flank under a flat face. The first step is then doubled.
+#: Relative standard error of a coordinate that is assumed if the derivatives do not determine it,
+#: as for a concave flank under a flat face. It sets the first step, which is then doubled.
 UNKNOWN_ERROR = 1e-3
-#: Largest number of doublings of the first step. An end beyond a factor of 10⁹ is infinite.
+#: Largest number of doublings of the first step. An end beyond a factor of 10⁹ counts as infinite.
 MAX_DOUBLINGS = 30
-#: Largest prime radius, in lifts. An end beyond it is infinite.
+#: Largest end of the interval of the prime radius, in lifts. An end beyond it counts as infinite.
 MAX_PRIME_LIFTS = 100.0
 
 

@@ -10,16 +10,17 @@ from typing import Literal, NamedTuple
 from cam_rig.errors import ConfigError
 from cam_rig.studies.fit_cam.arcs.contour import Arcs
 
-#: Radii that are given in addition to the readings. None: neither is given.
+#: Radii that are given in addition to the readings, or None if neither is given.
 GivenRadii = Literal["base", "roller", "both"] | None
-#: Smallest radius of nose or base that an assumed radius may leave, as a fraction of the smaller of
-#: base and nose radius of the pitch curve, or under a flat face of the base radius. A smaller one
-#: is a cusp, as with half the lift as the roller radius of a cam with a sharp nose.
+#: Smallest radius of nose or base that remains with an assumed roller radius, as a fraction of the
+#: smaller of base and nose radius of the pitch curve (under a flat face: of the base radius). A
+#: smaller radius is a cusp, as with a roller radius of half the lift on a cam with a sharp nose.
 MIN_RADIUS_LEFT = 0.1
-#: Radius of nose or base that the replacement of an assumed radius leaves, as such a fraction.
+#: Radius of nose or base that remains after an assumed radius has been replaced, as the same
+#: fraction.
 REPLACED_RADIUS_LEFT = 0.5
-#: Smallest radius of nose or base, as a fraction of the radius on the pitch curve. It keeps both
-#: positive while a given base radius is checked.
+#: Lower limit of the radius of nose or base, as a fraction of the radius on the pitch curve. It
+#: keeps both positive while a given base radius is checked.
 MIN_RADIUS_RATIO = 1e-6
 
 

@@ -19,17 +19,17 @@ from cam_rig.studies.fit_cam.arcs.radii import GivenRadii
 from cam_rig.studies.fit_cam.suspects import list_farthest, list_outliers, relative_residuals
 from cam_rig.units import rms
 
-#: Shape of the flanks, if it is given.
+#: Given shape of the flanks, or None if it is not given.
 Flank = Literal["straight", "curved"] | None
-#: Ratio of r.m.s. residuals from which the readings rule out the worse of two interpretations. With
-#: a smaller ratio, it could be the closer one in another set of readings.
+#: Smallest ratio of the r.m.s. residuals of two interpretations at which the readings exclude the
+#: worse one. With a smaller ratio, it could be the closer one in another set of readings.
 MIN_EXCLUDED_RATIO = 1.1
-#: Largest r.m.s. residual of readings that arcs describe, as a multiple of the readings' scatter.
-#: The scatter is below that of the arcs if the errors of neighbouring readings are equal.
+#: Largest r.m.s. residual of arcs that describe the readings, as a multiple of the readings'
+#: scatter. The scatter is too small if the errors of neighbouring readings are equal.
 MAX_DESCRIBED_SCATTERS = 4.0
-#: Text of the turning sense of a column. The index is True if it is reversed.
+#: Text of the sense of rotation of a column, by False (as turned) and True (reversed).
 SENSES = ("as turned", "reversed")
-#: Explanation of the ends of an interval.
+#: Explanation of missing ends of an interval, in the table of results.
 NOT_STRAIGHT = "empty if the interval contains straight"
 
 

@@ -22,29 +22,30 @@ FLANK = Parameter.FLANK
 NOSE = Parameter.NOSE
 ANGLE = Parameter.ANGLE
 
-#: Radius of the prime circle at the starts of the search, in lifts: a usual proportion of cams.
+#: Start value of the prime circle's radius in the search, in lifts: a usual proportion of cams.
 START_PRIME_LIFTS = 3.0
-#: Radius of the nose at the starts of the search, as a fraction of its range.
+#: Start value of the nose radius in the search, as a fraction of its range.
 START_NOSE = 0.3
-#: Curvature of the flanks at the starts of the search, as a fraction of its largest value: slightly
-#: and strongly convex, and concave. The search misses a contour without the first under a large
+#: Start values of the flanks' curvature in the search, as fractions of its largest value: slightly
+#: convex, strongly convex, and concave. The search misses a contour without the first under a large
 #: roller, without the second at a sharp nose, and without the third at a nose as large as the base.
 START_FLANKS = (0.3, 0.7, -0.3)
 #: Relative tolerance of a rough search, which only ranks starts and interpretations.
 ROUGH_RTOL = 1e-8
-#: Largest number of function evaluations of a rough search.
+#: Largest number of evaluations of the residuals in a rough search.
 MAX_ROUGH_EVALUATIONS = 30
-#: Relative tolerance of the final search, near that of the floating-point numbers.
+#: Relative tolerance of the final search, near the rounding of floating-point numbers.
 FINAL_RTOL = 1e-12
-#: Message if no contour is close to the readings, or if no contour has the parameters.
+#: Error message if no contour is close to the readings, or if no contour has the parameters.
 NO_CLOSE_CONTOUR = (
     "no base circle, two equal flanks and a nose come near the readings; allowed: a symmetric cam, "
     "else --shape spline"
 )
-#: Residual (m) of each reading if no contour has the parameters, far above any other residual.
+#: Residual (m) assigned to each reading if no contour has the parameters, far above any other
+#: residual.
 NO_CONTOUR_RESIDUAL = 1.0
-#: Curvature below which a flank is a straight line, as a fraction of the prime circle's curvature.
-#: Over the length of a flank, it changes the lift by less than 1e-6 of the radius.
+#: Curvature below which a flank counts as straight, as a fraction of the prime circle's curvature.
+#: Over the length of a flank, such a curvature changes the lift by less than 1e-6 of the radius.
 STRAIGHT_CURVATURE = 1e-6
 
 

@@ -36,21 +36,23 @@ from cam_rig.studies.fit_cam.outliers import (
 
 Columns = tuple[Readings, ...]
 
-#: Largest number of times that outliers are determined from the arcs and the arcs fitted again.
+#: Largest number of rounds in which outliers are determined from the arcs and the arcs are fitted
+#: again.
 MAX_OUTLIER_ROUNDS = 4
-#: R.m.s. residual, as a fraction of the lift, from which a contour does not belong to the readings.
-#: The tables of other cams have larger residuals.
+#: R.m.s. residual above which the contour does not fit the readings, as a fraction of the lift. The
+#: tables of other cams have larger residuals.
 MAX_RMS_RATIO = 0.05
-#: Base radius in lifts that is large enough not to bound the contour under a flat face.
+#: Base radius (lifts) of the search under a flat face without a given base radius. It is so large
+#: that it does not bound the contour.
 FREE_BASE_LIFTS = 100.0
-#: Ratio of the nose radius of the pitch curve to a given roller radius, below which the search is
-#: at its bound.
+#: Ratio of the nose radius of the pitch curve to a given roller radius, below which the search has
+#: ended at its bound.
 BOUND_RATIO = 1.01
-#: Ratio of r.m.s. residual to the smallest residual, above which an interpretation is not refined.
-#: A rough search ends close to its minimum, so the order of the residuals stays the same.
+#: Largest ratio of the r.m.s. residual to the smallest one at which an interpretation is refined. A
+#: rough search ends close to its minimum, so refinement does not change the order at larger ratios.
 MAX_REFINED_RATIO = 2.0
-#: Smallest r.m.s. residual (m) in the criterion of likelihood, far below that of a gauge. It is
-#: reached by exact lifts.
+#: Lower limit of the r.m.s. residual (m) in the likelihood, for exact lifts. It is far below the
+#: residual of any gauge.
 MIN_RMS = 1e-12
 
 

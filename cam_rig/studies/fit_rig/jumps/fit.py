@@ -34,13 +34,15 @@ from cam_rig.studies.fit_rig.normal_equations import normal_inverse
 from cam_rig.studies.fit_rig.parameters import PARAMETERS, check_fixed, from_search, parameter_slope
 from cam_rig.units import RPM, FloatArray, rms, round_to_error
 
-#: Relative scatter of the readings above which they fit no follower.
+#: Largest scatter of the residuals at which a follower fits the readings, as a fraction of the mean
+#: jump speed.
 MAX_SCATTER = 0.04
-#: Scatter relative to a given error above which the scatter replaces it.
+#: Largest ratio of the scatter to the given reading error at which the given error is used. Above
+#: it the scatter replaces the error.
 MAX_ERROR_RATIO = 2.0
-#: Smallest start value of the follower's mass, kg.
+#: Lower limit of the start value of the follower's mass, kg.
 MIN_OWN_MASS = 0.05
-#: Fraction of the sum of squares above which one reading is an outlier.
+#: Fraction of the sum of squares above which a single reading is reported as an outlier.
 OUTLIER_SHARE = 0.55
 
 
@@ -272,7 +274,7 @@ def _read_start_values(
 ) -> dict[str, float]:
     follower = base.follower
     values = {name: base.need(name, "the fit").si for name in RIGID}
-    values["restitution"] = 0.0  # no landing is in a jump speed
+    values["restitution"] = 0.0  # landings do not affect a jump speed
     if has_two_masses:
         if "stem_stiffness" not in fixed:
             purpose, one_mass = "the start of a fit of two masses", "use --model one_mass"
@@ -282,7 +284,7 @@ def _read_start_values(
         values["stem_damping"] = values["damping"] if damping is None else damping.si
     if "mass" in table.columns and (lightest := min(r.setup["mass"] for r in table.readings)) > 0.0:
         values["mass"] = max(0.5 * lightest, MIN_OWN_MASS)
-    values["preload"] = max(values["preload"], 1.0)  # without one there is no jump speed
+    values["preload"] = max(values["preload"], 1.0)  # a follower without preload has no jump speed
     return values | fixed
 
 

@@ -27,18 +27,18 @@ from cam_rig.studies.fit_rig.parameters import (
 )
 from cam_rig.units import RPM, TURN, FloatArray, rms
 
-#: Free parameters of one rigid mass.
+#: Keys of the free parameters of one rigid mass.
 RIGID = ("mass", "spring_stiffness", "preload", "damping")
-#: Free parameters of a stem, in addition to those.
+#: Keys of the free parameters that a stem adds to `RIGID`.
 STEM = ("stem_stiffness", "roller_share")
-#: Relative step of a search variable for derivatives.
+#: Step of a search variable for a difference quotient, relative to the variable.
 DERIVATIVE_STEP = 1e-4
-#: Factors by which the stems of additional starts are stiffer, up to a nearly rigid stem.
+#: Factors of the stem stiffness of additional starts, up to a nearly rigid stem.
 STIFFNESS_FACTORS = (10.0, 100.0)
-#: Number of additional starts with a stiffer stem, the best of those tried. A search of two masses
-#: takes half a minute.
+#: Number of additional starts with a stiffer stem that are searched: the best of those tried. A
+#: search of two masses takes half a minute.
 STIFF_STARTS = 2
-#: Number of cam angles per turn at which a start assumes that all readings jump.
+#: Number of cam angles per turn at which a start may assume that all readings jump.
 BALANCE_ANGLES = 120
 
 
@@ -191,7 +191,8 @@ def _solve_balance(
     return rigid.fixed | {n: float(v) for n, v in solution.items() if v > 0.0 or n == "damping"}
 
 
-#: Ratio of the changes in the two directions below which a derivative is taken as zero.
+#: Ratio of the smaller to the larger of the changes in the two directions, below which a derivative
+#: is taken as zero.
 ONE_SIDED_RTOL = 1e-3
 
 

@@ -14,14 +14,14 @@ from cam_rig.schema.instrument_table import NOTHING, CellTable, read_lines
 from cam_rig.show.tables import pluralize
 from cam_rig.units import RPM, FloatArray, to_rpm
 
-#: Parameter of the rig by quantity of a heading.
+#: Parameter of the rig for each quantity that a heading of the table can name.
 PARAMETER_OF_QUANTITY = {
     "speed": "speed",
     "mass": "mass",
     "stiffness": "spring_stiffness",
     "preload": "preload",
 }
-#: Unit and factor to SI by quantity, for a heading without a unit.
+#: Unit that is assumed for a heading without a unit, and its factor to SI, by quantity.
 ASSUMED_UNITS = {"speed": ("rpm", RPM), "mass": ("kg", 1.0), "stiffness": ("N/m", 1.0)}
 ASSUMED_UNITS["preload"] = ("N", 1.0)
 #: Largest number of lines without a reading that a note lists.

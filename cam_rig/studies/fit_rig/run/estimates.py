@@ -23,14 +23,15 @@ from cam_rig.studies.fit_rig.run.search import FitSolution, phase_line_matrix
 from cam_rig.studies.fit_rig.run.turns import MeasuredSegment
 from cam_rig.units import TURN, rms
 
-#: Standard error of a restitution below which it is identified.
+#: Standard error (absolute, no unit) below which a restitution is identified.
 MAX_RESTITUTION_ERROR = 0.1
-#: Reasons for a missing value if some speeds are left out.
+#: Reason why a parameter has no value if some speeds are left out, by key.
 LEFT_OUT_REASONS = {
     "restitution": "no follower fits the speeds that were left out",
     "stem_stiffness": "a rigid stem fits the speeds in contact: try --model two_mass",
 }
-#: Residual relative to the noise above which a solution is no fit.
+#: Largest ratio of the residuals to the noise at which a solution fits the run. It also limits the
+#: correlation length of the lift's residuals, in samples, if no force was measured.
 MAX_MISFIT = 3.0
 
 

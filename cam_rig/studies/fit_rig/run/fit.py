@@ -19,8 +19,8 @@ from cam_rig.studies.fit_rig.run.start import rough_start
 from cam_rig.studies.fit_rig.run.turns import measured_segments
 from cam_rig.units import rms
 
-#: R.m.s. difference of the lift from the law at the slowest speed, relative to the lift, above
-#: which the cam is a different one.
+#: R.m.s. difference between the measured lift and the law at the slowest speed, relative to the
+#: lift, above which the run is of a different cam.
 MAX_LIFT_ERROR = 0.05
 
 

@@ -10,14 +10,16 @@ from cam_rig.studies.fit_rig.run.instruments import FORCE_ZERO
 from cam_rig.studies.fit_rig.run.search import Candidate, continue_from
 from cam_rig.units import FloatArray
 
-#: Smallest number of samples in flight that identify the force's zero. With fewer samples a single
-#: one next to a landing decides.
+#: Smallest number of samples in flight that identify the zero offset of the force sensor. With
+#: fewer samples, a single sample next to a landing decides.
 MIN_FLYING_SAMPLES = 4
-#: Smallest zero of the force that is reported, in standard errors.
+#: Smallest zero offset of the force sensor that counts as significant, in standard errors.
+#: `MIN_ZERO_FRACTION` of the preload is added to it.
 MIN_ZERO_ERRORS = 6.0
-#: Smallest zero of the force that is reported, relative to the preload.
+#: Smallest zero offset of the force sensor that counts as significant, relative to the preload.
 MIN_ZERO_FRACTION = 0.005
-#: Number of estimates of the force's zero, each with the flights of the previous one.
+#: Number of estimates of the zero offset. Each uses the flights that follow from the previous
+#: estimate.
 ZERO_ROUNDS = 5
 
 

@@ -10,19 +10,20 @@ import numpy as np
 from cam_rig.laws import Law
 from cam_rig.units import TURN, FloatArray
 
-#: Relative error of the sensors' clock, ppm.
+#: Key of the relative error of the sensors' clock, ppm.
 CLOCK = "clock"
-#: Zero offset of the lift, m.
+#: Key of the zero offset of the lift gauge, m.
 ZERO = "zero"
-#: Backlash of the lift, m.
+#: Key of the backlash of the lift gauge, m.
 BACKLASH = "backlash"
-#: Zero offset of the force, N.
+#: Key of the zero offset of the force sensor, N.
 FORCE_ZERO = "force_zero"
-#: Logarithm of the natural frequency (Hz) of the force sensor.
+#: Key of the natural frequency of the force sensor. Its search variable is the logarithm of the
+#: frequency in Hz.
 RESONANCE = "sensor_frequency"
-#: Damping ratio of the force sensor.
+#: Key of the damping ratio of the force sensor.
 RATIO = "sensor_damping"
-#: Instrument errors that all segments share, in their order in the search variables.
+#: Keys of the instrument errors that all segments share, in the order of the search variables.
 SHARED = (CLOCK, ZERO, BACKLASH, FORCE_ZERO, RESONANCE, RATIO)
 
 
@@ -61,7 +62,7 @@ class Instruments:
 
 #: Cam angles (rad) at which the side of a backlash is computed.
 SIDE_ANGLES = np.linspace(0.0, TURN, 4097)
-#: |s'| relative to its maximum, below which the lift is a dwell.
+#: Largest |s'| of a dwell, relative to the maximum of |s'|.
 MIN_SLOPE_FRACTION = 1e-6
 
 

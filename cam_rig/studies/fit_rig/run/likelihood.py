@@ -41,21 +41,21 @@ from cam_rig.studies.fit_rig.run.steady_turn import (
 from cam_rig.studies.fit_rig.run.turns import MeasuredSegment, SegmentSamples
 from cam_rig.units import TURN, FloatArray
 
-#: Step of a search variable for derivatives, relative to its scale.
+#: Step of a search variable for a difference quotient, relative to its scale.
 RELATIVE_STEP = 1e-5
-#: Scale of the speed error of a segment, in its standard errors.
+#: Scale of the search variable for the speed error of a segment, in standard errors of the speed.
 SPEED_SCALE = 10.0
-#: Step of an angle for derivatives, rad.
+#: Step of an angle for a difference quotient, rad.
 ANGLE_STEP = 1e-6
-#: Unit of the clock's error in a search.
+#: Factor from the search variable of the clock's error (ppm) to the relative error.
 PPM = 1e-6
-#: Error of the angle of a bounce, relative to the angle since the first landing of its series. A
-#: small error at a landing grows at its bounces.
+#: Expected error of the cam angle of a bounce, as a fraction of the angle since the first landing
+#: of its series. A small error at a landing grows at its bounces.
 BOUNCE_ANGLE_FRACTION = 0.5
 #: Number of angles near a sample at which the force is evaluated. The error of a landing in a
-#: series is at most half the width of the series, so some of these angles are outside it.
+#: series is at most half the width of the series, so some of these angles are outside the series.
 FORCE_POINTS = 65
-#: Residual, in standard deviations, of a follower without a steady turn.
+#: Residual assigned to every sample of a segment without a periodic turn, in standard deviations.
 NO_TURN_RESIDUAL = 1e3
 
 

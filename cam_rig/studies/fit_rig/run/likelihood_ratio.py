@@ -18,8 +18,8 @@ from cam_rig.studies.fit_rig.run.noise_model import update_noise
 from cam_rig.studies.fit_rig.run.search import GUARD, FitSolution, continue_from
 from cam_rig.units import FloatArray
 
-#: Largest growth of a sum of squares by chance. With twenty parameters χ² exceeds it once in
-#: 140 000 cases.
+#: Largest increase of a sum of squares (in squared standard deviations) that is attributed to
+#: chance. With twenty parameters χ² exceeds it once in 140 000 cases.
 MAX_CHANCE_SSE = 60.0
 
 
@@ -73,8 +73,8 @@ def log_ratio(first: FitSolution, other: FitSolution) -> float:
     return logs[0] - logs[1]
 
 
-#: Largest square of a residual in a comparison of restitutions: six standard deviations. A sample
-#: on the wrong side of a landing counts no more than this.
+#: Limit of the square of a residual in a comparison of restitutions: six standard deviations
+#: squared. A sample on the wrong side of a landing counts no more than this.
 MAX_SQUARE = 36.0
 
 

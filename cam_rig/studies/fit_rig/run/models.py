@@ -30,18 +30,19 @@ from cam_rig.studies.fit_rig.run.stem_start import find_stem, has_residual_patte
 from cam_rig.units import TURN
 
 AnyCandidate = TypeVar("AnyCandidate", bound=Candidate)
-#: Log likelihood ratio above which an elastic model replaces a simpler one. In the runs of
+#: Smallest log likelihood ratio at which an elastic model replaces a simpler model. In the runs of
 #: ``test_rig_fit.py`` white and correlated noise alone give up to 3, a stem or a resonance 90 or
 #: more.
 MIN_ELASTIC_LOG_RATIO = 30.0
-#: Size of a gauge's backlash in standard errors above which it is a free parameter. Normal errors
+#: Smallest backlash of a gauge, in standard errors, that becomes a free parameter. Normal errors
 #: exceed six once in 5e8 fits.
 FREE_BACKLASH_ERRORS = 6.0
-#: Smallest backlash relative to the lift. Less is rounding.
+#: Smallest backlash that becomes a free parameter, relative to the lift. A smaller backlash is
+#: rounding.
 MIN_BACKLASH_FRACTION = 1e-7
-#: Ratio of two pattern strengths up to which both are of the same noise.
+#: Largest ratio of the residual patterns of two fits that are attributed to the same noise.
 MAX_PATTERN_RATIO = 2.0
-#: Restitutions from which a fit of lifts alone starts.
+#: Restitutions from which a fit of lifts alone starts, one search each.
 START_RESTITUTIONS = (0.05, 0.25, 0.45, 0.65)
 
 

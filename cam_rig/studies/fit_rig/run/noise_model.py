@@ -14,9 +14,9 @@ from scipy.optimize import nnls
 from cam_rig.studies.fit_rig.run.likelihood import NO_TURN_RESIDUAL, Likelihood
 from cam_rig.units import FloatArray, rms
 
-#: Number of reweighted least squares for the noise.
+#: Number of reweighted least-squares fits that estimate the noise of the force.
 NOISE_ROUNDS = 4
-#: Smallest noise floor relative to the total noise.
+#: Smallest constant part of the force's noise, relative to the total noise.
 MIN_FLOOR_FRACTION = 0.05
 
 

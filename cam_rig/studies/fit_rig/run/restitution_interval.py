@@ -24,19 +24,23 @@ from cam_rig.studies.fit_rig.run.search import (
     search,
 )
 
-#: First step from the likeliest restitution. Each further step is twice the previous one.
+#: First step from the likeliest restitution (absolute, no unit). Each further step is twice as
+#: long.
 FIRST_STEP = 0.01
-#: Number of bisections of the last step, which then has an eighth of its length.
+#: Number of bisections of the last step. They locate the end of the interval to an eighth of it.
 HALVINGS = 3
-#: Largest number of searches for the interval, each from the best restitution of the previous one.
+#: Largest number of searches for the interval. Each starts from the best restitution of the
+#: previous search.
 MAX_RESTARTS = 4
-#: Log likelihood ratio above which a better restitution starts another search.
+#: Smallest log likelihood ratio by which another restitution must be better to start another
+#: search.
 MIN_RESTART_LOG_RATIO = 1.0
-#: Change of a log ratio by one sample with a residual of three standard deviations.
+#: Allowance of a log likelihood ratio for one sample on the wrong side of a landing, with a
+#: residual of three standard deviations.
 SAMPLE_LOG_RATIO = 0.5 * 3.0**2
-#: Restitutions outside a narrow interval that are compared with it, over the whole range.
+#: Restitutions over the whole range that are tested in addition, if they are outside the interval.
 OTHER_RESTITUTIONS = (0.1, 0.3, 0.5, 0.7, 0.9)
-#: Restitution below which only its upper limit is reported.
+#: Smallest restitution that is reported with a value. Below it only the upper limit is reported.
 SMALL_BOUNCE = 0.02
 
 

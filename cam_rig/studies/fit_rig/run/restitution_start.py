@@ -17,17 +17,20 @@ from cam_rig.studies.fit_rig.run.likelihood_ratio import MAX_SQUARE, log_ratio_o
 from cam_rig.studies.fit_rig.run.search import Candidate, FitSolution, continue_from, search
 from cam_rig.units import FloatArray
 
-#: Restitutions that are tried first, over the whole range.
+#: Restitutions of the first trials, over the whole range.
 COARSE_RESTITUTIONS = (1e-3, *(0.025 * k for k in range(1, 37)))
-#: Number of finer steps that are then tried near the best.
+#: Number of equal steps of the second trials, which are between the neighbours of the likely first
+#: trials.
 FINE_RESTITUTION_STEPS = 16
-#: Number of Gauss-Newton steps to the phase of a segment with a trial restitution.
+#: Number of Gauss-Newton steps that fit the phase of a segment in a trial.
 PHASE_STEPS = 4
-#: Step of the angle for their derivatives, rad.
+#: Step of the phase (rad) for the difference quotients of these Gauss-Newton steps.
 PHASE_DERIVATIVE_STEP = 1e-6
-#: Squares per sample that noise explains, including a landing next to a sample.
+#: Largest mean square residual, in squared standard deviations, that noise explains. It is above 1
+#: because of samples next to landings.
 MAX_NOISE_SQUARES = 1.5
-#: Chi-squared quantile of 95 % for one parameter.
+#: 95 % quantile of χ² with one degree of freedom: allowance of the sum of squares for a likely
+#: restitution.
 CHI_SQUARED_95 = 3.84
 
 
@@ -48,11 +51,13 @@ def search_restitution(fit: Candidate, fixed: dict[str, float]) -> FitSolution:
 
 
 def free_restitution(fixed: FitSolution, free: tuple[str, ...]) -> FitSolution:
-    """Repeat a fit with a free restitution, and return it if it is likelier.
+    """Repeat a fit with the parameters ``free``, which contain the restitution.
 
-    If bounces are lower than the noise of the lift, no derivative identifies the restitution, and a
-    search drifts. The restitution is then listed as free with its derivatives, at its previous
-    value (``test_error_of_restitution``, seeds 27, 61 and 151).
+    The result is the new fit if it is at least as likely and keeps all segments. Otherwise it is
+    the fit ``fixed``, with the restitution among its free parameters at its previous value, and
+    with the derivatives by it. This is the case if bounces are lower than the noise of the lift:
+    no derivative then identifies the restitution, and the search drifts
+    (``test_error_of_restitution``, seeds 27, 61 and 151).
     """
     released = search(continue_from(fixed, free, fixed.values))
     if len(released.segments) == len(fixed.segments) and log_ratio_of_all(released, fixed) >= 0.0:
@@ -120,7 +125,11 @@ class RestitutionTrial(NamedTuple):
 
 
 def _try_restitution(fit: Candidate, bounce: float) -> RestitutionTrial:
-    """Return the trial of one restitution, with fitted phases."""
+    """Fit the phase of each segment at a fixed restitution, and return the trial.
+
+    The other parameters are those of ``fit``. The sum of squares covers the segments that have
+    lift-offs or landings, and those without a periodic turn.
+    """
     start = continue_from(fit, fit.smooth, fit.values | {"restitution": bounce})
     new, x = start.likelihood, start.x
     sse, samples = 0.0, 0

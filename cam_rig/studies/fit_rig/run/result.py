@@ -17,7 +17,7 @@ from cam_rig.studies.fit_rig.run.models import MIN_BACKLASH_FRACTION
 from cam_rig.studies.fit_rig.run.search import FitSolution
 from cam_rig.units import round_to_error
 
-#: Instrument errors by key: description, displayed unit, SI unit.
+#: Instrument errors by key, each with its description, displayed unit and SI unit.
 INSTRUMENTS = {
     "encoder_offset": ("encoder at θ = 0", "°", "rad"),
     "clock_drift": ("sensors' clock drift", "ppm", "1"),
@@ -190,19 +190,20 @@ class RigFit(RigParameters):
 
 # Anomalies of the residuals: another cam, backlash, outliers, correlation.
 
-#: Correlation length of residuals, in samples, above which they are not white noise.
+#: Correlation length of residuals (samples) above which they are not white noise.
 MIN_CORRELATION_LENGTH = 1.5
-#: Size of a backlash in standard errors above which it is reported.
+#: Smallest backlash that is reported, in standard errors.
 MIN_BACKLASH_ERRORS = 2.0
-#: Lift residual above which another cam is suspected, relative to the lift.
+#: Residual of the lift above which a different cam is suspected, relative to the lift.
 MAX_LIFT_NOISE = 0.01
-#: Lift residual below which it is rounding and no gauge's noise, relative to the lift.
+#: Residual of the lift below which it is rounding instead of a gauge's noise, relative to the lift.
 ROUNDING_FRACTION = 1e-9
-#: Fraction of the power in eight spectral lines above which a peak is reported.
+#: Smallest fraction of the spectrum's power in eight adjacent lines at which a peak is reported.
 MIN_PEAK_FRACTION = 0.3
-#: Residual of an outlier in standard deviations.
+#: Residual above which a sample is an outlier, in standard deviations.
 OUTLIER_DEVIATIONS = 10.0
-#: Standard deviation of normal noise per median absolute residual. Outliers do not affect it.
+#: Ratio of standard deviation to median absolute value of normal noise. A deviation from the median
+#: is not affected by outliers.
 MEDIAN_TO_DEVIATION = 1.4826
 
 

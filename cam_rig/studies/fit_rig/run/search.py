@@ -22,19 +22,20 @@ from cam_rig.studies.fit_rig.run.noise_model import update_noise
 from cam_rig.studies.fit_rig.run.turns import MeasuredSegment
 from cam_rig.units import FloatArray
 
-#: Largest number of searches, each with updated noise and samples next to landings.
+#: Largest number of searches of a fit. Before each the noise and the samples next to landings are
+#: updated.
 MAX_ROUNDS = 8
-#: Distance (rad) from a landing within which forces are left out of the first search.
+#: Distance (rad) from a landing within which forces are left out in the first search.
 FIRST_GUARD = 0.05
-#: The same distance (rad) in the later searches.
+#: Distance (rad) from a landing within which forces are left out in the later searches.
 GUARD = 0.01
 #: Largest number of steps of the first two searches, before the noise is known.
 MAX_FIRST_STEPS = 6
 #: Largest number of steps of the later searches.
 MAX_STEPS = 40
-#: Relative decrease of the sum of squares at which a search stops.
+#: Relative decrease of the sum of squares below which a search stops.
 SSE_RTOL = 3e-7
-#: Smallest and largest damping ratio of a force sensor.
+#: Smallest and largest damping ratio of a force sensor in the search.
 DAMPING_RATIO_LIMITS = (1e-4, 2.0)
 
 

@@ -11,11 +11,11 @@ from cam_rig.laws import Law
 from cam_rig.studies.fit_rig.run.turns import MIN_PRESS_FRACTION, MeasuredSegment
 from cam_rig.units import TURN, FloatArray
 
-#: Number of cam angles tried as the encoder's zero, 1° apart.
+#: Number of cam angles that are tried as the encoder's zero, 1° apart.
 ENCODER_PHASES = 360
-#: Every n-th sample is used in the search for start values, for speed.
+#: Stride of the samples in the search for start values: every n-th sample is used, for speed.
 SAMPLE_STRIDE = 8
-#: Parameters of the fitted parts of the force, in the order of the columns.
+#: Keys of the parameters whose contributions to the force are fitted, in the order of the columns.
 FORCE_PARTS = ("mass", "damping", "spring_stiffness", "preload")
 
 

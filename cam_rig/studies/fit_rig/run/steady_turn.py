@@ -20,9 +20,10 @@ from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Largest number of Newton steps to a periodic turn.
+#: Largest number of Newton steps in the search for a periodic turn.
 MAX_NEWTON_STEPS = 12
-#: Step of the derivatives of the map of a turn, relative to the scale of the vibration.
+#: Step of the vibration for a difference quotient of the turn map, relative to the scale of the
+#: vibration.
 MAP_STEP = 1e-6
 
 
@@ -148,10 +149,12 @@ def two_mass_turn(
 
 
 def _contact_after(law: Law, p: TwoMassParameters, speed: float) -> tuple[float, FloatArray] | None:
-    """Return a cam angle (rad) in contact after turns from rest, and the vibration.
+    """Return a cam angle (rad) with contact, and the vibration (η, η̇) there.
 
-    The angle is the middle of the longest contact of the last turn. A slightly different follower
-    is in contact there too. The result is None if there is no contact.
+    The vibration is that after `RETURN_TURNS[2]` turns, started from the steady vibration of a
+    follower that never leaves the cam. The angle is the middle of the longest contact of the last
+    turn, where a slightly different follower is in contact too. If contact is never lost, the angle
+    is 0. The result is None if the last turn has no contact.
     """
     turn, response = TURN / speed, contact_response(law, p, speed)
     state = response.periodic()
@@ -213,7 +216,7 @@ def list_bounces(turn: PeriodicTurn | None) -> list[tuple[float, float]]:
 
 #: Number of cam angles at which the force of a turn is evaluated.
 TURN_POINTS = 8192
-#: Distance from a landing, on either side, rad.
+#: Distance (rad) before and after a landing at which the force on either side is evaluated.
 LANDING_OFFSET = 1e-9
 
 

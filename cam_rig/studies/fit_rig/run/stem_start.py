@@ -21,9 +21,9 @@ from cam_rig.studies.fit_rig.run.steady_turn import TURN_POINTS
 from cam_rig.studies.fit_rig.run.turns import MIN_PRESS_FRACTION
 from cam_rig.units import TURN, FloatArray
 
-#: Largest number of parts of a turn over which residuals are averaged.
+#: Largest number of equal parts of a turn. The residuals are averaged over each part.
 MAX_TURN_PARTS = 256
-#: Smallest number of samples in a part.
+#: Smallest number of samples in each of these parts.
 MIN_PART_SAMPLES = 6
 
 
@@ -66,27 +66,28 @@ def residual_pattern(fit: Candidate) -> tuple[float, float]:
 MIN_STEM_HZ = 8.0
 #: Highest natural frequency of the stems that are tried, Hz.
 MAX_STEM_HZ = 3000.0
-#: Ratio of neighbouring frequencies. Finer trials follow near the best.
+#: Ratio of neighbouring natural frequencies in the first trials. Finer trials follow near the best.
 FREQUENCY_RATIO = 1.1
-#: Ratio of neighbouring frequencies near the likeliest. A vibration with little damping is in phase
-#: with the forces only if the error of its frequency is about its damping ratio, which is 0.005 or
-#: more.
+#: Ratio of neighbouring natural frequencies in the finer trials. A vibration with little damping is
+#: in phase with the forces only if the relative error of its frequency is about its damping ratio,
+#: which is 0.005 or more.
 FINE_FREQUENCY_RATIO = 1.01
-#: Powers of that ratio that are tried, up to the neighbours of the coarse frequency.
+#: Powers of `FINE_FREQUENCY_RATIO` that are tried, up to the neighbours of the best first trial.
 FINE_EXPONENTS = range(-10, 11)
-#: Shares of the mass on the roller's side that are tried.
+#: Fractions of the mass on the roller's side that are tried.
 ROLLER_SHARES = (0.25, 0.5)
 #: Damping ratios of the stem that are tried.
 STEM_DAMPING_RATIOS = (0.005, 0.05)
-#: Largest r.m.s. change of the forces by the parameters of one mass next to a stem, relative to the
-#: forces.
+#: Largest r.m.s. change of the forces that the parameters of one mass may contribute next to a
+#: stem, relative to the forces.
 MAX_MOVABLE_FRACTION = 0.1
 #: Log ratio that the three parameters of a stem reach by chance in one of twenty cases: half the
 #: 95 % quantile of χ² with three degrees of freedom. The best of n stems reaches ln n more.
 CHANCE_LOG_RATIO = 3.91
-#: Largest number of samples of a segment with which a stem is tried.
+#: Largest number of samples per segment that are used to try a stem.
 MAX_STEM_SAMPLES = 600
-#: Points per period of the stem. Interpolation between them has an error of 0.5 % of the vibration.
+#: Number of points per period of the stem. Interpolation between them has an error of 0.5 % of the
+#: vibration.
 POINTS_PER_PERIOD = 32
 #: Largest number of points per turn. The error is larger beyond 2048 periods per turn.
 MAX_POINTS = 2**16
@@ -138,8 +139,8 @@ class PressingSamples:
     segments: list[tuple[float, FloatArray]]  #: speed (rad/s) and cam angles (rad) of each
     measured: FloatArray  #: N, ``(n,)`` of all segments
     parts: FloatArray  #: ``(n, 4)``: the force by `FORCE_PARTS`
-    columns: FloatArray  #: the same orthonormal
-    lift: NDArray[np.complex128]  #: Fourier coefficients of the law, m
+    columns: FloatArray  #: orthonormal basis of the columns of ``parts``
+    lift: NDArray[np.complex128]  #: Fourier coefficients of the law's lift, m
 
     @classmethod
     def of(

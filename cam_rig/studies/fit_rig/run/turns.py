@@ -16,17 +16,20 @@ from cam_rig.units import TURN, FloatArray, correlation_length, to_rpm
 
 # Search for steady speeds: straight lines through the counts of an encoder.
 
-#: Largest difference of the angle from a line at a steady speed, rad. A count is added to it.
+#: Largest distance of the angle from a straight line at a steady speed, rad. One count of the
+#: encoder is added.
 MAX_RIPPLE = 0.01
-#: Smallest number of turns of a segment.
+#: Smallest number of turns of a segment with steady speed.
 MIN_TURNS = 1.0
-#: Smallest number of readings of a segment.
+#: Smallest number of readings of the angle in a segment.
 MIN_READINGS = 8
-#: Initial positions of an encoder, as fractions of a count. Rounding errors are averaged over them.
+#: Initial positions of an encoder, as fractions of a count, over which rounding errors are
+#: averaged.
 STEP_PHASES = np.arange(8.0) / 8.0
-#: Changes of the angle at the end of a segment, as fractions of a count.
+#: Changes of the angle at the end of a segment, as fractions of a count, over which rounding errors
+#: are averaged.
 SPEED_OFFSETS = np.array([-0.25, 0.0, 0.25])
-#: Largest number of doublings of a stretch.
+#: Largest number of times that the length of a segment is doubled in the search.
 MAX_GROWTHS = 12
 
 
@@ -187,22 +190,24 @@ def _rounding_errors(since: FloatArray, speed: float, count: float) -> tuple[flo
     return of_mean, of_slope
 
 
-#: Number of turns at the start of a segment that are left out as transient, if it has twice as
-#: many.
+#: Number of turns at the start of a segment that are left out as transient, if the segment has at
+#: least twice as many.
 TRANSIENT_TURNS = 1.0
-#: Largest number of samples of a quantity that are fitted. Of more samples every k-th is used.
+#: Largest number of samples of a quantity that are fitted. If there are more, every k-th sample is
+#: used.
 MAX_SAMPLES = 40_000
-#: Smallest number of samples of a segment.
+#: Smallest number of samples of lift and force together in a segment.
 MIN_SAMPLES = 20
-#: Force relative to the largest, above which the follower is on the cam.
+#: Smallest force, relative to the largest, of a follower that is certainly on the cam.
 MIN_PRESS_FRACTION = 0.05
-#: Fraction of the samples that may be below it in contact, because of noise.
+#: Fraction of the samples of a follower in contact that may be below this force, because of noise.
 UNPRESSED_SHARE = 0.01
-#: Pull relative to the largest force, above which the sensor vibrates: no cam pulls.
+#: Smallest negative force, relative to the largest force, that shows a vibration of the sensor: no
+#: cam pulls.
 MIN_PULL_FRACTION = 0.1
-#: Fraction of the samples with such a pull, from which on the sensor vibrates.
+#: Smallest fraction of samples with such a force at which the sensor counts as vibrating.
 PULL_SHARE = 0.001
-#: Scatter of the lift from turn to turn, relative to its range, above which it is not steady.
+#: Largest scatter of the lift from turn to turn at which it is steady, relative to its range.
 MAX_LIFT_SCATTER = 0.02
 
 
