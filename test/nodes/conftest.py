@@ -271,6 +271,6 @@ class User(RigClient):
 
 @pytest.fixture
 def user(domain):
-    """Operator at a terminal, in the domain of the rig."""
+    """Operator at a terminal, in the ROS domain of the rig."""
     with User(domain, name="user") as operator:
         yield operator
