@@ -28,7 +28,7 @@ DISPLAYS = {
 
 
 class Use(NamedTuple):
-    """Topic that a layout displays, with a field and the required type of its messages."""
+    """Topic that a layout displays, with a field and the type of its messages."""
 
     topic: str
     field: str = ""

@@ -229,7 +229,7 @@ def test_an_emergency_stop_before_the_first_state_lasts_until_a_reset():
 
 
 def test_an_override_with_a_cam_that_the_law_server_refuses_ends():
-    """An override with a cam that the law server refuses ends: the scene's cam returns.
+    """If the law server refuses an operator's cam, the scene's cam turns again.
 
     A wrong report of a mounted cam thus does not stop the drive.
     """

@@ -100,7 +100,10 @@ def require_bounded(kind, cases, seed):
 
 
 def test_hostile_files_load_or_raise_an_error_of_one_line():
-    """Twenty hostile YAML files load or raise one line, within bounded time and memory."""
+    """Each of 20 hostile YAML files loads or raises one line.
+
+    Time and memory are bounded.
+    """
     require_bounded("yaml", 20, 1)
 
 
@@ -108,5 +111,8 @@ def test_hostile_files_load_or_raise_an_error_of_one_line():
 @pytest.mark.parametrize("seed", [2, 3, 4])
 @pytest.mark.parametrize("kind", ["yaml", "csv"])
 def test_many_hostile_files_load_or_raise_an_error_of_one_line(kind, seed):
-    """400 hostile YAML or CSV files load or raise one line, in bounded time and memory."""
+    """Each of 400 hostile YAML or CSV files loads or raises one line.
+
+    Time and memory are bounded.
+    """
     require_bounded(kind, 400, seed)

@@ -95,7 +95,7 @@ def test_other_quantities_are_not_lifts():
 
 
 def test_headings_of_no_quantity_are_unclear_unless_they_are_neutral():
-    """A heading without a known quantity is unclear if it has a unit or a foreign word.
+    """A heading without a known quantity is unclear if it has a unit or foreign word.
 
     The reason names the foreign quantity first.
     """

@@ -118,7 +118,10 @@ def test_jump_speeds_are_marked_at_zero_force(figures, jumps):
 
 
 def test_the_gap_is_never_negative(figures: dict[str, Figure], cam_set: CamSet) -> None:
-    """In the figure of lift-offs only cams that lose contact have a gap, never negative."""
+    """In the figure of lift-offs only cams that lose contact have a gap.
+
+    The gap is never negative, to 1e-9 mm.
+    """
     lift, gap = figures["lift-off"].axes
     assert len(gap.lines) == len(cam_set.laws)
     for line, text in zip(gap.lines, lift.get_legend().get_texts(), strict=True):
@@ -345,7 +348,7 @@ def test_points_are_distinct_in_grey() -> None:
 
 
 def test_the_look_of_another_name_is_not_that_of_a_shipped_cam() -> None:
-    """A name that is not shipped has another pair of dash and marker than shipped cams.
+    """A name that is not shipped has no pair of dash and marker of a shipped cam.
 
     Its look does not depend on the process.
     """

@@ -84,7 +84,7 @@ def test_a_column_follows_a_path():
 
 
 def run_command(tmp_path, *arguments):
-    """Run the command of a result with arguments, and return its outputs and exit code."""
+    """Run the command of a result with arguments, and return the ended call."""
     app = typer.Typer()
 
     @app.command()

@@ -90,7 +90,10 @@ def test_the_level_leaves_out_the_first_turns(law, rig):
 
 
 def test_a_level_reports_its_calibration(law, rig):
-    """A level is calibrated if the constants were fitted to measurements, else relative."""
+    """A level is calibrated if its constants were fitted to measurements.
+
+    Otherwise it is relative. The text of the level states this.
+    """
     data = rig.model_dump(exclude_none=True)
     data["radiation"]["gain"] = {"assumed": rig.radiation.gain.si, "unit": "Pa*s/N"}
     with_assumption = type(rig).model_validate(data)

@@ -256,7 +256,7 @@ def scene(request, make_scene):
 
 
 def test_run_length_is_that_of_the_states(scene, ramped):
-    """`run_length` returns the last stamp and the longest tick, to 1 ns, also with ramps."""
+    """`run_length` returns last stamp and longest tick of the states, to 1 ns."""
     for program in (scene, ramped):
         times = [state.time_ns for state in cam_states(program)]
         length, longest = run_length(program)
