@@ -94,9 +94,9 @@ def test_launch_starts_the_nodes_of_the_runner_in_order(load):
 
 
 def test_launch_arguments_have_priority_over_the_parameter_file(load):
-    """A launch argument has priority over the parameter file, which has it over defaults.
+    """A launch argument has priority over the parameter file of the launch.
 
-    Only arguments that the user has given are passed on.
+    Only arguments that the user has given are passed on after the file.
     """
     nodes = launch_nodes(load("rig.launch.py"), params_file=__file__, scene="quick")
     for name, node in nodes.items():
@@ -118,7 +118,7 @@ def test_every_argument_is_described(load):
 
 
 def test_end_of_a_node_ends_the_launch(load):
-    """The end of a node ends the launch. A failure raises an error that names the node."""
+    """The end of a node ends the launch, with an error that names it after a failure."""
     on_exit = launch_nodes(load("rig.launch.py"))["recorder"]["on_exit"]
 
     def end(code):

@@ -118,7 +118,10 @@ PAPER = Path(__file__).parents[2] / "examples" / "paper" / "templates"
 
 
 def test_equations_of_all_templates_are_well_formed():
-    """Each equation of a template has closed brackets and complete fractions and scripts."""
+    """Each equation of a template has closed brackets and complete fractions.
+
+    Subscripts and superscripts are complete too.
+    """
     count = 0
     templates = environment("html", PAPER)
     for name in templates.list_templates():

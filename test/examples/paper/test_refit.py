@@ -35,7 +35,7 @@ def test_every_start_of_a_refit_is_reported(cams, laws, two_mass, monkeypatch):
 
 
 def test_with_event(cams):
-    """Other event angles keep the turn, and the halves of a rise equal.
+    """A changed rise and fall angle leaves the lift and the sum of all angles unchanged.
 
     A cam that moves over a whole turn is unchanged.
     """
@@ -48,7 +48,7 @@ def test_with_event(cams):
 
 
 def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
-    """Speeds of known parameters give these parameters from a different start."""
+    """A refit to speeds of known parameters finds them from a different start."""
     monkeypatch.setattr(jump_refit, "STARTS", 1)
     monkeypatch.setattr(jump_refit, "MAX_STEPS", 6)
     speeds = {cam: find_jump(laws[cam], two_mass, 0.4).rpm for cam in FOUR}

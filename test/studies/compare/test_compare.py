@@ -27,7 +27,10 @@ call = partial(run, "compare")
 
 @pytest.fixture
 def bench(tmp_path, make_loaded_scene):
-    """Bag and scene of a bench with encoder, two sensors of a slow clock, and microphone."""
+    """Bag and scene of a bench with encoder, two sensors and microphone.
+
+    The clock of the sensors is slow.
+    """
     loaded = make_loaded_scene(cams=["tm21"], speeds=[250, 400], turns=12, transient_turns=2)
     run = measured(loaded, slow=200e-6)
     topics = {

@@ -337,7 +337,7 @@ def test_any_readings_are_compared_in_finite_numbers(scene, seed):
 
 
 def test_another_restitution_shifts_the_events(scene):
-    """Another restitution of the bench gives a delay of the events above the jump speed."""
+    """Another restitution of the bench delays the events above the jump speed."""
     loaded = scene(speeds=(300, 450, 470), model="one_mass")
     machine = replace(loaded, rig=loaded.rig.with_follower(restitution=0.4))
     loaded = replace(loaded, rig=loaded.rig.with_follower(restitution=0.0))

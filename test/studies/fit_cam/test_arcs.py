@@ -50,9 +50,9 @@ def contains(fit, pitch, parameter):
 
 
 def coverage(shape, followers, copies):
-    """Return the fraction of noisy copies whose interval of a number contains the truth.
+    """Return the fractions of noisy copies whose intervals contain the truth.
 
-    It is NaN for a number that is given or assumed.
+    There is one fraction per number, NaN for a number that is given or assumed.
     """
     arcs, kinds = SHAPES[shape], FOLLOWERS[followers]
     flats, fits = tuple(kind.flat for kind in kinds), []
@@ -123,7 +123,10 @@ def test_a_base_radius_that_leaves_no_roller_or_no_nose_is_refused():
 
 
 def test_readings_of_another_shape_are_not_blamed():
-    """Readings of a roller that are fitted as flat: the shape is blamed, not a reading."""
+    """If arcs do not describe the readings, the shape is blamed, not a reading.
+
+    The readings are of a roller, fitted as those of a flat follower.
+    """
     columns = readings_of(Arcs(0.02, 0.012, None, 0.008, 0.5), ROLLER, noise=2e-6)
     wrong, right = (fit_arcs(columns, (flat,), 0.01, 0.03) for flat in (True, False))
     words = " ".join(wrong.conclusions())
@@ -133,9 +136,9 @@ def test_readings_of_another_shape_are_not_blamed():
 
 
 def test_a_roller_larger_than_the_nose_of_its_path_is_contradicted():
-    """The readings contradict a given roller radius that is larger than the path's nose.
+    """A given roller radius that the readings contradict is kept and reported.
 
-    The conclusions report the interval: nose and roller add up to 4 mm, and 6 mm was given.
+    Nose and roller add up to 4 mm, and 6 mm was given. The conclusions have the interval.
     """
     columns = readings_of(SHAPES["sharp"], SMALL, noise=1e-5)
     wrong = fit_arcs(columns, (False,), 0.006, 0.03, "roller")
@@ -322,7 +325,7 @@ def test_straight_flanks_are_used_unless_excluded_or_curved_is_given():
 
 
 def test_lifts_under_a_roller_alone_do_not_identify_the_base_radius():
-    """Noisy lifts of a single roller do not identify the base radius: no file is written.
+    """If noisy lifts do not identify the base radius, no cam file is written.
 
     With noise of 0.1 mm the prime radius has no upper limit. A given base radius is accepted.
     """

@@ -123,7 +123,7 @@ def test_the_assumption_for_an_open_table_is_reported(tmp_path):
 
 
 def written(files, folder):
-    """Write the files of a fit to a folder and return the cam that is loaded from them."""
+    """Write the files of a fit to a folder and return the cam that they contain."""
     for name, text in files.texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     return load_cam(folder / next(iter(files.texts)))
@@ -161,7 +161,10 @@ def test_a_base_radius_that_fails_the_checks_is_reported_with_one_that_passes(me
 
 
 def test_origins_are_distinguished(measured, tmp_path):
-    """In a cam file options are given, results of the fit identified, and others assumed."""
+    """In a cam file options are given and results of the fit are identified.
+
+    All other numbers are assumed.
+    """
     readings = measured("poly345")
     given = written(spline_cam("mine", fit_spline(readings, 3e-6), "roller", 0.055), tmp_path)
     assert given.segments[0].tolerance.origin == "given"

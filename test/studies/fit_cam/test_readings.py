@@ -169,7 +169,7 @@ def test_the_first_angle_out_of_order_is_named():
 @pytest.mark.parametrize("missing", [4, 5, 6])
 @pytest.mark.parametrize("step", [1, 2])
 def test_a_flat_nose_that_is_missing_is_not_mirrored(missing, step):
-    """Half a lobe without its nose is not mirrored, even if the lift is nearly flat there.
+    """Half a lobe without its nose is not mirrored, even if the nose is flat.
 
     The curvature of a 3-4-5 law is zero at its nose.
     """
@@ -255,7 +255,10 @@ def test_specks_of_two_readings_are_found_5_deg_apart(measured, place):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("place", [90, 180, 300])
 def test_a_slip_of_the_gauge_is_refused(measured, place, sign):
-    """A slip of the gauge, a step up to the end of the table, is refused with its lines."""
+    """A slip of the gauge, a step up to the end of the table, is refused.
+
+    The error names the lines of the step.
+    """
     slip = dict.fromkeys(range(place, 360), sign * 5e-5)
     words = rf"jumps by 0\.0[45]\d* mm between lines {place + 1} and {place + 2}, and back"
     for name in ("poly345", "cycloidal"):
@@ -415,9 +418,10 @@ def error_of_acceleration(fit, law):
 @pytest.mark.parametrize("name", ["poly345", "cycloidal", "flat", "bezier15", "b_spline"])
 @pytest.mark.parametrize(("count", "most"), [(36, 0.05), (72, 0.02), (360, 0.015)])
 def test_the_law_comes_back(measured, scaled, name, count, most):
-    """A spline through noisy readings has the true law, s'' to 1.5 % with 360 readings.
+    """A spline through noisy readings has the s'' of the true law.
 
-    The readings have 2 µm of noise, an unknown zero and an outlier.
+    The error is 1.5 % with 360 readings. The readings have 2 µm of noise, an unknown zero and
+    an outlier.
     """
     fit = fit_spline(measured(name, count, zero=0.0034, outliers={count // 5: 4e-4}))
     rms, peak = error_of_acceleration(fit, scaled(name))
@@ -429,7 +433,7 @@ def test_the_law_comes_back(measured, scaled, name, count, most):
 
 
 def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
-    """A tolerance below the scatter of the readings is not followed, and this is reported.
+    """A tolerance below the scatter of the readings is reported and not followed.
 
     The acceleration of the law is still correct to 3 %.
     """
