@@ -88,7 +88,7 @@ def test_curves_of_a_cam_are_its_law(laws):
 
 
 def test_cams_of_several_units_are_drawn_in_mm(cams):
-    """A figure of cams in different units is in mm."""
+    """Cams of one unit are drawn in this unit, and cams of several units in mm."""
     inch, metre = cams["worked_example_quintic"], cams["poly345"]
     assert catalogue.common_unit([inch, inch]) == ("in", 0.0254)
     assert catalogue.common_unit([inch, metre]) == ("mm", 1e-3)

@@ -72,7 +72,7 @@ def test_fifty_digits():
 
 
 def test_lift_is_kept_and_never_below(followed_by):
-    """The lift is at least s, and equal to s at its extremes.
+    """The lift as cut is at least s, and equal to s at its extremes.
 
     The acceleration there is s''/(1 − R_r s''/(ρ (ρ + R_r))).
     """
@@ -89,9 +89,10 @@ def test_lift_is_kept_and_never_below(followed_by):
 
 
 def test_limits_and_refusals(laws):
-    """Under a point the lift as cut is s. On a large cam it has the first-order difference.
+    """Under a point follower the lift as cut is s.
 
-    The difference is R_r s'²/(2 ρ (ρ + R_r)).
+    On a large cam it exceeds s by R_r s'²/(2 ρ (ρ + R_r)), to the first order. A law that is
+    hollower than the roller is refused.
     """
     law = laws["bezier15"]
     assert np.abs(followed_law(law, BASE, 0.0)(ANGLES) - law(ANGLES)).max() < 1e-15

@@ -71,7 +71,7 @@ def test_squeezed(laws):
 
 
 def test_cells_that_leave(found):
-    """A law and angle count as lost if the follower jumps below the effect's speeds.
+    """A law and angle are lost if the follower jumps below the effect's fastest speed.
 
     The remaining laws and angles form a complete table.
     """
