@@ -406,7 +406,7 @@ def test_a_class_name_is_defined_once(nodes):
 
 
 def lines_without_docstrings(node, first, last):
-    """Return the number of lines of a module, class or function without its docstrings."""
+    """Return the number of lines of a node of the syntax tree without its docstrings."""
     documented = [
         inner.body[0].end_lineno - inner.body[0].lineno + 1
         for inner in ast.walk(node)

@@ -1,4 +1,4 @@
-"""Fixtures of the command line tests: a smaller sweep, shipped files, calls of commands."""
+"""Fixtures of the command line tests: a smaller sweep, shipped files and calls."""
 
 import json
 import sys

@@ -27,7 +27,10 @@ MESSAGES = sum(read_counts(GOLDEN).values())
 
 
 def as_ros2_records(target, plugin):
-    """Write the golden run as `ros2 bag record` would: wall-clock times, no attachments."""
+    """Write the golden run in the form of `ros2 bag record`.
+
+    It has wall-clock times and no attachments.
+    """
     types, wall = get_typestore(Stores.ROS2_KILTED), 1_767_225_600_000_000_000
     with AnyReader([GOLDEN]) as reader, Writer(target, version=9, storage_plugin=plugin) as writer:
         made = {
@@ -157,7 +160,7 @@ def test_replay_gives_the_recorded_numbers(ros_domain, tmp_path):
 
 
 class FakeGraph:
-    """Replacement for the nodes of a replay, with a copy of the golden bag as their recording."""
+    """Stand-in for the nodes of a replay, which records a copy of the golden bag."""
 
     def __init__(self, nodes):
         self._bag = Path(shutil.copytree(GOLDEN, nodes["recorder"]["output_uri"]))

@@ -1,4 +1,4 @@
-"""Tests of terminal output: tables fit the width, and words are not broken if they fit."""
+"""Tests of terminal output: tables fit the width, and words are not broken."""
 
 import re
 from collections import Counter

@@ -1,6 +1,6 @@
-"""Tests of the figures of all commands, with long titles and tiny, large and negative numbers.
+"""Tests of the figures of all commands.
 
-The fixture ``no_faulty_figure`` checks each figure when it is written.
+They have long titles, and tiny, large and negative numbers.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Tests of `cam-rig laws` and `cam-rig law`, and of cams, rigs and scenes as arguments."""
+"""Tests of `cam-rig laws` and `cam-rig law`, and of cams and scenes as arguments."""
 
 import csv
 import io

@@ -36,7 +36,10 @@ def too_long(page):
 
 
 def untypeset(page):
-    """Return sentences and cells with a hyphen as minus, or an exponent, outside of commands."""
+    """Return sentences and cells with numbers that are not typeset.
+
+    These have a hyphen as minus, or an exponent. Commands are left out.
+    """
     text = re.sub(r"<code>.*?</code>", "", page)
     return [words for words in sentences(text) if HYPHEN.search(words) or EXPONENT.search(words)]
 
@@ -47,7 +50,7 @@ def numbered(page, kind):
 
 
 def test_long_sentences_and_untypeset_numbers_are_detected():
-    """The helpers of this file find a sentence of 31 words, and numbers that are not typeset."""
+    """The helpers detect a sentence of 31 words, and numbers that are not typeset."""
     words = "Word" + 30 * " word"
     page = f"<p>Short. {words}. Short.</p><td class='x'>{words}</td><li>{words[5:]}</li>"
     assert too_long(page) == [f"{words}.", words]

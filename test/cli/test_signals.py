@@ -1,4 +1,4 @@
-"""Tests of signals: a command ends soon, with code 128 + number, and leaves no process or file."""
+"""Tests of signals: a command ends soon and leaves no process or file."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def find_faults(
 
 
 def remaining_processes(mark: str) -> list[str]:
-    """Return the commands of processes with a mark that have not ended after `GRACE_S`."""
+    """Return the commands of marked processes that have not ended after `GRACE_S`."""
     deadline = time.monotonic() + GRACE_S
     while (commands := list(marked_processes(mark))) and time.monotonic() < deadline:
         time.sleep(0.05)

@@ -1,4 +1,4 @@
-"""Tests of the start of a command: interrupts, invalid environment, imported libraries."""
+"""Tests of the start of a command: interrupts, environment, imported libraries."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""Tests of cam-rig noise, listen and vibration: their JSON, pictures and sound files."""
+"""Tests of cam-rig noise, listen and vibration: JSON, pictures and sound files."""
 
 import json
 import wave

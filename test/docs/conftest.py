@@ -26,7 +26,10 @@ def blocks(page: Path) -> list[tuple[str, str, str]]:
 
 
 def commands(page: Path, program: str) -> list[list[str]]:
-    """Return the arguments of every call of a program in code, as a shell would pass them on."""
+    """Return the arguments of each call of a program in the code of a page.
+
+    They are split as a shell would pass them on.
+    """
     code = re.findall(r"(?<!`)`([^`\n]+(?:\n[^`\n]+)?)`(?!`)", FENCE.sub("", text(page)))
     lines = [line for _, _, content in blocks(page) for line in content.splitlines()]
     lines += [line for line in text(page).splitlines() if line.startswith("    ")]

@@ -1,4 +1,4 @@
-"""Tests of invalid arguments of `import cam_rig`: one line that names the argument."""
+"""Tests of invalid arguments of `import cam_rig`: one line with the argument."""
 
 import math
 from functools import partial

@@ -1,4 +1,4 @@
-"""Tests of ``import cam_rig``: public names, import time, and agreement with the commands."""
+"""Tests of ``import cam_rig``: public names, import time, and commands."""
 
 import doctest
 import inspect

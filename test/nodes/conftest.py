@@ -173,7 +173,7 @@ def has_ticks(bag):
 
 
 def patient(scene, bag, screen=None, **drive):
-    """Return the parameters of the nodes of a run, with a progress_timeout for a busy machine."""
+    """Return the parameters of a run's nodes, with a timeout for a busy machine."""
     return live_nodes(scene, bag, screen, **{"progress_timeout": WAIT, **drive})
 
 

@@ -182,7 +182,7 @@ def test_every_language_has_all_texts_and_no_unused_text():
 
 
 def message_template(node):
-    """Return a message with {1}, {2} for its values, or None if it is not a literal text."""
+    """Return a message with {1}, {2} for its values, or None if it is not literal."""
     if isinstance(node, ast.Constant):
         return node.value
     if not isinstance(node, ast.JoinedStr):

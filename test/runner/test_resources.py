@@ -1,4 +1,4 @@
-"""Tests of the resources that runs share: ROS domains, namespaces, /dev/shm, lock folders."""
+"""Tests of resources that runs share: ROS domains, namespaces, /dev/shm, locks."""
 
 import ctypes
 import fcntl

@@ -1,4 +1,7 @@
-"""Tests of `cam_rig.testing` as other packages use it, some of them in a separate pytest run."""
+"""Tests of `cam_rig.testing` as other packages use it.
+
+Some of them run in a separate pytest process.
+"""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""The cam as it was cut: exact circles, 50 digits, a roller on the contour, and its jump speed."""
+"""The cam as it was cut: the roller's law on the contour, and its jump speed."""
 
 from itertools import pairwise
 

@@ -1,4 +1,4 @@
-"""Fit of tangent arcs: the true contour is identified, and 95 % intervals contain it."""
+"""Fit of tangent arcs: the contour is identified, and intervals contain the truth."""
 
 import math
 from dataclasses import replace
@@ -32,13 +32,19 @@ NO_NOSE = [("sharp", "small"), ("big", "flat")]
 
 
 def curvature(radius):
-    """Return 1/radius, in which an interval that contains a straight flank is contiguous."""
+    """Return 1/radius, which is 0 for a straight flank.
+
+    In it an interval that contains a straight flank is contiguous.
+    """
     with np.errstate(divide="ignore"):
         return float(1.0 / np.float64(radius))
 
 
 def contains(fit, pitch, parameter):
-    """Return True if the interval of a number contains the truth, None without an interval."""
+    """Return True if the interval of a number contains the truth.
+
+    Returns None if the number has no interval.
+    """
     interval, truth = fit.intervals[parameter], fit.best.search.coordinates.of(pitch)[parameter]
     if interval.is_fixed:
         return None

@@ -1,7 +1,4 @@
-"""Commands cam-rig fit cam and cam-rig new: from a table to numbers, files and a run.
-
-The files can be loaded, give the fitted law, and state the origin of each number.
-"""
+"""Commands cam-rig fit cam and cam-rig new: from a table to files and a run."""
 
 import json
 import math

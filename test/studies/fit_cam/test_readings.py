@@ -1,4 +1,4 @@
-"""Gauge readings: order, outliers and dwells, and the spline that is fitted to them."""
+"""Gauge readings: order, outliers and dwells, and the spline through them."""
 
 from dataclasses import replace
 
