@@ -50,7 +50,10 @@ def test_error_is_relative_to_the_largest_value():
 
 
 def test_a_missed_event_counts_with_its_distance():
-    """A missed event counts as an error, so a solver without events is not the best."""
+    """The error of a missed event is its distance (s) to the nearest found event.
+
+    It is infinite for a solver without events, which is therefore not the best.
+    """
     two, one = solution([("landing", 1.0), ("landing", 1.5)]), solution([("landing", 1.0)])
     assert one.event_error(two) == pytest.approx(0.5)
     assert two.event_error(one) == pytest.approx(0.5)

@@ -74,9 +74,9 @@ def test_the_bound_holds_in_rational_arithmetic():
 
 
 def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path):
-    """At the peak acceleration of 3-4-5 a design raises the jump speed to 558.9 rpm.
+    """At the peak acceleration of 3-4-5 a design raises the jump speed above 558 rpm.
 
-    That of 3-4-5 is 458.7 rpm, and the bound is 0.1 % higher. The written file has its limit
+    That of 3-4-5 is 458.7 rpm. The result has a certified bound. The written file has its limit
     and its speed to 1e-9.
     """
     found = designed(LawClass(16, 3), maximise="jump_speed_rigid", limits=NO_HARDER)
