@@ -104,7 +104,7 @@ settings.load_profile("ordinary")
 
 @pytest.fixture
 def hangup_enabled() -> Iterator[None]:
-    """Make commands stop at a hang-up, even if the tests were started by nohup."""
+    """SIGHUP ends commands, even if the tests were started by nohup."""
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
     signal.signal(signal.SIGHUP, before)
@@ -123,7 +123,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def figures(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Figures without a screen, all closed at the end."""
+    """Figures are drawn without a screen, and all are closed at the end."""
     import matplotlib as mpl
 
     monkeypatch.setitem(mpl.rcParams, "backend", "agg")
@@ -157,7 +157,7 @@ def followable_laws(laws: dict[str, Law]) -> dict[str, Law]:
 
 @pytest.fixture(scope="session", params=[name for name in CAM_NAMES if name not in VELOCITY_JUMPS])
 def law(request: pytest.FixtureRequest, laws: dict[str, Law]) -> Law:
-    """Each shipped law that a follower can follow, in turn."""
+    """Each shipped law that a follower can follow, one after the other."""
     return laws[request.param]
 
 
@@ -192,7 +192,7 @@ def radiation(rig: RigConfig) -> RadiationParameters:
 
 
 def assumed(value: Any, unit: str) -> dict[str, Any]:
-    """Return an assumed number as in a file."""
+    """Return an assumed number in the form of a file."""
     return {"assumed": value, "unit": unit}
 
 
@@ -303,9 +303,9 @@ def forked(fork_server: ForkServer, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def isolated_domain() -> Iterator[None]:
-    """Use a domain other than that of a rig that may run on this machine.
+    """Commands run in a ROS domain in which no other rig is active.
 
-    Otherwise a tested command would be an error.
+    Otherwise a tested command would fail while a rig runs on this machine.
     """
     with running_rig.hold_domain() as domain, pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))

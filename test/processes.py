@@ -18,7 +18,8 @@ def ended(*command, **how):
 def until(condition, said=lambda: "", step=lambda: time.sleep(0.01), wait=WAIT_S):
     """Wait until a condition of another thread or process is true.
 
-    Returns the value of the condition. `said` returns a text for the error message.
+    Returns the value of the condition. `said` returns a text for the error message after `wait`
+    s.
     """
     end = time.monotonic() + wait
     while not (result := condition()):
@@ -42,7 +43,7 @@ def children(pid):
 
 
 def takes(pid, number):
-    """Return True if a process handles a signal.
+    """Return True if a process has installed a handler for a signal.
 
     `handle_signals` installs the handler of SIGHUP last.
     """

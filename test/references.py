@@ -1,6 +1,6 @@
-"""References of many digits: computed once, stored beside the tests, and held against their inputs.
+"""Reference values of many digits, stored with a fingerprint of their inputs.
 
-`make references` computes and writes them; `make test-long` computes them anew and compares.
+`make references` computes and writes them. `make test-long` computes them again and compares.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ REMEDY = "run `make references`"
 
 
 class References:
-    """The references of one test, by the order in which it asks for them.
+    """Reference values of one test, numbered in the order of the calls.
 
     Parameters
     ----------
-    mode : ``stored``, ``compute`` (and compare with what is stored) or ``write``
+    mode : ``stored``, ``compute`` (and compare with the stored values) or ``write``
     path : JSON file of the test's module
-    test : the test's name in it
+    test : name of the test in the file
     """
 
     def __init__(self, mode: str, path: Path, test: str) -> None:
@@ -37,7 +37,11 @@ class References:
     def __call__(
         self, compute: Callable[[], ArrayLike], inputs: Sequence[ArrayLike]
     ) -> NDArray[np.float64]:
-        """What ``compute`` gives as doubles, for all numbers that it depends on."""
+        """Return the values of ``compute`` as floats: stored, compared or newly written.
+
+        ``inputs`` are all numbers on which the values depend. Stored values of other inputs
+        are an error.
+        """
         name, self._asked = f"{self._test}:{self._asked}", self._asked + 1
         print_of_inputs = fingerprint(inputs)
         if self._mode == "write":
@@ -62,7 +66,7 @@ class References:
         return stored
 
     def solution(self, case: Case, solve: Callable[[Case], Solution]) -> Solution:
-        """A case's motion without its events, as ``solve`` finds it."""
+        """Return displacement and velocity of a case by ``solve``, without events."""
 
         def compute() -> NDArray[np.float64]:
             found = solve(case)
@@ -75,7 +79,7 @@ class References:
 
 
 def fingerprint(inputs: Sequence[ArrayLike]) -> NDArray[np.float64]:
-    """Four numbers that change when any input changes by more than rounding."""
+    """Return four numbers that change if any input changes by more than rounding."""
     flat = [np.ravel(np.asarray(one, dtype=np.float64)) for one in inputs]
     logarithms = np.arcsinh(1e6 * np.concatenate(flat))
     weights = np.cos(np.outer(np.arange(1, 5), np.arange(logarithms.size)))
@@ -84,6 +88,6 @@ def fingerprint(inputs: Sequence[ArrayLike]) -> NDArray[np.float64]:
 
 @pytest.fixture
 def many_digits(request: pytest.FixtureRequest) -> References:
-    """This test's references."""
+    """Reference values of the current test."""
     path = request.path.parent / "references" / f"{request.path.stem}.json"
     return References(request.config.getoption("references"), path, request.node.name)

@@ -1,4 +1,4 @@
-"""Files of other programs and people, each with the right values of its command.
+"""Files of other programs give the expected numbers of each command.
 
 `cases/expected.csv` has one row per number, with its absolute tolerance in the unit of the row. The
 values come from formulas evaluated outside of the package.
@@ -22,7 +22,7 @@ SI = {"mm": 1e-3, "um": 1e-6, "mm/rad": 1e-3, "mm/rad^2": 1e-3, "deg": 0.0174532
 
 
 def commands():
-    """Rows of the table by case and command."""
+    """Yield the rows of the table of expected numbers, grouped by case and command."""
     with (CASES / "expected.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     for (case, command), found in groupby(rows, lambda row: (row["case"], row["command"])):
@@ -31,7 +31,10 @@ def commands():
 
 
 def of_spline(data, written, name, _):
-    """A number of a fitted cam, of its dwell, its outliers or its file."""
+    """Return a number of a fitted cam.
+
+    It is a number of the spline, its dwell, its outliers or the written file.
+    """
     if name.startswith("outlier_line"):
         return data["outliers"][int(name.rpartition("_")[2]) - 1]["line"]
     found = data["spline"] | {"outlier_count": len(data["outliers"])}
@@ -43,7 +46,10 @@ def of_spline(data, written, name, _):
 
 
 def of_contour(data, written, name, place):
-    """A number of a measured contour, or the lift at an angle of the law that was written."""
+    """Return a number of a measured contour, or the lift (m) of the written law.
+
+    The lift is at the angle `place`.
+    """
     if not place:
         return data["contours"][0][name]
     angle = float(place.removesuffix("deg"))
@@ -51,7 +57,7 @@ def of_contour(data, written, name, place):
 
 
 def of_comparison(data, _, name, place):
-    """A departure at a speed, or a count of readings."""
+    """Return a number of the comparison at a speed, or a count of readings."""
     if name.endswith(("_readings", "_skipped")):
         quantity, _, count = name.partition("_")
         return next(row for row in data["readings"] if row["quantity"] == quantity)[count]
@@ -60,13 +66,13 @@ def of_comparison(data, _, name, place):
 
 
 def of_orders(data, _, name, place):
-    """The amplitude of the force at an order."""
+    """Return the amplitude of the force at an order."""
     order = float(place.removeprefix("order"))
     return next(row for row in data["orders"] if row["order"] == order)[name]
 
 
 def of_run(data, _, name, __):
-    """An extreme of force or torque at the only speed."""
+    """Return the minimum or maximum of force or torque at the only speed."""
     end, what = name.split("_")
     return data["speeds"][0][f"{'peak' if end == 'max' else 'min'}_{what}"]
 
@@ -92,7 +98,7 @@ def number(data, written, quantity):
 def test_a_file_as_people_have_it_gives_the_right_numbers(
     tmp_path, monkeypatch, case, command, rows
 ):
-    """Every number of the case is within its tolerance, at exit code 0."""
+    """The command of a case succeeds, and its numbers are within their tolerances."""
     copytree(CASES / case, tmp_path / case)
     monkeypatch.chdir(tmp_path / case)
     done = call(*shlex.split(command)[1:], "--json", "-")
@@ -115,7 +121,10 @@ def test_a_file_as_people_have_it_gives_the_right_numbers(
 @pytest.mark.parametrize("cam", ["drop", "half_way"])
 @pytest.mark.parametrize("command", ["profile", "law", "jump"])
 def test_a_forgotten_fall_is_refused(tmp_path, cam, command):
-    """The message has the lift of the law and that of the file."""
+    """A cam file without a complete fall is refused by profile, law and jump.
+
+    The error contains the lift of the law and the lift of the file.
+    """
     copytree(CASES / "fall_forgotten", tmp_path / "case")
     done = call(command, tmp_path / "case" / "cams" / f"{cam}.yaml")
     lift = {"drop": "0 mm", "half_way": "7.5 mm"}[cam]
@@ -124,7 +133,7 @@ def test_a_forgotten_fall_is_refused(tmp_path, cam, command):
 
 
 def test_a_radius_is_refused_for_a_roller(tmp_path):
-    """The message names the column and the two remedies."""
+    """`fit cam` refuses a column of radii for a roller, and names column and remedy."""
     copytree(CASES / "radius_is_no_lift", tmp_path / "case")
     done = call("fit", "cam", tmp_path / "case" / "radius.csv", "--roller-radius", 8)
     assert done.exit_code == 2
@@ -133,7 +142,10 @@ def test_a_radius_is_refused_for_a_roller(tmp_path):
 
 
 def test_a_rig_without_sound_is_compared_and_reported(tmp_path, monkeypatch):
-    """The level is left out with the missing key; lift and force are compared as before."""
+    """compare and report accept a rig without radiation, and leave out the level.
+
+    Both outputs name the missing key.
+    """
     copytree(CASES / "counter_overflows", tmp_path / "case")
     monkeypatch.chdir(tmp_path / "case")
     rig = Path("bench/rigs/plain.yaml")

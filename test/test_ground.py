@@ -1,4 +1,4 @@
-"""Modules that all packages share, and the helpers of the tests."""
+"""Errors, rounding, temporary folders, worker processes, and helpers of the tests."""
 
 from __future__ import annotations
 
@@ -41,6 +41,10 @@ from .references import References
 
 
 def test_a_long_message_keeps_its_start_and_its_remedy() -> None:
+    """A long error message is shortened in the middle, also in a copy of the error.
+
+    A message up to the maximum length is not changed.
+    """
     error = ConfigError(f"a: is {list(range(20_000))}; allowed: 3 numbers")
     for shortened in (str(error), str(copy.copy(error))):
         assert len(shortened) < HEAD_CHARACTERS + TAIL_CHARACTERS + 10
@@ -64,7 +68,7 @@ def raise_disk_full(*_, **__):
     ids=lambda arguments: arguments[0],
 )
 def test_no_folder_for_temporary_files_is_an_error_of_one_line(monkeypatch, tmp_path, arguments):
-    """The exit code is 1, and the message names TMPDIR as the remedy."""
+    """Without a usable temporary folder a command ends with code 1 and names TMPDIR."""
     monkeypatch.setattr(tempfile, "gettempdir", raise_no_folder)
     result = call(*arguments)
     assert result.exit_code == 1
@@ -74,6 +78,10 @@ def test_no_folder_for_temporary_files_is_an_error_of_one_line(monkeypatch, tmp_
 
 
 def test_a_disk_that_fills_while_files_are_unpacked_is_reported(monkeypatch):
+    """`analyze` on a full disk ends with code 1 and names TMPDIR as the remedy.
+
+    It does not suggest recover.
+    """
     monkeypatch.setattr(Path, "write_bytes", raise_disk_full)
     result = call("analyze", GOLDEN)
     assert result.exit_code == 1
@@ -82,6 +90,10 @@ def test_a_disk_that_fills_while_files_are_unpacked_is_reported(monkeypatch):
 
 
 def test_a_temporary_folder_is_removed_and_a_full_disk_reported(monkeypatch):
+    """`temporary_folder` removes its folder at the end, or raises OutputError.
+
+    It raises the error on a full disk.
+    """
     with temporary_folder() as folder:
         (folder / "file").touch()
     assert not folder.exists()
@@ -102,11 +114,15 @@ def test_a_temporary_folder_is_removed_and_a_full_disk_reported(monkeypatch):
     ],
 )
 def test_a_value_is_rounded_to_two_digits_of_its_error(value, error, text):
+    """`round_to_error` returns the value as text with two digits of its error.
+
+    Without an error, NaN, it has six digits.
+    """
     assert round_to_error(value, error) == text
 
 
 def test_rounding_changes_a_value_by_less_than_a_twentieth_of_its_error():
-    """The change is at most half a unit of the second digit of the error."""
+    """`round_to_error` changes a random value by at most 5 % of its error."""
     random = np.random.default_rng(0)
     for _ in range(500):
         error = 10.0 ** random.uniform(-15, 12)
@@ -115,7 +131,7 @@ def test_rounding_changes_a_value_by_less_than_a_twentieth_of_its_error():
 
 
 def test_correlation_length_of_noise_and_of_repeated_values():
-    """White noise has length 1. With each value repeated eight times, it has length 8."""
+    """White noise has correlation length 1. With each value repeated 8 times, it is 8."""
     noise = np.random.default_rng(1).standard_normal(4000)
     assert correlation_length(noise) < 1.3
     assert correlation_length(np.repeat(noise, 8)) == pytest.approx(8.0, rel=0.2)
@@ -125,7 +141,10 @@ def test_correlation_length_of_noise_and_of_repeated_values():
 
 
 def test_work_is_done_in_other_processes(monkeypatch):
-    """Their number is the requested number, by default that of the cores."""
+    """`executor_pool` runs work in as many other processes as requested.
+
+    The default is the number of cores.
+    """
     with executor_pool(1, None) as workers:
         assert workers.count == 1
         assert workers.executor.submit(os.getpid).result(timeout=100) != os.getpid()
@@ -145,9 +164,10 @@ if __name__ == "__main__":
 
 
 def test_the_resource_tracker_ignores_the_signals_that_end_a_command(tmp_path):
-    """A SIGHUP of the terminal killed Python's resource tracker.
+    """Python's resource tracker blocks or ignores each signal that ends a command.
 
-    The tracker that replaced it did not know the resources, and printed a KeyError for each.
+    Otherwise a SIGHUP of the terminal kills it, and its replacement, which does not know the
+    resources, prints a KeyError for each.
     """
     script = tmp_path / "tracked.py"
     script.write_text(TRACKED, encoding="utf-8")
@@ -168,7 +188,7 @@ if __name__ == "__main__":
 
 
 def test_an_interrupt_while_a_result_is_sent(tmp_path):
-    """The command does not wait for the rest of the result of a killed worker."""
+    """An interrupt ends the command although workers are sending large results."""
     script = tmp_path / "sending.py"
     script.write_text(SENDING, encoding="utf-8")
     done = ended(sys.executable, script)
@@ -181,7 +201,10 @@ PATIENCE_S = 60.0
 
 @pytest.mark.filterwarnings("error::pytest.PytestUnhandledThreadExceptionWarning")
 def test_an_interrupt_does_not_break_the_pool(monkeypatch) -> None:
-    """A killed worker with dropped tasks causes no output and no wait."""
+    """An interrupt ends all workers and their manager thread without an error.
+
+    The remaining tasks are dropped.
+    """
     kill = executors._Worker.kill
 
     def kill_and_wait(worker) -> None:
@@ -199,7 +222,7 @@ def test_an_interrupt_does_not_break_the_pool(monkeypatch) -> None:
 
 
 def test_a_killed_worker_is_an_error_of_one_line():
-    """The message contains a remedy."""
+    """A killed worker raises RunError with a remedy."""
     message = r"a worker .* is gone .*; remedy: "
     with pytest.raises(RunError, match=message), executor_pool(1, None) as workers:
         worker = workers.executor.submit(os.getpid).result(timeout=100)
@@ -208,6 +231,7 @@ def test_a_killed_worker_is_an_error_of_one_line():
 
 @pytest.fixture(scope="module")
 def cluster():
+    """Dask cluster of one worker process on this machine."""
     with LocalCluster(
         n_workers=1, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
     ) as local_cluster:
@@ -216,7 +240,7 @@ def cluster():
 
 @pytest.mark.slow
 def test_a_cluster_is_used_by_its_address_and_by_its_file(cluster, tmp_path):
-    """Work is done in a worker of the cluster, which is another process."""
+    """Work runs in a worker of a Dask cluster, named by its address or its file."""
     file = tmp_path / "scheduler.json"
     file.write_text(json.dumps({"address": cluster.scheduler_address}), encoding="utf-8")
     for dask in (cluster.scheduler_address, str(file)):
@@ -228,7 +252,10 @@ def test_a_cluster_is_used_by_its_address_and_by_its_file(cluster, tmp_path):
 
 
 def test_a_wrong_cluster_is_an_error_of_one_line(monkeypatch):
-    """Cases: a missing scheduler, a missing file, a cluster together with jobs."""
+    """A cluster that does not answer raises an error of one line.
+
+    So do a missing file and a cluster together with a number of jobs.
+    """
     monkeypatch.setattr(executors, "WAIT_S", 0.3)
     with (
         pytest.raises(RunError, match="no scheduler answers"),
@@ -245,6 +272,10 @@ def test_a_wrong_cluster_is_an_error_of_one_line(monkeypatch):
 
 
 def test_a_reference_is_rejected_for_other_numbers(tmp_path):
+    """Stored reference values are rejected if they are missing or their inputs differ.
+
+    In the mode `compute` they are rejected if the computed values differ.
+    """
     path, values = tmp_path / "references" / "a.json", [np.pi, 1e-300]
     assert References("write", path, "t")(lambda: values, [3.0, [1e8, 1e-3]]).tolist() == values
     assert References("stored", path, "t")(pytest.fail, [3.0, [1e8, 1e-3]]).tolist() == values
@@ -260,6 +291,7 @@ def test_a_reference_is_rejected_for_other_numbers(tmp_path):
 
 
 def test_two_runs_have_different_domains():
+    """Two test runs at the same time hold different ROS domains from 40 to 100."""
     with hold_domain() as first, hold_domain() as second:
         assert first != second
         assert {first, second} <= set(range(40, 101))
@@ -285,11 +317,13 @@ def endless(text: str) -> Iterator[str]:
 
 @pytest.mark.parametrize("text", ["subprocess.run(['a'])", "a.wait()", "b().communicate('words')"])
 def test_endless_waits_are_detected(text: str) -> None:
+    """`endless` detects a wait without a timeout, but not a wait with a timeout."""
     assert list(endless(text))
     assert not list(endless(f"{text[:-1]}, timeout=1)".replace("(, ", "(")))
 
 
 def test_every_wait_of_a_test_has_a_limit() -> None:
+    """No module of the tests contains a wait without a timeout."""
     modules = {path: list(endless(path.read_text())) for path in HERE.rglob("*.py")}
     assert len(modules) > 100
     assert not {path: calls for path, calls in modules.items() if calls}

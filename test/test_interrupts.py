@@ -175,7 +175,10 @@ sys.exit(0)
 
 @pytest.mark.parametrize("name", SCENES)
 def test_where_an_interrupt_is_raised(name: str, tmp_path: Path) -> None:
-    """The script prints its lines without a traceback and ends with 128 + signal."""
+    """A script that is interrupted at the named place prints the expected lines.
+
+    It has no traceback, and its exit code is 128 + signal.
+    """
     script, lines = SCENES[name]
     code, printed, errors = run(script, tmp_path)
     assert printed == lines
@@ -184,7 +187,10 @@ def test_where_an_interrupt_is_raised(name: str, tmp_path: Path) -> None:
 
 
 def test_a_library_that_never_returns_is_ended(tmp_path: Path) -> None:
-    """Its call blocks the main thread, so that no interrupt can be raised."""
+    """A signal ends a command whose main thread is blocked within a library.
+
+    Python cannot raise an interrupt there. The exit code is 128 + signal.
+    """
     script = """
 import ctypes, os
 lock, held = ctypes.CDLL(None).pthread_mutex_lock, ctypes.byref((ctypes.c_char * 64)())
@@ -199,7 +205,7 @@ with raise_signals():
 
 @pytest.mark.parametrize("number", STOPPING)
 def test_a_signal_after_the_end_changes_nothing(number: signal.Signals, tmp_path: Path) -> None:
-    """While the interpreter unloads modules, the exit code of the command is fixed."""
+    """A signal while the interpreter unloads modules changes no exit code or output."""
     script = f"""
 class Last:
     def __del__(self, number={int(number)}, send=signal.raise_signal):
@@ -212,14 +218,17 @@ last = Last()
 
 @pytest.mark.parametrize("number", STOPPING)
 def test_the_code_is_that_of_the_first_signal(number: signal.Signals, tmp_path: Path) -> None:
-    """Later signals are ignored."""
+    """After several signals the exit code is 128 + the number of the first.
+
+    Later signals are ignored.
+    """
     others = "".join(f"send_signal({int(other)})\n" for other in STOPPING)
     code, _, errors = run(f"send_signal({int(number)})\n{others}", tmp_path)
     assert (code, errors) == (128 + number, "")
 
 
 def test_an_ignored_hangup_stays_ignored_but_not_an_ignored_interrupt(tmp_path: Path) -> None:
-    """With nohup, a closed terminal does not end a command. Ctrl-C does."""
+    """SIGHUP stays ignored, as after nohup. SIGINT is raised although it was ignored."""
     script = """
 for number in (signal.SIGHUP, signal.SIGINT):
     signal.signal(number, signal.SIG_IGN)

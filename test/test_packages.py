@@ -1,4 +1,7 @@
-"""Who installs the rig finds what it imports: with pip, with rosdep, in the image, by the page."""
+"""Packaging: declared libraries, extras, version and image, and the code's layout.
+
+The libraries are declared for pip and rosdep. The image follows the page on installation.
+"""
 
 import ast
 import json
@@ -62,7 +65,7 @@ print(round(cam_rig.jump_speed(law, rig).rpm, 2))
 
 
 def lists_of_setup():
-    """The lists of names in setup.py, without versions."""
+    """Return the lists of libraries in setup.py by name, without versions."""
     tree = ast.parse((ROOT / "setup.py").read_text())
     found = {}
     for node in tree.body:
@@ -75,7 +78,10 @@ def lists_of_setup():
 
 
 def declared():
-    """The rosdep keys of package.xml, and what its comments say has none."""
+    """Return the rosdep keys of package.xml, and the libraries that its comments list.
+
+    A comment lists libraries without a rosdep key.
+    """
     text = (ROOT / "package.xml").read_text()
     keys = {e.text for e in ElementTree.fromstring(text).iter("exec_depend")}
     without = re.findall(r"rosdep keys [^:]*: pip install\s([^>]*?)\. -->", text)
@@ -83,7 +89,10 @@ def declared():
 
 
 def imported(folder="cam_rig"):
-    """Top-level names that a folder imports, without Python's own and the project's."""
+    """Return the top-level modules that a folder imports.
+
+    Python's standard library and the modules of the project are left out.
+    """
     lines = re.compile(r"^ *(?:from (\w+)[\w.]* )?import (\w+)", re.M)
     texts = [path.read_text(encoding="utf-8") for path in (ROOT / folder).rglob("*.py")]
     names = {module or name for text in texts for module, name in lines.findall(text)}
@@ -91,6 +100,10 @@ def imported(folder="cam_rig"):
 
 
 def test_what_is_imported_is_declared():
+    """Each library that the package, its benchmark or its tools import is declared.
+
+    Exceptions are optional libraries, and libraries that only tests and reference numbers need.
+    """
     lists, (keys, _) = lists_of_setup(), declared()
     known = lists["CORE"] | lists["ALL"] | lists["BENCH"] | lists["DASK"] | keys
     found = imported() | imported("benchmark")
@@ -103,7 +116,10 @@ def test_what_is_imported_is_declared():
 
 
 def test_rosdep_and_pip_install_the_same():
-    """Every library has a rosdep key, or is named as one without; no key is left over."""
+    """Each library of setup.py has a rosdep key, or is listed as one without a key.
+
+    package.xml has no key of another library.
+    """
     lists, (keys, (no_key, not_tried, *_)) = lists_of_setup(), declared()
     without = no_key | not_tried
     runtime = lists["CORE"] | lists["ALL"] | lists["DASK"]
@@ -121,7 +137,10 @@ def names_in(file):
 
 @pytest.mark.parametrize("distribution", ["kilted", "jazzy"])
 def test_rosdep_resolves_every_key(distribution):
-    """`rosdep install` stops at a key that is neither a system key nor a released package."""
+    """Each dependency in package.xml is a system key of rosdep or a released package.
+
+    `rosdep install` stops at any other key.
+    """
     # std_srvs is released with common_interfaces, but is not in the selection of the snapshot
     existing = names_in(f"{distribution}_packages.txt") | names_in("system_keys.txt") | {"std_srvs"}
     package = ElementTree.parse(ROOT / "package.xml")
@@ -130,7 +149,7 @@ def test_rosdep_resolves_every_key(distribution):
 
 
 def test_libraries_that_are_said_to_have_no_key_have_none():
-    """A key that exists is used, or the comment gives the reason why not."""
+    """A library that package.xml lists as one without a rosdep key has no key."""
     text = (ROOT / "package.xml").read_text(encoding="utf-8")
     lists = re.findall(r"No rosdep keys exist for [^:]*: pip install\s([^>]*?)\. -->", text)
     names = {name for words in lists for name in words.split()}
@@ -139,6 +158,11 @@ def test_libraries_that_are_said_to_have_no_key_have_none():
 
 
 def test_each_library_is_of_the_extra_that_its_error_names():
+    """The extra that an import error names contains the missing library.
+
+    `all` contains the libraries of all extras except bench and dask. No extra repeats a library
+    of the core.
+    """
     lists = lists_of_setup()
     by_extra = {}
     for module, extra in EXTRAS.items():
@@ -151,6 +175,10 @@ def test_each_library_is_of_the_extra_that_its_error_names():
 
 
 def test_the_lock_has_all_extras():
+    """requirements.lock contains each library that `make setup` installs.
+
+    It is compiled with the extras all, ros-wheels and test.
+    """
     lists, makefile = lists_of_setup(), (ROOT / "Makefile").read_text()
     lock = set(re.findall(r"^([a-z0-9-]+)==", (ROOT / "requirements.lock").read_text(), re.M))
     wanted = lists["ALL"].union(*(lists[name] for name in INSTALLED))
@@ -160,10 +188,12 @@ def test_the_lock_has_all_extras():
 
 
 def run(code):
+    """Run Python code in the root of the source, and return the ended process."""
     return ended(sys.executable, "-c", code, cwd=ROOT)
 
 
 def test_the_core_alone_runs_the_ten_lines():
+    """The example of the README prints its number if only the core is installed."""
     done = run(TEN_LINES.format(barred={*EXTRAS, *OPTIONAL}))
     assert (done.stderr, done.stdout) == ("", "413.44\n")
 
@@ -183,6 +213,10 @@ LACKING = {
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("barred", LACKING)
 def test_a_command_names_the_extra_that_it_lacks(barred):
+    """A command without its library ends with code 1 and one line with the remedy.
+
+    The remedy is the pip command for the extra of the library.
+    """
     command, remedy = LACKING[barred]
     code = (
         f"import sys; sys.modules[{barred!r}] = None; sys.argv = ['cam-rig', *{command.split()}]\n"
@@ -193,6 +227,7 @@ def test_a_command_names_the_extra_that_it_lacks(barred):
 
 
 def test_the_version_stands_once():
+    """The version is that of package.xml, and no other source file contains it."""
     (stands,) = ElementTree.parse(ROOT / "package.xml").iter("version")
     assert cam_rig.__version__ == version("cam_rig") == stands.text
     for place in ("setup.py", "cam_rig/__init__.py", "pyproject.toml"):
@@ -200,7 +235,10 @@ def test_the_version_stands_once():
 
 
 def test_the_changelog_starts_with_the_version():
-    """REP-132: a version with its date, underlined, then a list."""
+    """CHANGELOG.rst has an entry of the current version in the format of REP 132.
+
+    The format is version and date, underlined, then a list.
+    """
     (declared_version,) = ElementTree.parse(ROOT / "package.xml").iter("version")
     text = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
     heading = rf"^{re.escape(declared_version.text)} \(\d{{4}}-\d\d-\d\d\)\n-+\n\* "
@@ -219,25 +257,25 @@ APT = {"python3-venv"}
 
 
 def pinned(path):
-    """Versions by name."""
+    """Return the pinned versions in a file of requirements, by name."""
     return dict(re.findall(r"^([\w.-]+)==(\S+)", path.read_text(encoding="utf-8"), re.M))
 
 
 def instructions():
-    """Of the Dockerfile: each with its words, lines joined."""
+    """Return the instructions of the Dockerfile, each as keyword and arguments."""
     text = (DOCKER / "Dockerfile").read_text(encoding="utf-8")
     text = re.sub(r"^#.*\n", "", text, flags=re.M).replace("\\\n", " ")
     return [line.split(maxsplit=1) for line in text.splitlines() if line]
 
 
 def steps():
-    """The single commands of all RUN lines."""
+    """Return the single shell commands of all RUN instructions of the Dockerfile."""
     runs = [words for kind, words in instructions() if kind == "RUN"]
     return [re.sub(r"\s+", " ", step).strip() for run in runs for step in run.split("&&")]
 
 
 def copied():
-    """What the Dockerfile copies, by its source."""
+    """Return the target of each file that the Dockerfile copies, by its source."""
     found = {}
     for kind, words in instructions():
         if kind == "COPY":
@@ -247,7 +285,11 @@ def copied():
 
 
 def test_pip_installs_what_ubuntu_has_not_in_the_versions_of_the_lock():
-    """Every library from one of both, but those of NumPy 2, and numba; as the page says."""
+    """pip installs each library that Ubuntu lacks, in the version of the lock.
+
+    The page on installation lists the same versions. numba, pyarrow, rerun-sdk and salib are
+    left out.
+    """
     lists, asked = lists_of_setup(), pinned(ROOT / "requirements-ros.txt")
     lock, said = pinned(ROOT / "requirements.lock"), re.findall(r"([\w-]+)==([\w.]+)", PAGE)
     assert asked.items() <= lock.items() >= set(said)
@@ -258,6 +300,7 @@ def test_pip_installs_what_ubuntu_has_not_in_the_versions_of_the_lock():
 
 
 def test_all_that_the_image_copies_is_there():
+    """The Dockerfile copies only existing files, and all that the build needs."""
     sources = copied()
     assert all((ROOT / source).exists() for source in sources)
     setup = (ROOT / "setup.py").read_text(encoding="utf-8")
@@ -271,6 +314,7 @@ def test_all_that_the_image_copies_is_there():
 
 
 def test_the_image_takes_the_steps_of_the_page():
+    """The image runs the commands of the page on installation."""
     done = [step.replace("apt-get", "apt") for step in steps()]
     for step in ("rosdep install", "python3 -m venv", "venv/bin/python -m"):
         taken = [one for one in done if one.startswith(step)]
@@ -281,6 +325,10 @@ def test_the_image_takes_the_steps_of_the_page():
 
 
 def test_the_image_installs_nothing_unknown():
+    """The image installs only Debian packages and requirements that the page names.
+
+    Each key that rosdep skips is a dependency in package.xml.
+    """
     apt = [step for step in steps() if step.startswith("apt-get install")]
     names = {word for step in apt for word in step.split()[2:] if not word.startswith("-")}
     assert names == APT
@@ -295,6 +343,10 @@ def test_the_image_installs_nothing_unknown():
 
 
 def test_the_image_starts_a_launch_file_that_there_is():
+    """The image is based on ROS 2 Kilted and starts an existing launch file.
+
+    Its entry point is an executable and valid script.
+    """
     found = dict(instructions())
     assert found["FROM"] == "ros:${DISTRO}-ros-base"
     assert found["ARG"] == "DISTRO=kilted"
@@ -308,6 +360,10 @@ def test_the_image_starts_a_launch_file_that_there_is():
 
 
 def test_compose_builds_that_image():
+    """compose.yaml builds the image of the Dockerfile from the root of the source.
+
+    The volume contains the folder of the recorded bag, and shared memory has 256 MB.
+    """
     compose = yaml.safe_load((DOCKER / "compose.yaml").read_text(encoding="utf-8"))
     (rig,) = compose["services"].values()
     context = (DOCKER / rig["build"]["context"]).resolve()
@@ -330,7 +386,7 @@ PARTS = ("body", "orelse", "handlers", "finalbody", "cases")
 
 
 def defined(node):
-    """The classes and functions in a module, also in each other."""
+    """Yield all classes and functions in a module, nested ones included."""
     for child in (one for part in PARTS for one in getattr(node, part, ())):
         if isinstance(child, ast.ClassDef | ast.FunctionDef):
             yield child
@@ -339,18 +395,18 @@ def defined(node):
 
 @pytest.fixture(scope="module")
 def nodes():
-    """Every class and function of the package, with its file."""
+    """Every class and function of the package, with the path of its file."""
     return [(path, node) for path, text in PACKAGE.items() for node in defined(ast.parse(text))]
 
 
 def test_a_class_name_is_defined_once(nodes):
-    """Who reads or searches for a class finds the one there is."""
+    """No two classes of the package have the same name."""
     names = Counter(node.name for _, node in nodes if isinstance(node, ast.ClassDef))
     assert {name: count for name, count in names.items() if count > 1} == {}
 
 
 def lines_without_docstrings(node, first, last):
-    """Return the number of lines of a module, class or function without its docstrings."""
+    """Return the number of lines of a node of the syntax tree without its docstrings."""
     documented = [
         inner.body[0].end_lineno - inner.body[0].lineno + 1
         for inner in ast.walk(node)
@@ -361,7 +417,7 @@ def lines_without_docstrings(node, first, last):
 
 
 def test_no_file_is_too_long_to_read():
-    """A file has at most 420 lines without its docstrings, which grow with the parameters."""
+    """Each file of the package has at most 420 lines without its docstrings."""
     lines = {
         str(path): lines_without_docstrings(ast.parse(text), 1, len(text.splitlines()))
         for path, text in PACKAGE.items()
@@ -370,7 +426,7 @@ def test_no_file_is_too_long_to_read():
 
 
 def test_no_function_is_longer_than_a_screen(nodes):
-    """A function has at most 60 lines without its docstring."""
+    """Each function of the package has at most 60 lines without its docstring."""
     lines = {
         f"{path}:{node.name}": lines_without_docstrings(node, node.lineno, node.end_lineno)
         for path, node in nodes
@@ -380,7 +436,7 @@ def test_no_function_is_longer_than_a_screen(nodes):
 
 
 def test_no_name_is_sought_among_too_many():
-    """A folder below the package's own holds at most 20 entries, its __init__ included."""
+    """Each folder below cam_rig has at most 20 modules and folders."""
     entries = (ROOT / "cam_rig").rglob("*")
     folders = [path for path in entries if path.is_dir() and path.name != "__pycache__"]
     counts = {

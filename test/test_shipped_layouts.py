@@ -1,4 +1,4 @@
-"""Every layout in config/layouts shows what a bag holds: its topics, fields, frames and types."""
+"""The layouts in config/layouts display topics, fields, frames and types of a bag."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ DISPLAYS = {
 
 
 class Use(NamedTuple):
-    """A topic that a layout shows, with a number of its messages, and the type that it takes."""
+    """Topic that a layout displays, with a field and the type of its messages."""
 
     topic: str
     field: str = ""
@@ -37,7 +37,7 @@ class Use(NamedTuple):
 
 @pytest.fixture(scope="module")
 def golden() -> SimpleNamespace:
-    """Types of the golden bag's topics, the last message of each, and all frames of /tf."""
+    """Golden bag: type and last message of each topic, and frames of the transforms."""
     with AnyReader([ROOT / "bags" / "golden"]) as reader:
         types = {topic: info.msgtype for topic, info in reader.topics.items()}
         found = {
@@ -54,7 +54,7 @@ def golden() -> SimpleNamespace:
 
 
 def rviz(path: Path) -> tuple[list[Use], set[str]]:
-    """The topics of RViz's displays, and the fixed frame."""
+    """Return the topics of RViz's displays and the fixed frame."""
     manager = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["Visualization Manager"]
     uses = []
     for display in manager["Displays"]:
@@ -67,7 +67,7 @@ def rviz(path: Path) -> tuple[list[Use], set[str]]:
 
 
 def foxglove(path: Path) -> tuple[list[Use], set[str]]:
-    """The topics and paths of Foxglove's panels, and the frame that is followed."""
+    """Return the topics and fields of Foxglove's panels and the followed frame."""
     layout = json.loads(path.read_text(encoding="utf-8"))
     panels, uses, frames = layout["configById"], list[Use](), set[str]()
     assert sorted(leaves(layout["layout"])) == sorted(panels), "panels that are not shown"
@@ -90,7 +90,7 @@ def foxglove(path: Path) -> tuple[list[Use], set[str]]:
 
 
 def leaves(node: Any) -> Iterator[str]:
-    """The panels of a layout's tree of splits."""
+    """Yield the panels in a layout's tree of splits."""
     if isinstance(node, str):
         yield node
     else:
@@ -101,7 +101,11 @@ def leaves(node: Any) -> Iterator[str]:
 
 
 def plotjuggler(path: Path) -> tuple[list[Use], set[str]]:
-    """PlotJuggler's curves: a topic and a field with slashes; of joints, the joint's name first."""
+    """Return PlotJuggler's curves and no frames.
+
+    A curve is a topic and a field with slashes. A curve of a joint has the name of the joint
+    before the field.
+    """
     names = {curve.get("name") for curve in ElementTree.parse(path).iter("curve")}
     return [Use(str(name)) for name in sorted(names)], set()
 
@@ -114,7 +118,10 @@ READERS: dict[str, Callable[[Path], tuple[list[Use], set[str]]]] = {
 
 
 def number(message: Any, field: str) -> float:
-    """The number at a path such as ``position[0]`` or ``wrench.force.y``."""
+    """Return the number of a message at a path.
+
+    A path is, for example, ``position[0]`` or ``wrench.force.y``.
+    """
     for part in field.split("."):
         name, index = re.fullmatch(r"(\w+)(?:\[(\d+)\])?", part).groups()
         message = getattr(message, name)
@@ -123,7 +130,7 @@ def number(message: Any, field: str) -> float:
 
 
 def curve(golden: SimpleNamespace, name: str) -> float:
-    """The number of one of PlotJuggler's curves."""
+    """Return the number in the golden bag that a curve of PlotJuggler displays."""
     topic = max((t for t in golden.types if name.startswith(f"{t}/")), key=len)
     message, path = golden.messages[topic], name.removeprefix(f"{topic}/")
     if golden.types[topic] == "sensor_msgs/msg/JointState":
@@ -134,6 +141,10 @@ def curve(golden: SimpleNamespace, name: str) -> float:
 
 @pytest.mark.parametrize("path", LAYOUTS, ids=lambda path: path.name)
 def test_a_layout_shows_what_a_bag_holds(path: Path, golden: SimpleNamespace) -> None:
+    """Each topic, field and frame of a layout exists in the golden bag with its type.
+
+    Each displayed number is finite.
+    """
     uses, frames = READERS[path.suffix](path)
     assert uses
     assert frames <= golden.frames
@@ -148,4 +159,5 @@ def test_a_layout_shows_what_a_bag_holds(path: Path, golden: SimpleNamespace) ->
 
 
 def test_there_is_one_for_rviz_and_one_for_foxglove() -> None:
+    """The layouts include a file of RViz and a file of Foxglove."""
     assert {".rviz", ".json"} <= {path.suffix for path in LAYOUTS}

@@ -20,12 +20,13 @@ RATE, SPEED = 4000, 30.0
 
 @pytest.fixture
 def silent(radiation):
-    """Return radiation without background (−400 dB)."""
+    """Radiation constants with a background of −400 dB."""
     return dataclasses.replace(radiation, background=-400.0)
 
 
 @pytest.fixture
 def random():
+    """Random generator with a fixed seed."""
     return np.random.default_rng(11)
 
 
@@ -180,6 +181,7 @@ def test_a_landing_radiates_pulse_and_decay(silent):
 
 
 def test_empty_blocks_are_refused(radiation):
+    """An empty block of samples raises an error."""
     none = np.zeros(0)
     with pytest.raises(ValueError, match="at least one sample"):
         rms_pressure(radiation, None, none, none, RATE, SPEED)

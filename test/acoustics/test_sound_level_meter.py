@@ -33,7 +33,7 @@ REACH |= {8000: 4e3, 1000: 400.0, 100: 40.0, 19: 0.0}
 
 
 def test_goals_of_the_table_are_those_of_annex_e():
-    """Each of the 68 goals is that of the formula, to the table's 0.1 dB."""
+    """The 68 goals of the table agree with the formula of annex E to 0.05 dB."""
     frequencies = np.array([exact_frequency(row[0]) for row in CLASS_1])
     for column, curve in enumerate("AC", start=1):
         goals = [row[column] for row in CLASS_1]
@@ -43,9 +43,10 @@ def test_goals_of_the_table_are_those_of_annex_e():
 
 
 def test_the_response_is_the_analog_one():
-    """The error is at most 0.07 dB up to 0.9 of half the rate or of 20 kHz.
+    """Digital weightings agree with the analog ones at any sample rate.
 
-    Up to the end it is at most 0.55 dB.
+    The error is at most 0.07 dB up to 0.9 of half the rate or of 20 kHz, and 0.55 dB up to the
+    end.
     """
     for i, rate in enumerate(RATES):
         curve, top = "AC"[i % 2], min(rate / 2.0, 20_000.0)
@@ -62,9 +63,9 @@ def test_the_response_is_the_analog_one():
 
 
 def test_class_1_reaches_half_the_rate_or_20_khz(monkeypatch):
-    """Class 1 reaches the last third-octave frequency below half the rate.
+    """The weightings are class 1 up to the last third octave below half the rate.
 
-    The standard ends at 20 kHz.
+    The standard ends at 20 kHz. The bilinear transform is reported to reach less.
     """
     # The bilinear transform at 12 kHz is class 1 only up to 3.15 kHz, and is reported as such.
     assert {rate: class_1_up_to_hz(rate) for rate in REACH} == REACH
@@ -188,9 +189,9 @@ def test_level_of_a_steady_sound_is_its_equivalent_level():
 
 
 def test_overload_and_under_range_are_shown():
-    """A sine 0.1 dB above 130 dB is an overload, and one 0.1 dB below is not.
+    """A sine above 130 dB is an overload, and a level below 30 dB is under range.
 
-    The flag is latched.
+    The flag of an overload is latched. It is detected before the weighting.
     """
     # The A weighting cannot hide a 20 Hz overload, which is detected before it. Below 30 dB a flag
     # is set. Silence has a level and is not an error.
@@ -210,7 +211,7 @@ def test_overload_and_under_range_are_shown():
 def test_invalid_weightings_and_samples_are_refused():
     """Unknown weightings, empty blocks and non-finite samples are refused.
 
-    The error lists the weightings of the standard.
+    The error lists the weightings of the standard. The meter does not change.
     """
     # A refused block does not change the state of the meter.
     for arguments, message in (
@@ -238,7 +239,7 @@ def test_invalid_weightings_and_samples_are_refused():
 
 
 def test_levels_of_a_tone():
-    """90 dB at 1 kHz is Leq and maximum in every weighting, and the level of its band."""
+    """A tone of 90 dB at 1 kHz has this level in each weighting and in its band."""
     measured = measure(tone(1000.0, 90.0, 2.0, LOW_RATE), LOW_RATE)
     for name in ("LAeq", "LCeq", "LZeq", "LAFmax", "LCFmax", "LZFmax"):
         assert measured.levels[name] == pytest.approx(90.0, abs=0.05)
@@ -253,7 +254,10 @@ def test_levels_of_a_tone():
 
 
 def test_samples_of_a_file_are_scaled_to_full_scale():
-    """Full scale is 1, 2 or 5 times a power of ten, and not below the peak."""
+    """Full scale of a file is 1, 2 or 5 times a power of ten, at least the peak.
+
+    The samples are proportional to the pressure.
+    """
     # Samples are proportional to the pressure, ±scale is the largest number, little-endian.
     scales = {0.9: 1.0, 1.0: 1.0, 1.1: 2.0, 3.0: 5.0, 60.0: 100.0, 0.0: 1.0}
     assert [full_scale(peak) for peak in scales] == pytest.approx([*scales.values()], rel=1e-12)
@@ -278,7 +282,7 @@ def test_bands_have_their_frequencies_and_levels():
 
 @pytest.mark.parametrize("number", [15, 39])
 def test_a_tone_is_in_its_band(number):
-    """A tone at mid-band has its level to 0.1 dB there.
+    """A tone at the middle of a band has its level there, to 0.1 dB.
 
     The neighbouring bands are 17 dB lower.
     """

@@ -47,7 +47,7 @@ def payloads(bag):
 
 
 def cut_off(bag, size, source=GOLDEN):
-    """Return a bag that was cut off.
+    """Return a copy of the golden bag that ends early, as after a kill.
 
     `size` is the number of bytes that were written, or their fraction if it is less than 1.
     """
@@ -58,7 +58,7 @@ def cut_off(bag, size, source=GOLDEN):
 
 
 class WrappedFile(io.FileIO):
-    """The same open file, unbuffered. A subclass defines the writing."""
+    """Unbuffered copy of an open file. A subclass changes the writing."""
 
     def __init__(self, raw):
         super().__init__(os.dup(raw.fileno()), "w")
@@ -103,7 +103,7 @@ def _arm(step):
 
 
 def _forked(action, step):
-    """Run an action in a forked process with its file steps, and return its status."""
+    """Run an action with `step` in a forked process, and return its exit status."""
     child = os.fork()
     if child == 0:
         code = 3

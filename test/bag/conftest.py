@@ -12,7 +12,7 @@ from .bags import BY_NAME, GOLDEN, Frugal, record
 
 @pytest.fixture(scope="session")
 def golden():
-    """Topic, number within the topic, and bytes of the received messages."""
+    """Received messages of the golden bag: topic, number within the topic, and bytes."""
     found, numbers = [], dict.fromkeys(BY_NAME, 0)
     with bag_file(GOLDEN).open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
@@ -25,7 +25,7 @@ def golden():
 
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory, golden):
-    """The golden run in one file, with two instants per turn."""
+    """Recording of the golden run in one file, with two motion messages per turn."""
     bag = tmp_path_factory.mktemp("whole") / "bag"
     record(bag, golden, samples_per_turn=2).close()
     return bag
@@ -33,7 +33,7 @@ def whole(tmp_path_factory, golden):
 
 @pytest.fixture(scope="session")
 def split(tmp_path_factory, golden):
-    """The golden run in files of 0.5 s. It has 16 ticks in 2.5 s."""
+    """Recording of the golden run in files of 0.5 s. The run has 16 ticks in 2.5 s."""
     bag = tmp_path_factory.mktemp("split") / "bag"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DISTRO", "kilted")
@@ -43,7 +43,7 @@ def split(tmp_path_factory, golden):
 
 
 class Kept:
-    """Stand-in for the bag that stores the written messages."""
+    """Stand-in for a bag writer that keeps the written messages in memory."""
 
     def __init__(self):
         self.messages = []

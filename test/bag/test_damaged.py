@@ -35,7 +35,7 @@ LENGTHS = (0, 1, 8, 22, 255, 2**16, 2**20, 2**31, 2**32 - 1, 2**40, 2**63, 2**64
 
 
 def compressed(path, kind):
-    """Write the golden bag with the compression of another writer."""
+    """Write the golden bag with the chunk compression of another writer."""
     with bag_file(GOLDEN).open("rb") as source, path.open("wb") as target:
         reader, writer = make_reader(source), Writer(target, compression=kind, chunk_size=20_000)
         writer.start("ros2", "other")
@@ -56,7 +56,7 @@ def compressed(path, kind):
 
 @pytest.fixture(scope="module")
 def originals(tmp_path_factory):
-    """Bytes of one bag in three compressions, and the positions of record lengths."""
+    """One bag in three compressions: its bytes, and the positions of record lengths."""
     folder, found = tmp_path_factory.mktemp("originals"), []
     files = [bag_file(GOLDEN)]
     files += [
@@ -121,9 +121,9 @@ CASES = range(8 * 50)
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", CASES)
 def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, seed):
-    """Every reader and recovery returns a result or raises one error in one line.
+    """Readers and recovery return a result for a damaged bag, or raise one line.
 
-    It takes less than a gigabyte and ten seconds.
+    They take less than a gigabyte and ten seconds.
     """
     chance = random.Random(seed)
     original, heads = originals[seed // len(WAYS) % 3]
@@ -163,7 +163,10 @@ def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, seed):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", CASES)
 def test_saved_messages_equal_the_recorded_messages(tmp_path, originals, seed):
-    """After a cut or a blanked part, the messages are equal and in order."""
+    """Messages that are recovered from a damaged bag equal the recorded ones in order.
+
+    The bag was cut off, or a part of it was blanked.
+    """
     chance = random.Random(seed)
     original, heads = originals[seed % 3]
     data = bytearray(original)
@@ -218,7 +221,7 @@ def message(dimensions, data):
 
 @st.composite
 def laws(draw):
-    """Generate an array with the shape of a law."""
+    """Generate arrays with the shape of a law and any numbers."""
     pieces, ordinates = draw(st.integers(1, 4)), draw(st.integers(1, 6))
     data = draw(
         st.lists(NUMBERS, min_size=pieces * (ordinates + 1), max_size=pieces * (ordinates + 1))
@@ -249,7 +252,7 @@ STATES = st.builds(
 
 @given(st.lists(STATES | laws(), max_size=8))
 def test_a_follower_stays_finite_for_any_message(received):
-    """It raises RefusedError, or publishes finite numbers."""
+    """The follower refuses any invalid law or state, or publishes finite samples."""
     bench = FollowerSimulator.of(LOADED)
     follower = FollowerQueue(bench, LOADED.scene)
     for one in received:
@@ -266,7 +269,7 @@ def test_a_follower_stays_finite_for_any_message(received):
 
 @given(DIMENSIONS, st.lists(NUMBERS, max_size=40))
 def test_any_array_is_decoded_or_refused(dimensions, data):
-    """The array is decoded as a law and as a block."""
+    """Any array is decoded as a law or a block of samples, or refused."""
     for decode in (decode_law, decode_block):
         try:
             decode(*array_of(message(dimensions, data)))
@@ -276,7 +279,7 @@ def test_any_array_is_decoded_or_refused(dimensions, data):
 
 @given(st.lists(NUMBERS, min_size=1, max_size=8), st.floats(1e-3, 1e4))
 def test_a_microphone_stays_finite(forces, speed):
-    """Every accepted block gives a finite level."""
+    """The microphone refuses a block with any numbers, or computes a finite level."""
     rows = np.zeros((6, len(forces)))
     rows[4], rows[5] = forces, forces[::-1]
     dimensions, data = codec.encode_block(rows)
@@ -290,7 +293,7 @@ def test_a_microphone_stays_finite(forces, speed):
 
 @given(st.lists(st.tuples(st.sampled_from(topics.RECORDING), st.binary(max_size=80)), max_size=10))
 def test_a_recorder_continues_after_any_message(kept, received):
-    """Any bytes are a message or are refused."""
+    """The recorder writes or refuses a message of any bytes, and continues."""
     session = RecordingSession(kept, StateValidator(1000.0))
     for topic, cdr in received:
         try:

@@ -21,7 +21,7 @@ from .bags import GOLDEN, LOADED
 
 
 def test_the_golden_bag_is_small_and_complete():
-    """It has less than 2 MB, and every tick of its scene."""
+    """The golden bag has less than 2 MB and every tick of its scene."""
     assert sum(f.stat().st_size for f in GOLDEN.iterdir()) < 2_000_000
     recording = read_recording(GOLDEN)
     counts = require_complete(GOLDEN, recording.loaded.scene)
@@ -30,7 +30,7 @@ def test_the_golden_bag_is_small_and_complete():
 
 @pytest.fixture(scope="module")
 def everything():
-    """Topic, log time and message of all messages in the order of the file."""
+    """Topic, log time and message of all messages, in the order of the file."""
     with AnyReader([GOLDEN]) as reader:
         return [
             (connection.topic, time, reader.deserialize(raw, connection.msgtype))
@@ -39,7 +39,7 @@ def everything():
 
 
 def headers(message):
-    """Yield every header of a message, also nested headers."""
+    """Return all headers of a message, also nested ones."""
     if hasattr(message, "frame_id"):
         return [message]
     if isinstance(message, list):
@@ -49,7 +49,10 @@ def headers(message):
 
 
 def test_every_frame_is_a_link_of_the_robot(everything):
-    """A frame is empty only in /diagnostics and in the texture of a marker."""
+    """Each frame in the golden bag is a link of the robot or empty.
+
+    It is empty only in /diagnostics and in the texture of a marker.
+    """
     descriptions = [m.data for topic, _, m in everything if topic == "/robot_description"]
     links = {
         link.get("name")
@@ -71,7 +74,7 @@ def test_every_frame_is_a_link_of_the_robot(everything):
 
 
 def test_transforms_form_one_tree_at_every_instant(everything):
-    """Each link has one parent in /tf_static and /tf. base_link has no parent."""
+    """Each frame of /tf_static and /tf has one parent, and base_link is the only root."""
     parents = {}
     for topic, _, message in everything:
         if topic in ("/tf", "/tf_static"):
@@ -82,7 +85,10 @@ def test_transforms_form_one_tree_at_every_instant(everything):
 
 
 def test_tf_agrees_with_the_joint_states(everything):
-    """The cam is at θ, the follower at its lift, the contact on the contour."""
+    """The transforms have the cam at its angle and the follower at its lift.
+
+    The contact point is on the contour of the cam.
+    """
     of = {
         name: {time: m for topic, time, m in everything if topic == name}
         for name in ("/joint_states", "/tf", "/follower/markers")
@@ -117,7 +123,10 @@ WANTED = ("/joint_states", "/follower/contact", "/cam/state")
 
 
 def test_two_readers_find_the_motion_of_the_samples(everything):
-    """Both type definitions give the peaks of the samples and the shaft power."""
+    """Two readers of bags find the same motion messages, which agree with the samples.
+
+    Peaks and shaft power are those of the samples.
+    """
     found = {topic: [] for topic in WANTED}
     for topic, log_time, message in everything:
         if topic in WANTED:

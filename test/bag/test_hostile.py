@@ -28,7 +28,7 @@ GIB = 2**30
 
 
 def packed_zeros(size, compression):
-    """Return `size` compressed zeros, compressed in steps."""
+    """Return `size` zeros in compressed form, without all of them in memory."""
     out, zeros = io.BytesIO(), bytes(2**20)
     if compression == "zstd":
         packed = zstandard.ZstdCompressor().stream_writer(out, closefd=False)
@@ -78,7 +78,7 @@ def chunk(data, compression, claimed, begin=0, end=10):
 
 
 def read_all(file):
-    """Open a file with every reader, and return the errors."""
+    """Read a file with each reader and recovery, and return their error texts."""
     errors = []
     for read in (
         read_counts,
@@ -103,7 +103,10 @@ PACKED = [("zstd", True), ("lz4", True), ("zstd", False), ("lz4", False)]
 @pytest.mark.variants(2)
 @pytest.mark.parametrize(("compression", "honest"), PACKED)
 def test_a_few_bytes_that_unpack_to_a_gigabyte_are_refused(tmp_path, frugal, compression, honest):
-    """No reader or recovery unpacks them, whether the claimed size is true or not."""
+    """A chunk that unpacks to a gigabyte is refused before it is unpacked.
+
+    This is so whether it states its size or claims 1000 bytes.
+    """
     data = packed_zeros(GIB, compression)
     one = chunk(data, compression, GIB if honest else 1000)
     file = file_of(tmp_path / "a.mcap", one, summary=[index_of(one, FIRST)])
@@ -113,7 +116,7 @@ def test_a_few_bytes_that_unpack_to_a_gigabyte_are_refused(tmp_path, frugal, com
 
 
 def test_many_small_chunks_are_refused_by_their_sum(tmp_path, frugal):
-    """The sum is limited by the size of the file."""
+    """A file is refused if its chunks together unpack to over 100 times its size."""
     one = chunk(packed_zeros(2**20, "zstd"), "zstd", 2**20)
     length = 9 + 40 + 4 + len(one.data)
     index = [index_of(one, FIRST + i * length) for i in range(400)]
@@ -122,7 +125,7 @@ def test_many_small_chunks_are_refused_by_their_sum(tmp_path, frugal):
 
 
 def test_a_wrong_chunk_index_does_not_hide_messages(tmp_path):
-    """The sizes and times are those of the chunk itself."""
+    """Messages are read with the sizes and times of the chunk, if the index is wrong."""
     body = struct.pack("<BQHIQQ", 5, 30, 1, 1, 5, 5) + bytes(8)
     one = chunk(body, "", len(body))
     topic = [Schema(1, b"x", "ros2msg", "a/msg/B"), Channel(1, "/x", "cdr", {}, 1)]
@@ -141,7 +144,10 @@ def test_a_wrong_chunk_index_does_not_hide_messages(tmp_path):
 
 
 def test_data_that_cannot_be_unpacked_are_refused(tmp_path):
-    """The data are garbage, empty, of an unknown compression, or not SQLite."""
+    """Readers refuse data that are empty, random, or of an unknown compression.
+
+    A bag with a damaged SQLite file is refused too.
+    """
     for compression in ("zstd", "lz4", "x"):
         for data in (b"", b"garbage", zstandard.compress(b"")[:5]):
             file = file_of(tmp_path / "a.mcap", chunk(data, compression, 100))
@@ -156,7 +162,10 @@ def test_data_that_cannot_be_unpacked_are_refused(tmp_path):
 @pytest.mark.parametrize("length", [2**20, 2**32, 2**62, 2**64 - 1])
 @pytest.mark.parametrize("opcode", [1, 3, 4, 5, 6, 7, 8, 9, 11, 12, 200])
 def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, length):
-    """The claimed length is compared with the size of the file."""
+    """A record that claims to be longer than its file is refused without reading it.
+
+    A recovery skips the record and saves all messages.
+    """
     file = bag_file(GOLDEN)
     data = file.read_bytes()
     made = tmp_path / "a.mcap"
@@ -169,7 +178,10 @@ def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, len
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("field", [0, 8, 16, 20, 30, 40])
 def test_lengths_inside_an_attachment_are_bounded(tmp_path, frugal, field):
-    """The lengths are those of its name, its media type and its data."""
+    """A reader of the scene refuses a wrong length within an attachment.
+
+    Such lengths are those of its name, its media type and its data. Memory stays bounded.
+    """
     data = bytearray(bag_file(GOLDEN).read_bytes())
     at = data.index(b"scenes/") - 4 + field
     data[at : at + 4] = b"\xff\xff\xff\x7f"
@@ -187,7 +199,10 @@ def attached(path, *names, data=b"x: 1"):
 
 
 def test_the_name_of_an_attachment_is_checked(tmp_path):
-    """It must be a valid path below the folder, and not the folder of another file."""
+    """An attachment whose name is not a valid relative path is refused and not stored.
+
+    A name that is a file and also a folder is refused.
+    """
     names = {
         "scenes/"
         + 300 * "a"
@@ -212,7 +227,7 @@ def test_the_name_of_an_attachment_is_checked(tmp_path):
 
 
 def test_the_number_of_attachments_is_limited(tmp_path, frugal):
-    """A bag cannot create a million files."""
+    """A bag with over 1000 attachments, or attachments of over 64 MiB, is refused."""
     names = [f"cams/c{i}.yaml" for i in range(MAX_ATTACHED + 1)]
     with pytest.raises(BagError, match=f"at most 1000 attachments .*got {MAX_ATTACHED + 1} of"):
         read_scene(attached(tmp_path / "many", *names))
@@ -221,7 +236,10 @@ def test_the_number_of_attachments_is_limited(tmp_path, frugal):
 
 
 def test_an_attachment_that_was_changed_is_not_read(tmp_path):
-    """A flipped bit in the rig's numbers would change every level."""
+    """An attachment with a wrong checksum is refused, and a recovery reports it.
+
+    A flipped bit in the rig's numbers would change every level.
+    """
     data = bytearray(bag_file(GOLDEN).read_bytes())
     data[data.index(b"mass")] ^= 1
     (tmp_path / "a.mcap").write_bytes(data)
@@ -231,7 +249,7 @@ def test_an_attachment_that_was_changed_is_not_read(tmp_path):
 
 
 def test_a_topic_of_another_type_is_refused(tmp_path):
-    """The message is not decoded with the expected type."""
+    """A topic with another type than expected raises BagError with both types."""
     with BagWriter(tmp_path / "bag") as bag:
         bag.write(
             topics.Topic("/microphone/level", topics.CAM_RPM.type[:-2] + "32", "any"), 0, b"x"
@@ -241,7 +259,7 @@ def test_a_topic_of_another_type_is_refused(tmp_path):
 
 
 def test_the_number_of_topics_is_limited(tmp_path, frugal):
-    """A recovery writes 1000 topics, and reports that there were more."""
+    """A recovery of 2000 topics writes 1000 of them and reports damage."""
     records = [Schema(1, b"", "ros2msg", "a/msg/B")]
     records += [Channel(i + 1, f"/t{i}", "cdr", {}, 1) for i in range(2_000)]
     out = RecordBuilder()
@@ -255,7 +273,10 @@ def test_the_number_of_topics_is_limited(tmp_path, frugal):
 
 @pytest.mark.parametrize("kind", [CompressionType.ZSTD, CompressionType.LZ4], ids=lambda k: k.name)
 def test_a_valid_compressed_bag_is_read(tmp_path, kind):
-    """A bag that was cut off is read as far as it can be unpacked."""
+    """A zstd or lz4 bag of another writer is read completely.
+
+    If the bag was cut off, a recovery saves its messages up to the cut.
+    """
     bag = tmp_path / "a.mcap"
     noise = [b"\0\1\0\0" + os.urandom(8) for _ in range(10_000)]
     with bag.open("wb") as stream:
@@ -277,7 +298,10 @@ def test_a_valid_compressed_bag_is_read(tmp_path, kind):
 
 
 def test_a_bag_compressed_message_by_message_is_refused(tmp_path):
-    """The unpacked size of its messages has no bound. The error names the remedy."""
+    """A bag that is compressed per message or file is refused with ros2 bag convert.
+
+    The unpacked size of its messages has no bound.
+    """
     bag = attached(tmp_path / "bag")
     file = bag / "metadata.yaml"
     text = file.read_text(encoding="utf-8")
@@ -290,7 +314,10 @@ def test_a_bag_compressed_message_by_message_is_refused(tmp_path):
 
 
 def test_an_unusable_bag_name_is_refused_before_recording(tmp_path):
-    """The name is too long for the disk, or is not printable."""
+    """A bag name that is too long for the disk or not printable is refused.
+
+    The longest possible name is accepted.
+    """
     for letters in ("a", "ä", "日"):
         size = len(letters.encode())
         most = (255 - len("_0.mcap.part")) // size
@@ -312,7 +339,10 @@ def test_an_unusable_bag_name_is_refused_before_recording(tmp_path):
 
 
 def test_a_wrong_checksum_is_reported(tmp_path):
-    """Readers refuse the chunk, and a recovery reads it."""
+    """Readers refuse a chunk with a wrong checksum.
+
+    A recovery saves its messages and reports that they are from a damaged chunk.
+    """
     body = struct.pack("<BQHIQQ", 5, 30, 1, 1, 5, 5) + bytes(8)
     wrong = Chunk("", body, 5, 5, zlib.crc32(body) ^ 1, len(body))
     records = [Schema(1, b"x", "ros2msg", "a/msg/B"), Channel(1, "/x", "cdr", {}, 1)]

@@ -38,9 +38,9 @@ def names(bag):
 @SOME
 @pytest.mark.parametrize("in_place", [True, False])
 def test_a_recovery_may_be_killed_at_any_step(tmp_path, some, in_place):
-    """The recovery in place or into a new folder is repeated and gives every message.
+    """A recovery that was killed at any step can be repeated and saves every message.
 
-    No reader accepts an incomplete bag in between.
+    No reader accepts an incomplete bag in between. This applies in place and into a new folder.
     """
     torn = cut_off(tmp_path / "torn", 60_000)
     recover(torn, tmp_path / "all")
@@ -65,7 +65,10 @@ def test_a_recovery_may_be_killed_at_any_step(tmp_path, some, in_place):
 
 @SOME
 def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, whole, some):
-    """All messages were flushed. The recovered bag equals the closed bag."""
+    """A recorder that is killed while it closes loses no message.
+
+    The recovered bag equals the closed bag.
+    """
 
     def prepare(name):
         recorder = record(tmp_path / f"bag{name}", golden, samples_per_turn=2)
@@ -82,7 +85,7 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, whole, some)
 
 @SOME
 def test_a_recorder_killed_while_splitting_keeps_flushed_messages(tmp_path, golden, some):
-    """The recovered bag contains every flushed message."""
+    """A recorder that is killed at the start of a new file loses no flushed message."""
 
     def noting(bag):
         """Return a recorder that writes its number of flushed messages to a file."""
@@ -114,7 +117,10 @@ def test_a_recorder_killed_while_splitting_keeps_flushed_messages(tmp_path, gold
 
 @SOME
 def test_a_recovery_of_two_files_may_be_killed_at_any_step(tmp_path, split, some):
-    """A kill between two files leaves both unclosed. Both are recovered."""
+    """A bag with two unclosed files is recovered after a kill at any step.
+
+    A recorder that is killed between two files leaves both unclosed.
+    """
 
     def prepare(name):
         bag = tmp_path / name / "bag"
@@ -131,7 +137,10 @@ def test_a_recovery_of_two_files_may_be_killed_at_any_step(tmp_path, split, some
 
 
 def test_a_recorder_killed_at_its_start_has_recorded_no_message(tmp_path):
-    """It is killed before the file exists, before its first byte or first message."""
+    """A bag whose recorder was killed before its first message is reported as empty.
+
+    The kill is before the file exists, before its first byte, or before the first message.
+    """
     bag = tmp_path / "bag"
     bag.mkdir()
     assert recording_state(bag) == NOTHING_RECORDED
@@ -143,7 +152,10 @@ def test_a_recorder_killed_at_its_start_has_recorded_no_message(tmp_path):
 
 
 def test_two_recoveries_at_once_are_refused(tmp_path):
-    """The second recovery would write into the file of the first."""
+    """A recovery of a bag that another process recovers is refused.
+
+    It would write into the file of the first recovery.
+    """
     torn = cut_off(tmp_path / "torn", 60_000)
     with (
         BagWriter(torn, rewrite=True),
@@ -156,7 +168,7 @@ def test_two_recoveries_at_once_are_refused(tmp_path):
 
 
 def write(bag, every):
-    """Write a bag of 60 levels in chunks of `every` messages."""
+    """Write a bag of 60 levels, with `every` messages per chunk."""
     with BagWriter(bag) as writer:
         for time in range(60):
             writer.write(LEVEL, time, b"\0\1\0\0" + bytes(8))
@@ -166,7 +178,7 @@ def write(bag, every):
 
 @pytest.mark.parametrize("part", [0.3, 0.4, 0.5])
 def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
-    """Every complete message is saved, and the result is an ordinary bag."""
+    """A recovery saves each complete message before the cut into an ordinary bag."""
     write(tmp_path / "whole", 10)
     torn = cut_off(tmp_path / "torn", part, tmp_path / "whole")
     with pytest.raises(BagError, match="recover the bag with: cam-rig recover"):
@@ -181,7 +193,10 @@ def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
 
 
 def test_a_damaged_chunk_is_read_as_far_as_possible(tmp_path):
-    """A flipped byte costs one message at most. All of its chunk count as doubtful."""
+    """A flipped byte in a chunk costs at most one message.
+
+    All messages of the chunk are reported as doubtful.
+    """
     write(tmp_path / "bag", 10)
     file = bag_file(tmp_path / "bag")
     data = bytearray(file.read_bytes())
@@ -196,7 +211,10 @@ def test_a_damaged_chunk_is_read_as_far_as_possible(tmp_path):
 
 
 def test_an_existing_target_and_an_empty_source_are_refused(tmp_path):
-    """The error names the bag."""
+    """A recovery into an existing folder, or of a file that is not MCAP, is refused.
+
+    No folder is created.
+    """
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "mine").touch()
     with pytest.raises(BagError, match="exists already, not overwriting"):
@@ -220,7 +238,10 @@ def assert_same_numbers(made, expected):
 
 
 def test_derived_motion_has_the_requested_points_per_turn(tmp_path, golden):
-    """The default is the number of the scene. All other messages are equal."""
+    """A recovered bag has the requested number of motion messages per turn.
+
+    The default is the number of the scene. All other messages are equal.
+    """
     record(tmp_path / "unkilled", golden).close()
     unkilled = payloads(tmp_path / "unkilled")
     derived = {topic.name for topic in RECORDING if topic.derived}

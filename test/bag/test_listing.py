@@ -20,12 +20,16 @@ TIMES = [0.01 * i for i in range(50)]
 
 @pytest.fixture
 def bag(tmp_path, split):
+    """Copy of the golden run in several files."""
     return shutil.copytree(split, tmp_path / "bag")
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_missing_file_is_named(bag, seed):
-    """Every command names the missing file, also the first and the last."""
+    """A bag without one of its listed files raises BagError that names the file.
+
+    This applies to every reader, and to the first and the last file.
+    """
     chosen = random.Random(seed).choice(mcap_files(bag)) if seed > 1 else mcap_files(bag)[-seed]
     chosen.unlink()
     for command in (read_counts, read_recording, examine):
@@ -35,7 +39,7 @@ def test_a_missing_file_is_named(bag, seed):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_two_exchanged_files_are_named(bag, seed):
-    """They are identified by the number and the first time of their messages."""
+    """Two files with exchanged names raise BagError that names both."""
     one, other = random.Random(seed).sample(mcap_files(bag), 2)
     aside = one.rename(bag / "aside")
     other.rename(one)
@@ -48,7 +52,7 @@ def test_two_exchanged_files_are_named(bag, seed):
 
 @pytest.mark.parametrize("name", ["bag_0 (copy).mcap", "bag_99.mcap", "other.mcap", "a_0.db3"])
 def test_a_file_that_is_not_listed_is_ignored_and_named(bag, split, tmp_path, name):
-    """Its messages do not count, and analysis and recovery name it."""
+    """A file that metadata.yaml does not list is ignored, and a note names it."""
     shutil.copy(mcap_files(bag)[0], bag / name)
     assert read_counts(bag) == read_counts(split)
     note = f"{name} is ignored: metadata.yaml does not list it"
@@ -58,7 +62,10 @@ def test_a_file_that_is_not_listed_is_ignored_and_named(bag, split, tmp_path, na
 
 
 def test_a_copy_is_refused_if_no_metadata_lists_the_files(bag):
-    """Otherwise its turns would count twice."""
+    """A copy of a file in a bag without metadata.yaml is refused.
+
+    Otherwise its turns would count twice.
+    """
     (bag / "metadata.yaml").unlink()
     shutil.copy(mcap_files(bag)[0], bag / "bag_0 (copy).mcap")
     with pytest.raises(BagError, match=r"bag_0.mcap and bag_0 \(copy\).mcap have the same"):
@@ -66,7 +73,7 @@ def test_a_copy_is_refused_if_no_metadata_lists_the_files(bag):
 
 
 def test_a_file_that_is_listed_twice_is_read_once(bag, split):
-    """Its messages count once, as in the total of metadata.yaml."""
+    """A file that metadata.yaml lists twice is read once, and a note names it."""
     file, first = bag / "metadata.yaml", mcap_files(bag)[0].name
     about = yaml.safe_load(file.read_text())
     about["rosbag2_bagfile_information"]["relative_file_paths"].append(first)
@@ -78,7 +85,7 @@ def test_a_file_that_is_listed_twice_is_read_once(bag, split):
 
 @pytest.mark.parametrize("name", ["bag_1.mcap", "metadata.yaml"])
 def test_a_pipe_in_a_bag_is_refused(bag, name):
-    """A reader would wait for it."""
+    """A pipe in a bag instead of a file is refused, because a reader would wait."""
     (bag / name).unlink()
     os.mkfifo(bag / name)
     for command in (read_counts, read_recording, examine):
@@ -88,7 +95,7 @@ def test_a_pipe_in_a_bag_is_refused(bag, name):
 
 @pytest.mark.parametrize("ending", ["mcap", "db3"])
 def test_a_file_with_other_messages_is_refused(tmp_path, ending):
-    """A file with the right name has 40 of the 50 listed messages."""
+    """A file whose number of messages differs from metadata.yaml is refused."""
     from rosbags.rosbag2 import StoragePlugin
 
     plugin = StoragePlugin.MCAP if ending == "mcap" else StoragePlugin.SQLITE3
@@ -102,7 +109,10 @@ def test_a_file_with_other_messages_is_refused(tmp_path, ending):
 
 
 def test_recover_counts_the_missing_messages_of_a_listed_file(bag, tmp_path):
-    """The file was cut off before its last messages."""
+    """A recovery reports how many messages of a truncated file are missing.
+
+    It compares them with metadata.yaml.
+    """
     file = mcap_files(bag)[1]
     listed = list_files(bag).extents[file.name].messages
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
@@ -113,7 +123,7 @@ def test_recover_counts_the_missing_messages_of_a_listed_file(bag, tmp_path):
 
 @pytest.mark.parametrize("text", ["", "not: [yaml", "a list", "rosbag2_bagfile_information: 3"])
 def test_without_readable_metadata_files_are_read_by_their_numbers(bag, split, text):
-    """A damaged metadata.yaml does not hide messages."""
+    """If metadata.yaml is damaged, all files are read in the order of their numbers."""
     (bag / "metadata.yaml").write_text(text)
     assert read_counts(bag) == read_counts(split)
     assert list_files(bag).notes == (
@@ -122,7 +132,10 @@ def test_without_readable_metadata_files_are_read_by_their_numbers(bag, split, t
 
 
 def test_the_total_is_compared_if_metadata_has_no_counts_per_file(bag):
-    """This is the case before version 5 of the metadata."""
+    """Without counts per file in metadata.yaml the total of messages is compared.
+
+    This is the case before version 5 of the metadata.
+    """
     file = bag / "metadata.yaml"
     about = yaml.safe_load(file.read_text())
     information = about["rosbag2_bagfile_information"]

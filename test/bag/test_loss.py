@@ -33,7 +33,7 @@ RECORDS = [record[1:3] for record in RECORDS if isinstance(record, RecordedMessa
 
 
 def held(keep=lambda topic, message: True):
-    """Return the holdings of the golden bag for the messages that `keep` selects."""
+    """Return the message inventory of the golden bag for messages that `keep` selects."""
     found = Holdings()
     for channel, message in RECORDS:
         if keep(channel.topic, message):
@@ -52,7 +52,10 @@ def instants_until(time_ns):
 
 
 def test_no_tick_of_the_golden_bag_is_missing():
-    """The scene shows it, and so do its states and sequence numbers alone."""
+    """The complete golden bag has no loss, with its scene and without it.
+
+    An empty bag has an open end.
+    """
     for scene in (SCENE, None):
         loss = loss_of(held(), scene, closed=True, own=True)
         assert loss.gaps == () and loss.messages == 0 and not loss.open_end and not loss.ends
@@ -61,7 +64,7 @@ def test_no_tick_of_the_golden_bag_is_missing():
 
 @pytest.mark.parametrize(("first", "last"), [(3, 5), (1, 4), (7, 7), (9, 16), (1, 16)])
 def test_missing_ticks_are_numbered(first, last):
-    """Each tick has its number in the scene, wherever the gap is."""
+    """Missing ticks are reported by their numbers in the scene, with their messages."""
     gone = set(TIMES[first : last + 1])
     kept = held(lambda topic, m: topic in NUMBERED or m.log_time not in gone)
     loss = loss_of(kept, SCENE, False, True)
@@ -72,7 +75,10 @@ def test_missing_ticks_are_numbered(first, last):
 
 
 def test_diagnostics_after_the_end_are_named_but_not_counted():
-    """Their number after the end of the file is unknown."""
+    """Diagnostics after the end of a truncated file are named, but not counted.
+
+    Their number is unknown.
+    """
     half = TIMES[8]
     loss = loss_of(held(lambda _topic, m: m.log_time <= half), SCENE, False, True)
     assert loss.gaps[0] == "ticks 9 to 16 of 16"
@@ -87,7 +93,7 @@ def moves():
 
 @pytest.mark.parametrize("topic", [t.name for t in RECORDING if t.per == "tick"])
 def test_the_missing_topic_of_a_tick_is_named(topic):
-    """One topic is missing at one tick or at several."""
+    """A topic that is missing at some ticks is reported with the numbers of the ticks."""
     for first, last in ((4, 4), (11, 13)):
         gone = set(TIMES[first : last + 1])
         kept = held(lambda name, m, gone=gone: name != topic or m.log_time not in gone)
@@ -97,7 +103,11 @@ def test_the_missing_topic_of_a_tick_is_named(topic):
 
 
 def test_without_a_scene_gaps_are_counted_by_sequence_numbers():
-    """An operator changed the run, so that its end is not known."""
+    """Without a scene missing messages are counted by sequence numbers per topic.
+
+    The end of such a run is open, because an operator changed it. A bag of another program has
+    no gaps.
+    """
     gone = set(TIMES[5:9])
     kept = held(lambda topic, m: topic in NUMBERED - {"/diagnostics"} or m.log_time not in gone)
     loss = loss_of(kept, None, False, True)
@@ -114,7 +124,7 @@ def test_without_a_scene_gaps_are_counted_by_sequence_numbers():
 
 
 def test_missing_instants_and_diagnostics_are_counted():
-    """Their sequence numbers identify them, because the scene does not."""
+    """Missing motion messages and diagnostics are counted by their sequence numbers."""
     gone = range(TIMES[3], TIMES[4])
     kept = held(lambda t, m: t != "/joint_states" or m.log_time not in gone)
     first, last = instants_until(TIMES[3]) + 1, instants_until(TIMES[4])
@@ -126,7 +136,10 @@ def test_missing_instants_and_diagnostics_are_counted():
 
 
 def test_an_interrupted_run_has_no_loss(tmp_path, golden):
-    """It was closed after tick 6 of 16. Ticks that were not recorded are not lost."""
+    """The bag of a run that was stopped after tick 6 of 16 has no loss.
+
+    Ticks that were not recorded are not lost.
+    """
     bag, last = tmp_path / "bag", max(i for i, m in enumerate(golden) if m[0].per == "tick")
     recorder = BagRecorder(bag, LOADED, samples_per_turn=2)
     for topic, number, cdr in golden[: last + 1]:
@@ -142,7 +155,7 @@ def test_an_interrupted_run_has_no_loss(tmp_path, golden):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("part", range(5, 100, 9))
 def test_the_report_agrees_with_the_recovered_bag(tmp_path, part):
-    """The reported ticks are those that the recovered bag does not contain."""
+    """The ticks that a recovery reports as missing are not in the recovered bag."""
     bag = cut_off(tmp_path / "bag", part / 100)
     words = recover(bag, tmp_path / "recovered").text
     assert "flushed" not in words
@@ -180,7 +193,11 @@ def full_after(monkeypatch, size):
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("room", [0, 5_000, 100_000, 199_000])
 def test_a_recovery_on_a_full_disk_does_not_change_the_bag(tmp_path, monkeypatch, room):
-    """The error contains its content, its loss and the remedy."""
+    """A recovery on a full disk fails and leaves the bag unchanged.
+
+    The error contains the readable messages, the missing ticks and the command for another
+    folder.
+    """
     bag = cut_off(tmp_path / "my bag", 200_000)
     file = bag / "my bag_0.mcap"
     data = file.read_bytes()
@@ -198,7 +215,7 @@ def test_a_recovery_on_a_full_disk_does_not_change_the_bag(tmp_path, monkeypatch
 
 
 def test_a_failed_copy_removes_its_folder(tmp_path, monkeypatch):
-    """The command can therefore be repeated."""
+    """A recovery that fails removes its new folder, so that it can be repeated."""
     with monkeypatch.context() as patch:
         full_after(patch, 100_000)
         with pytest.raises(BagError, match=r"cannot be written \(No space left on device\)"):
@@ -213,7 +230,10 @@ def test_a_failed_copy_removes_its_folder(tmp_path, monkeypatch):
 def test_a_recorder_on_a_full_disk_keeps_the_written_messages(
     tmp_path, monkeypatch, golden, room, split
 ):
-    """It fails once, stops writing, and all bytes on the disk are readable."""
+    """A recorder on a full disk raises an error and writes nothing more.
+
+    The messages that were written before can be recovered.
+    """
     bag = tmp_path / "bag"
     with monkeypatch.context() as patch:
         full_after(patch, room)
@@ -234,7 +254,10 @@ def test_a_recorder_on_a_full_disk_keeps_the_written_messages(
 
 
 def test_a_damaged_length_loses_only_its_chunk(tmp_path):
-    """The next chunk is found by the pattern of its head."""
+    """A recovery loses at most the chunk whose length is damaged.
+
+    It finds the next chunk by the pattern of its head.
+    """
     file = bag_file(GOLDEN)
     with file.open("rb") as stream:
         chunks = [record for record in records_of(stream) if record.opcode == 6]
@@ -255,7 +278,10 @@ def test_a_damaged_length_loses_only_its_chunk(tmp_path):
 
 
 def test_the_missing_end_of_a_long_scene_is_not_counted():
-    """The report of 100 000 turns states the early end, or the last tick if closed."""
+    """The missing end of 100 000 turns is reported as an open end, not tick by tick.
+
+    If the bag was closed, the report states the last tick.
+    """
     schedule = SCENE.schedule.model_copy(
         update={"turns": SCENE.schedule.turns.model_copy(update={"assumed": 1e5, "given": None})}
     )

@@ -55,9 +55,9 @@ WAYS = {
 
 @pytest.mark.parametrize("way", WAYS)
 def test_topics_of_every_encoding_are_listed_and_messages_come_in_time_order(tmp_path, way):
-    """Overlapping chunks are merged.
+    """All topics of a file are listed, and messages are read in the order of time.
 
-    Messages of equal time keep the order of the file.
+    Overlapping chunks are merged. Messages of equal time keep the order of the file.
     """
     rng = np.random.default_rng(3)
     times = 1000 * rng.integers(0, 400, 300)
@@ -79,7 +79,10 @@ def test_topics_of_every_encoding_are_listed_and_messages_come_in_time_order(tmp
 
 
 def test_messages_without_chunks_that_go_back_in_time_are_refused(tmp_path):
-    """They cannot be sorted in bounded memory."""
+    """A file without chunks whose times go back is refused.
+
+    Its messages cannot be sorted in bounded memory.
+    """
     path = write(tmp_path / "file.mcap", [1, 2, 5, 4], use_chunking=False)
     with pytest.raises(BagError, match="order of their log times, got 4 ns after 5 ns"):
         list(raw_messages(path, {"/gauge"}))
@@ -88,7 +91,10 @@ def test_messages_without_chunks_that_go_back_in_time_are_refused(tmp_path):
 @pytest.mark.parametrize("chunked", [False, True])
 @pytest.mark.parametrize("seed", range(10))
 def test_a_changed_byte_of_a_message_is_an_error(tmp_path, chunked, seed):
-    """The checksum of the data section or of the chunk shows it. recover reports it."""
+    """A changed byte of a message is an error by its checksum, and recover reports it.
+
+    The checksum is that of the data section or of the chunk.
+    """
     times = 1000 * np.arange(100)
     path = write(
         tmp_path / "file.mcap", times, seed, use_chunking=chunked, enable_data_crcs=not chunked

@@ -33,7 +33,10 @@ def bench(path, plugin=StoragePlugin.MCAP, **changes):
 
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda p: p.name)
 def test_a_bag_of_standard_messages_is_read_in_si(tmp_path, plugin):
-    """MCAP and SQLite give equal numbers, with counted turns and converted units."""
+    """Readings of MCAP and SQLite bags are returned in SI with continuous angles.
+
+    Notes report the source of each time and the counted turns.
+    """
     run = read_measured(bench(tmp_path, plugin), parse_topics(LINE), cam="own")
     np.testing.assert_allclose(run.angle.value, ANGLE, rtol=0, atol=1e-12)
     np.testing.assert_allclose(run.lift.value, 1e-3 * LIFT, rtol=1e-15)
@@ -49,7 +52,10 @@ def test_a_bag_of_standard_messages_is_read_in_si(tmp_path, plugin):
 
 
 def test_a_field_may_be_omitted_or_named_by_joint_or_use_the_bag_clock(tmp_path):
-    """All three spellings give the same reading."""
+    """A field may be omitted, named by joint or index, and use the clock of the bag.
+
+    All spellings give the same readings.
+    """
     bag = bench(tmp_path)
     for line in (
         "angle=/encoder.position[encoder]@bag lift=/lvdt:mm",
@@ -64,7 +70,7 @@ def test_a_field_may_be_omitted_or_named_by_joint_or_use_the_bag_clock(tmp_path)
 
 @pytest.mark.parametrize("whole", [True, False], ids=["all turns", "within a turn"])
 def test_a_falling_angle_is_reversed_and_reported(tmp_path, whole):
-    """The angle rises by the same amount."""
+    """A falling angle is returned with the opposite sign, and a note reports this."""
     angle = -ANGLE if whole else np.remainder(-ANGLE, TURN)
     bag = bench(tmp_path, encoder=(joint, TIME, np.degrees(angle)))
     run = read_measured(bag, parse_topics(LINE.replace("[0]", "[0]:deg")))
@@ -73,7 +79,10 @@ def test_a_falling_angle_is_reversed_and_reported(tmp_path, whole):
 
 
 def test_readings_are_sorted_and_invalid_numbers_are_dropped(tmp_path):
-    """Exchanged stamps, a repeated stamp and a NaN are reported."""
+    """Readings are sorted by time, and NaN and repeated stamps are dropped.
+
+    Notes report each irregularity with its number.
+    """
     time, lift = TIME.copy(), np.radians(LIFT)
     time[[10, 11]], time[50] = time[[11, 10]], time[49]
     lift[[10, 11]], lift[70] = lift[[11, 10]], np.nan
@@ -89,7 +98,10 @@ def test_readings_are_sorted_and_invalid_numbers_are_dropped(tmp_path):
 
 
 def test_lost_messages_are_a_gap_that_is_not_filled(tmp_path):
-    """One lost message or several are a gap, usual jitter is not."""
+    """Lost messages are returned and noted as gaps, and no reading is made up.
+
+    One lost message is a gap, and usual jitter is not.
+    """
     jitter = TIME + 2e-5 * np.random.default_rng(5).normal(size=TIME.size)
     kept = np.delete(np.arange(400), [20, *range(100, 140)])
     bag = bench(tmp_path, cell=(wrench, jitter[kept], FORCE[kept]))
@@ -104,7 +116,10 @@ def test_lost_messages_are_a_gap_that_is_not_filled(tmp_path):
 
 
 def test_a_bag_of_the_rig_needs_no_mapping():
-    """It has every sample of the cam with its exact angle, and the level per tick."""
+    """A bag of the rig is read without a mapping: all samples of a cam, and levels.
+
+    A missing or unknown name of the cam is an error with the existing names.
+    """
     run = read_measured(GOLDEN, cam="tm21")
     ticks = [tick for tick in read_ticks(GOLDEN) if tick.cam == "tm21"]
     np.testing.assert_array_equal(run.angle.value, np.hstack([tick.angle for tick in ticks]))
@@ -119,7 +134,7 @@ def test_a_bag_of_the_rig_needs_no_mapping():
 
 
 def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
-    """Without a namespace the bag is refused."""
+    """A namespace selects one of two rigs in a bag. An unknown one is refused."""
     bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
     expected = read_measured(GOLDEN, cam="tm21")
     for namespace in ("/", "rig2"):
@@ -156,7 +171,10 @@ def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
     ],
 )
 def test_an_error_names_the_missing_and_the_existing_names(tmp_path, line, error):
-    """It contains bag, quantity, topic, field, existing names, and a suggestion."""
+    """An invalid mapping raises BagError with the wrong name and the existing names.
+
+    It contains the path of the bag, and a suggestion if a name is similar.
+    """
     bag = bench(
         tmp_path,
         still=(number, TIME, np.sin(ANGLE)),
@@ -169,7 +187,7 @@ def test_an_error_names_the_missing_and_the_existing_names(tmp_path, line, error
 
 
 def test_a_foreign_bag_without_a_mapping_is_refused_with_its_topics(tmp_path):
-    """The error lists the topics that --topics may name."""
+    """A foreign bag without --topics is refused, and the error lists its topics."""
     with pytest.raises(BagError, match=r"--topics .*/cell \[geometry_msgs/msg/WrenchStamped\]"):
         read_measured(bench(tmp_path))
 
@@ -187,6 +205,6 @@ def test_a_foreign_bag_without_a_mapping_is_refused_with_its_topics(tmp_path):
     ],
 )
 def test_an_invalid_topics_line_is_refused(line, error):
-    """The error contains the item, the allowed values and an example."""
+    """An invalid text of --topics raises ConfigError with the wrong item and the rule."""
     with pytest.raises(ConfigError, match=error):
         parse_topics(line)

@@ -1,4 +1,7 @@
-"""The recording session assigns messages to states. Equal runs give equal bags."""
+"""The recording session writes received messages at the time of their state.
+
+Equal runs give equal bags.
+"""
 
 import random
 import struct
@@ -21,7 +24,7 @@ LIVE, AGAIN = b"first process", b"second process"
 
 
 def shuffled(messages, seed):
-    """Return messages in another order of the topics. Each topic keeps its order."""
+    """Return messages with the topics in random order. Each topic keeps its order."""
     queues, chance, order = {}, random.Random(seed), []
     for message in messages:
         queues.setdefault(message[0], []).append(message)
@@ -43,7 +46,7 @@ def record(messages, kept):
 
 
 def by_topic(kept):
-    """Return the messages by topic in the order of log times, as bags are read."""
+    """Return log time and bytes of messages by topic, in the order of log times."""
     found = {}
     for topic, time, cdr in sorted(kept.messages, key=lambda message: message[1]):
         found.setdefault(topic, []).append((time, cdr))
@@ -61,9 +64,9 @@ def states(golden):
 
 
 def test_every_message_is_written_once_with_its_states_time(golden, kept, states):
-    """Log times rise except for diagnostics.
+    """Each message is written once, at the time of its state, plus a clock per state.
 
-    Unstamped messages have the time of their twins, and each state has a clock message.
+    Log times rise except for diagnostics. Unstamped messages have the time of their twins.
     """
     written = record(golden, kept)
     assert written == states and len(kept.messages) == len(golden) + len(states)
@@ -81,7 +84,10 @@ def test_every_message_is_written_once_with_its_states_time(golden, kept, states
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("seed", range(8))
 def test_any_order_of_topics_gives_the_same_bag(golden, kept, seed):
-    """DDS keeps the order within a topic only."""
+    """The bag does not depend on the order in which topics arrive.
+
+    DDS keeps the order only within a topic.
+    """
     record(golden, kept)
     straight, kept.messages = by_topic(kept), []
     record(shuffled(golden, seed), kept)
@@ -91,9 +97,9 @@ def test_any_order_of_topics_gives_the_same_bag(golden, kept, seed):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("missing", [t for t in topics.RECEIVED if t.per in ("tick", "state")])
 def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missing):
-    """A state is not acknowledged while a message is missing.
+    """A state is not acknowledged while a message of its tick is missing.
 
-    The remaining messages are written at the end.
+    The messages that have arrived are written at the end.
     """
     last = max(n for topic, n, _ in golden if topic is missing)
     written = record([m for m in golden if m[:2] != (missing, last)], kept)
@@ -104,7 +110,7 @@ def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missi
 
 
 def test_a_step_waits_for_its_law(golden, kept, states):
-    """The sampled law of each speed is in the bag before the states at that speed."""
+    """States at a speed are not written before the law of that speed has arrived."""
     laws = [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.LAW]
     written = record([m for m in golden if m[:2] != (topics.LAW, 2)], kept)
     assert written == [stamp for stamp in states if stamp < laws[1]]
@@ -126,7 +132,7 @@ def test_a_clock_that_jumps_back_is_refused(golden, kept, states, session):
 
 
 def test_a_different_second_message_of_a_stamp_is_refused(golden, kept):
-    """The first message is kept."""
+    """A second, different message of a topic and stamp raises RefusedError."""
     session = RecordingSession(kept, StateValidator(RATE), Publishers())
     state, pressure = (
         next(m for m in golden if m[0] is topic) for topic in (topics.CAM_STATE, topics.PRESSURE)
@@ -146,7 +152,10 @@ OWNED = [topic for topic in topics.RECEIVED if topic.owner]
 @pytest.mark.parametrize("topic", OWNED, ids=lambda t: t.name)
 @pytest.mark.parametrize("forged_first", [False, True])
 def test_a_second_publisher_of_a_node_is_refused(golden, kept, topic, forged_first):
-    """The error names it, in any order of the two and also for equal bytes."""
+    """A message of a second publisher raises RunError that names topic and publisher.
+
+    It does so in any order of the two publishers, and also for equal bytes.
+    """
     name = {b"forger": "/rogue", LIVE: f"/rig/{topic.owner}"}
     publishers = Publishers(find_publishers=lambda _topic: name)
     session = RecordingSession(kept, StateValidator(RATE), publishers)
@@ -164,7 +173,10 @@ def test_a_second_publisher_of_a_node_is_refused(golden, kept, topic, forged_fir
 
 
 def test_each_topic_of_a_node_may_have_a_gid_without_a_common_part(golden, kept, states):
-    """The gids of an RMW such as rmw_zenoh are random, also those of one node."""
+    """Publishers of one node with unrelated gids are accepted as that node.
+
+    The gids of rmw_zenoh, for example, are random.
+    """
     chance = random.Random(1)
     gids = {topic: chance.randbytes(16) for topic in topics.RECEIVED}
     assert record([(*message, gids[message[0]]) for message in golden], kept) == states
@@ -179,7 +191,10 @@ def test_each_topic_of_a_node_may_have_a_gid_without_a_common_part(golden, kept,
     ],
 )
 def test_a_second_publisher_is_named_by_the_graph(names, words):
-    """Its gid in messages may differ from that of the graph (rmw_cyclonedds)."""
+    """The error of a second publisher has its node name, or its gid without a name.
+
+    The gid in messages may differ from that of the graph (rmw_cyclonedds).
+    """
     publishers = Publishers(lambda _topic: names)
     publishers.require("follower", topics.FOLLOWER_STATE, b"first")
     publishers.require("follower", topics.FOLLOWER_STATE, b"first")
@@ -188,7 +203,10 @@ def test_a_second_publisher_is_named_by_the_graph(names, words):
 
 
 def test_gids_are_compared_as_a_whole():
-    """The gids of two publishers of one RTPS participant share twelve bytes."""
+    """Two gids that differ only in the last bytes are two publishers.
+
+    Two publishers of one RTPS participant share twelve bytes.
+    """
     publishers = Publishers()
     publishers.require("follower", topics.FOLLOWER_STATE, bytes(16))
     with pytest.raises(RunError, match="second publisher"):
@@ -196,7 +214,7 @@ def test_gids_are_compared_as_a_whole():
 
 
 def test_a_forged_diagnostic_is_refused(golden, session):
-    """Diagnostics of the microphone must be from the process of its levels."""
+    """A diagnostic of the microphone from another process than its levels is refused."""
     level = next(m[2] for m in golden if m[0] is topics.LEVEL)
     session.take(topics.LEVEL, level, LIVE, 1)
     session.take(topics.DIAGNOSTICS, of_speaker("microphone", 0), LIVE, 1)
@@ -205,7 +223,7 @@ def test_a_forged_diagnostic_is_refused(golden, session):
 
 
 def test_a_law_that_differs_from_the_file_is_refused(golden, kept):
-    """A law or contour that the check refuses is left out. Other messages are written."""
+    """A law that the check refuses is left out of the bag, and recording continues."""
     held = []
 
     def check(topic, message):
@@ -227,7 +245,7 @@ def test_a_law_that_differs_from_the_file_is_refused(golden, kept):
 
 
 def test_messages_without_a_known_state_are_bounded(golden, session):
-    """A flood of unknown stamps does not fill the memory."""
+    """A flood of messages without a known state is refused, to bound the memory."""
     pressure = next(cdr for topic, _, cdr in golden if topic is topics.PRESSURE)
     with pytest.raises(RefusedError, match="messages without a state"):
         for second in range(1000):
@@ -240,7 +258,10 @@ def stamped(cdr, stamp):
 
 
 def test_messages_before_a_written_state_are_dropped(golden, kept):
-    """Stray stamps between two states are dropped after the second is written."""
+    """Stray messages with stamps between two states do not block the recording.
+
+    They are dropped after the second state is written.
+    """
     law = next(cdr for topic, _, cdr in golden if topic is topics.LAW)
     session, number = RecordingSession(kept, StateValidator(RATE)), 0
     for topic, n, cdr in golden:
@@ -264,7 +285,7 @@ def of_speaker(node, stamp):
 
 
 def test_only_diagnostics_of_the_rig_in_rig_time_are_written(golden, kept):
-    """A node of another robot is refused. Stamps of the wall clock are not written."""
+    """Diagnostics of another robot are refused. Those in wall-clock time are dropped."""
     record(golden, kept)
     straight, kept.messages = by_topic(kept), []
     wall = 1_767_225_600 * 10**9
@@ -284,14 +305,17 @@ def test_only_diagnostics_of_the_rig_in_rig_time_are_written(golden, kept):
 
 
 def test_derived_messages_are_refused(session):
-    """The derived messages of a bag follow from its samples."""
+    """A message of a topic that the recorder computes from the samples is refused."""
     for topic in set(topics.RECORDING) - set(topics.RECEIVED):
         with pytest.raises(RefusedError, match=f"{topic.name}: is computed by the recorder"):
             session.take(topic, b"", LIVE, 1)
 
 
 def test_invalid_bytes_are_refused(golden, kept):
-    """Raw subscriptions do not check messages. A flipped byte may be valid."""
+    """Bytes that are not a message of their topic are refused.
+
+    A state with a flipped byte is refused or still valid, and raises no other error.
+    """
     for topic in topics.RECEIVED:
         for cdr in (b"", b"\0\1\0\0", b"\xff" * 40):
             with pytest.raises(RefusedError):
@@ -305,7 +329,10 @@ def test_invalid_bytes_are_refused(golden, kept):
 
 
 def test_padding_bytes_are_zero(golden):
-    """The middleware leaves bytes there that differ from run to run."""
+    """Padding bytes of a received message are set to zero.
+
+    The middleware leaves bytes there that differ from run to run.
+    """
     cdr = next(
         m[2] for m in golden if m[0] is topics.CAM_STATE
     )  # "tm21\0" is followed by 3 padding bytes
@@ -319,12 +346,15 @@ def test_padding_bytes_are_zero(golden):
 
 
 def test_a_recording_contains_the_quantity_of_its_microphone():
-    """It is known at each second of rig time."""
+    """The golden bag contains the quantity that its microphone measured."""
     assert {one.quantity for one in replay_steps(GOLDEN)} == {"", "LZF"}
 
 
 def test_a_quantity_is_a_value_of_the_microphone():
-    """It is the symbol of a level, and only in diagnostics of the microphone."""
+    """The quantity is the symbol of a level in a diagnostic of the microphone.
+
+    Other nodes and other texts give no quantity.
+    """
     wrong = [("microphone", value) for value in ("", "L", "LBF", "LAFx", "laf")]
     for words in ("hears LAF", ""):
         assert quantity_of(diagnosis("microphone", words, **{QUANTITY: "LCS"})) == "LCS"

@@ -33,7 +33,7 @@ def summary(file):
 
 
 def test_a_split_bag_reads_like_one_file(whole, split):
-    """Analysis, replay and comparison return the same results."""
+    """Analysis, replay and comparison of a split bag give the results of one file."""
     names = [file.name for file in mcap_files(split)]
     assert names == [f"bag_{number}.mcap" for number in range(len(names))]
     assert not is_unclosed(split)
@@ -50,7 +50,10 @@ def listed(bag):
 
 
 def test_metadata_lists_times_and_counts_of_every_file(split):
-    """rosbag2 reads names in order, starts, durations, counts and their sums."""
+    """metadata.yaml lists name, start, duration and number of messages of each file.
+
+    rosbag2 reads the same total.
+    """
     about, files = listed(split), mcap_files(split)
     assert about["relative_file_paths"] == [file.name for file in files]
     for entry, file in zip(about["files"], files, strict=True):
@@ -82,7 +85,7 @@ TOPIC_KEYS = [
 
 
 def records(bag):
-    """Return the metadata records of each file in order, as rosbag2 reads them."""
+    """Return the records of bag metadata in each file, in order."""
     for file in mcap_files(bag):
         with file.open("rb") as stream:
             found = list(make_reader(stream).iter_metadata())
@@ -92,9 +95,9 @@ def records(bag):
 
 
 def test_each_file_describes_the_bag_at_its_start_and_end(split):
-    """The description is empty at the start of the first file, as in rosbag2.
+    """Each file contains the metadata of the bag at its start and at its end.
 
-    At the end of a file it describes the bag up to there.
+    The metadata at the start of the first file are empty, as in rosbag2.
     """
     names, total = [], 0
     for file, begin, about in records(split):
@@ -127,10 +130,10 @@ def test_each_file_describes_the_bag_at_its_start_and_end(split):
 
 
 def test_each_file_can_be_read_alone(split):
-    """Each file has schemas, channels, versions and the scene.
+    """Each file of a split bag can be read without the others.
 
-    Messages that are published once per cam are in the file of their time, as with `ros2 bag
-    record`.
+    It has schemas, channels, versions and the scene. Messages that are published once per cam
+    are in the file of their time, as with `ros2 bag record`.
     """
     ticks, topics = 0, {c.topic for c in summary(mcap_files(split)[0]).channels.values()}
     for file in mcap_files(split):
@@ -146,7 +149,7 @@ def test_each_file_can_be_read_alone(split):
 
 
 def test_no_tick_is_divided(split):
-    """All messages of a state are in one file. Only diagnostics may be later."""
+    """All messages of a state are in one file. Only diagnostics may be in a later one."""
     stamps = []
     for file in mcap_files(split):
         with Reader(file) as reader:
@@ -160,7 +163,7 @@ def test_no_tick_is_divided(split):
 
 @pytest.mark.parametrize("limit", [Split(duration=0.7), Split(size=60_000)], ids=["s", "bytes"])
 def test_the_limits_are_kept(tmp_path, golden, limit):
-    """A file ends with the first tick that reaches a limit. A tick has about 20 kB."""
+    """A file ends with the first tick that reaches the limit of size or duration."""
     record(tmp_path / "bag", golden, split=limit, samples_per_turn=12).close()
     files = mcap_files(tmp_path / "bag")
     assert len(files) > 2
@@ -176,7 +179,7 @@ def test_the_limits_are_kept(tmp_path, golden, limit):
 
 
 def test_a_split_bag_is_recovered_into_one_file(whole, split, tmp_path):
-    """The copy contains all messages with their sequence numbers, and the scene."""
+    """A split bag is recovered into one file with all messages and the scene."""
     saved = recover(split, tmp_path / "copy")
     assert not saved.any_file_is(Condition.TRUNCATED) and "nothing lost" in saved.text
     assert len(mcap_files(tmp_path / "copy")) == 1
@@ -185,7 +188,10 @@ def test_a_split_bag_is_recovered_into_one_file(whole, split, tmp_path):
 
 
 def test_a_missing_middle_file_is_named(split, tmp_path):
-    """The bag cannot be read or recovered, but the other files can be read by name."""
+    """A split bag without a middle file is refused, and the error names the file.
+
+    The other files can be read by their names.
+    """
     bag = tmp_path / "bag"
     bag.mkdir()
     for file in mcap_files(split):
@@ -199,7 +205,7 @@ def test_a_missing_middle_file_is_named(split, tmp_path):
 
 
 def test_a_limit_is_parsed_or_refused_with_the_allowed_values():
-    """Size and duration have units, and may be combined."""
+    """Limits of size and duration are parsed with units, and other texts refused."""
     assert Split.parse("100MB", None) == Split(size=100_000_000)
     assert Split.parse("1.5 GiB", "2 h") == Split(size=1_610_612_736, duration=7200.0)
     assert Split.parse(None, "60s") == Split(duration=60.0)

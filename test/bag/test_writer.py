@@ -29,7 +29,7 @@ def level(value):
 
 
 def test_a_path_that_cannot_be_written_is_named(tmp_path):
-    """A recording is never replaced, and a bag cannot be created below a file."""
+    """An existing bag, or a path below a file, is refused with the path."""
     (tmp_path / "bag").mkdir()
     with pytest.raises(BagError, match="exists already, not overwriting"):
         BagWriter(tmp_path / "bag")
@@ -40,7 +40,10 @@ def test_a_path_that_cannot_be_written_is_named(tmp_path):
 
 
 def test_a_bag_has_its_metadata_from_the_start(tmp_path):
-    """Its topics are listed before it is closed, and rosbags reads it afterwards."""
+    """metadata.yaml lists the topics of a bag before the bag is closed.
+
+    rosbags reads the closed bag.
+    """
     with BagWriter(tmp_path / "bag") as bag:
         bag.write(topics.LEVEL, 7, level(70.0))
         about = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_bytes())
@@ -61,7 +64,7 @@ def test_a_bag_has_its_metadata_from_the_start(tmp_path):
 
 
 def test_the_end_of_the_file_is_written_last(tmp_path, monkeypatch):
-    """The order on the disk is messages, metadata.yaml, end of the file."""
+    """A closing writer stores messages, then metadata.yaml, then the end of the file."""
     steps = []
     bag = BagWriter(tmp_path / "bag")
     bag.write(topics.LEVEL, 7, level(70.0))
@@ -78,7 +81,10 @@ def test_the_end_of_the_file_is_written_last(tmp_path, monkeypatch):
 
 
 def test_flushed_messages_are_on_the_disk_within_half_a_second(tmp_path, monkeypatch):
-    """The fsync runs at once after a pause, else at the next timer call."""
+    """Flushed messages reach the disk within half a second.
+
+    The fsync runs at once after a pause, else at the next timer call.
+    """
     synced, now = [], [100.0]
     monkeypatch.setattr("cam_rig.bag.file_writer.time.monotonic", lambda: now[0])
     bag = BagWriter(tmp_path / "bag")
@@ -99,7 +105,7 @@ def test_flushed_messages_are_on_the_disk_within_half_a_second(tmp_path, monkeyp
 
 
 def test_a_single_message_is_flushed(tmp_path, monkeypatch):
-    """A diagnostic of a stopped rig survives a kill half a second later."""
+    """A single message, such as a diagnostic of a stopped rig, is flushed after 0.5 s."""
     now = [100.0]
     monkeypatch.setattr("cam_rig.bag.file_writer.time.monotonic", lambda: now[0])
     recorder = BagRecorder(tmp_path / "bag", LOADED)
@@ -114,7 +120,7 @@ def test_a_single_message_is_flushed(tmp_path, monkeypatch):
 
 
 def test_a_bag_is_read_wherever_its_scene_was(tmp_path, monkeypatch):
-    """The scene is given by a relative or absolute path, with shipped cams and rig."""
+    """A bag contains the files of its scene, whatever the path of the scene was."""
     monkeypatch.chdir(tmp_path)
     scene = open_scene(QUICK).scene
     for number, place in enumerate(("", "mine", "cams", "scenes", "lab/rigs")):
@@ -128,7 +134,10 @@ def test_a_bag_is_read_wherever_its_scene_was(tmp_path, monkeypatch):
 
 
 def test_the_distribution_is_that_of_the_environment_else_the_wheels(monkeypatch):
-    """It is unknown without ROS, so that a bag can be recovered there."""
+    """metadata.yaml names the ROS distribution of the environment or of the wheels.
+
+    It is unknown without ROS, so that a bag can be recovered there.
+    """
     wheels = ["numpy", "ros-jazzy-std-msgs", "ros_jazzy_rclpy"]
     there = [SimpleNamespace(name=name) for name in wheels]
     monkeypatch.setattr(file_writer, "distributions", lambda: there)

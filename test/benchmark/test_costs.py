@@ -14,7 +14,10 @@ from cam_rig.show.tables import to_markdown
 @pytest.mark.long
 @pytest.mark.slow
 def test_events_are_known_to_a_picosecond():
-    """Both forms of the search have the same error against 50 digits on a soft stem."""
+    """Compiled and plain searches find events to a picosecond, with equal errors.
+
+    The reference has 50 digits, on a soft stem.
+    """
     costs = event_costs(("two_mass_soft",), peer="none", repeats=1)
     forms = [cost.solver.rpartition(", ")[2] for cost in costs]
     assert forms == ["compiled", "compiled", "plain Python", "compiled", "compiled"]
@@ -23,7 +26,7 @@ def test_events_are_known_to_a_picosecond():
 
 
 def test_a_ratio_is_to_the_first_row_of_the_case():
-    """The ratio is relative to the compiled search, or to plain Python without numba."""
+    """The ratio of a row in the table is relative to the first row of its case."""
     costs = [EventCost("a", 3, "one", 1e-5, 1e-15), EventCost("a", 3, "other", 4e-3, 1e-12)]
     rows = event_table(costs).rows
     assert [row[-1] for row in rows] == [1.0, 400.0]
@@ -35,7 +38,10 @@ def test_a_ratio_is_to_the_first_row_of_the_case():
 
 
 def test_the_peer_has_flights_above_the_jump_speed_alone():
-    """TM21 stays on its cam at 300 rpm and lands once per turn at 450 rpm."""
+    """The peer of a sweep point is timed only at speeds with flights.
+
+    TM21 stays on its cam at 300 rpm and lands once per turn at 450 rpm.
+    """
     costs = steady_costs((300.0, 450.0), repeats=1)
     assert [cost.landings for cost in costs] == [0, 10]
     assert [cost.samples for cost in costs] == [24_000, 16_000]
@@ -50,7 +56,10 @@ def test_the_peer_has_flights_above_the_jump_speed_alone():
 
 
 def test_a_command_counts_with_the_processes_it_waits_for():
-    """The CPU time includes child processes, and a bare interpreter for comparison."""
+    """The cost of a command includes its child processes.
+
+    Its ratio is relative to a bare interpreter.
+    """
     child = "import time\nwhile time.process_time() < 0.2: pass"
     parent = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"
     (found,) = start_up.command_times([("busy", ("-c", parent))], repeats=1)
@@ -60,7 +69,7 @@ def test_a_command_counts_with_the_processes_it_waits_for():
 
 
 def test_a_command_that_fails_is_no_measurement():
-    """A command that fails is an error: it ends too early."""
+    """A command that fails raises an error instead of a measurement."""
     with pytest.raises(subprocess.CalledProcessError):
         start_up.command_times([("none", ("-c", "raise SystemExit(3)"))], repeats=1)
 
@@ -78,7 +87,7 @@ def test_a_forked_node_has_little_left_to_import(monkeypatch):
 
 
 def test_each_rate_has_its_copy(monkeypatch):
-    """Each model and speed has a copy, and the ratio of the two."""
+    """Each rate of samples, per model and speed, has the rate of a copy and a ratio."""
     monkeypatch.setattr(rate, "REPEATS", 2)
     found = rate.sample_rates(blocks=(2048,))
     assert [(one.model, one.rpm) for one in found] == [
@@ -94,7 +103,7 @@ def test_each_rate_has_its_copy(monkeypatch):
 def test_a_copy_moves_what_a_block_holds(monkeypatch):
     """Block and copy are timed on the same number of bytes.
 
-    The values are medians; the ratio is the median of the ratios.
+    Rates are medians, and the ratio is the median of the ratios.
     """
     sizes = []
 

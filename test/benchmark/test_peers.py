@@ -28,7 +28,7 @@ from cam_rig.studies.campaign.campaign import campaign_from, make_point, measure
 
 
 def test_the_peer_loses_contact_at_the_campaign_s_speed():
-    """CVODE's contact force from rest has a root 1e-4 above the jump speed."""
+    """CVODE loses contact 1e-4 above the jump speed of the campaign, not 1e-4 below."""
     found = campaign_from(
         {**STUDY, "plan": {"kind": "sobol", "points": 2}}, Library((config_root(),))
     )
@@ -40,13 +40,13 @@ def test_the_peer_loses_contact_at_the_campaign_s_speed():
 
 
 def test_the_peer_halves_down_to_the_speed(monkeypatch):
-    """The bisection near 300 rpm finds a loss of contact from 300.1 rpm on."""
+    """The bisection of the peer finds the speed from which contact is lost."""
     monkeypatch.setattr(campaign, "leaves", lambda _p, _law, speed: speed > rad_per_s(300.1))
     assert bisect_jump(None, None, 300.0) == pytest.approx(300.1, abs=0.05)
 
 
 def test_without_joblib_the_campaign_is_alone(monkeypatch):
-    """Without joblib a note names the missing library and the remedy."""
+    """Without joblib the campaign is timed without a peer, and a note has the remedy."""
     monkeypatch.setitem(sys.modules, "joblib", None)
     found = campaign_rate(2, True)
     assert (found.processes, found.points, found.ratio) == (1, BATCH, None)
@@ -84,10 +84,7 @@ def test_a_peer_comes_to_the_reference(cases, title, name, turns, limit):
 
 
 def test_stretches_are_the_law(cases):
-    """The peers' scalar functions agree with the law.
-
-    These are lift, velocity and acceleration.
-    """
+    """The peers' scalar functions are lift, velocity and acceleration of the law."""
     case = cases["one_mass_arc"]
     for start, interval in intervals(case.law, case.speed, 2):
         local = np.linspace(0.0, interval.duration, 13)[1:-1]
@@ -100,13 +97,16 @@ def test_stretches_are_the_law(cases):
 
 
 def test_peers_restart_at_joints_only(cases):
-    """3-4-5 has four joints. The two dwells at 0° are one piece."""
+    """A peer restarts only at the joints of the law.
+
+    3-4-5 has four joints per turn. The two dwells at 0° are one piece.
+    """
     case = cases["resonance"]
     assert len(intervals(case.law, case.speed, 3)) == 3 * 4 + 1
 
 
 def test_a_missing_peer_is_skipped_with_the_remedy(cases, monkeypatch):
-    """Without scikit-sundae a note names the library, and there is no point."""
+    """Without its library a peer has no points, and a note has the remedy."""
     true_import = builtins.__import__
 
     def no_sundae(name, *rest, **more):
@@ -122,7 +122,7 @@ def test_a_missing_peer_is_skipped_with_the_remedy(cases, monkeypatch):
 
 
 def test_a_sweep_keeps_to_its_time(cases, monkeypatch):
-    """A sweep leaves out settings beyond its time, and reports them."""
+    """A sweep leaves out settings beyond its time limit, and a note reports them."""
     seconds = itertools.count()
     monkeypatch.setattr(stored, "time", SimpleNamespace(perf_counter=lambda: next(seconds)))
     case = cases["resonance"].first_turns(1)

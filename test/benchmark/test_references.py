@@ -16,7 +16,7 @@ from cam_rig.laws import Law
 
 @pytest.mark.parametrize(("name", "turns"), [("elastic_stem", 1), ("two_mass_soft", 1)])
 def test_a_reference_is_what_50_digits_give(cases, name, turns):
-    """A recomputed first turn agrees to the last digit of a double."""
+    """A stored reference equals a recomputed first turn to the last digit of a float."""
     case = cases[name].first_turns(turns)
     again, kept = exact.solve(case), stored.read_reference(case)
     assert again.error(kept) < 1e-15
@@ -60,7 +60,7 @@ def test_the_follower_flies_in_every_case_of_separation(cases, name):
 
 
 def test_a_reference_for_other_numbers_is_refused(cases):
-    """A reference is an error for a changed cam or speed."""
+    """A stored reference raises an error if cam or speed have changed."""
     other = replace(cases["resonance"], speed=cases["resonance"].speed * 1.001)
     with pytest.raises(CamRigError, match=r"made for other numbers.*make_reference"):
         stored.read_reference(other)

@@ -50,7 +50,10 @@ def test_error_is_relative_to_the_largest_value():
 
 
 def test_a_missed_event_counts_with_its_distance():
-    """A missing event counts as an error, so a solver without events is not the best."""
+    """The error of a missed event is its distance (s) to the nearest found event.
+
+    It is infinite for a solver without events, which is therefore not the best.
+    """
     two, one = solution([("landing", 1.0), ("landing", 1.5)]), solution([("landing", 1.0)])
     assert one.event_error(two) == pytest.approx(0.5)
     assert two.event_error(one) == pytest.approx(0.5)
@@ -59,7 +62,10 @@ def test_a_missed_event_counts_with_its_distance():
 
 
 def test_a_peer_is_compared_at_its_best(study):
-    """The compared setting is the cheapest as accurate one, else the most accurate."""
+    """A peer is compared at its cheapest setting that is as accurate as the rig.
+
+    If no setting is, it is compared at its most accurate one.
+    """
     result = study.cases["resonance"]
     sweep, chosen = result.best("CVODE")
     assert (sweep.peer.method, chosen.time_s) == ("BDF", 0.1)
@@ -80,7 +86,7 @@ def test_json_has_every_point(study):
 
 
 def test_the_page_has_the_quickest_peer_of_a_case(study):
-    """The quickest peer follows the rig.
+    """The page lists the rig and the quickest peer of each case.
 
     A peer without points is listed if there is no other.
     """
@@ -100,7 +106,7 @@ def test_a_ratio_that_is_only_a_bound_is_marked(study):
 
 
 def test_the_plot_is_a_picture(study, tmp_path):
-    """The plot is not empty."""
+    """The plot of the study is not an empty picture."""
     figure = Comparison(study).plot()
     write(figure, tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")

@@ -1,4 +1,4 @@
-"""Fixtures of the command line tests: a smaller sweep, shipped files, calls of commands."""
+"""Fixtures of the command line tests: a smaller sweep, shipped files and calls."""
 
 import json
 import sys
@@ -34,12 +34,12 @@ def no_broken_heading(monkeypatch):
 
 
 def shipped(folder, name):
-    """Return the text of a shipped file."""
+    """Return the text of the shipped file `name` in a folder of config."""
     return (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
 
 
 def load(folder, name):
-    """Return a shipped file as plain data."""
+    """Return a shipped file as plain data, without validation."""
     return YAML(typ="safe").load(shipped(folder, name))
 
 
@@ -53,7 +53,7 @@ def written(root, files):
 
 @pytest.fixture(scope="session")
 def sweep(tmp_path_factory):
-    """Return the file of the shipped sweep at steps of 25 rpm."""
+    """File of the shipped sweep with steps of 25 rpm."""
     scene = load("scenes", "tm21_sweep")
     scene["schedule"]["speeds"]["given"] = list(range(200, 401, 25))
     path = tmp_path_factory.mktemp("study") / "config" / "scenes" / "tm21_sweep.yaml"

@@ -27,7 +27,10 @@ MESSAGES = sum(read_counts(GOLDEN).values())
 
 
 def as_ros2_records(target, plugin):
-    """Write the golden run as `ros2 bag record` would: wall-clock times, no attachments."""
+    """Write the golden run in the form of `ros2 bag record`.
+
+    It has wall-clock times and no attachments.
+    """
     types, wall = get_typestore(Stores.ROS2_KILTED), 1_767_225_600_000_000_000
     with AnyReader([GOLDEN]) as reader, Writer(target, version=9, storage_plugin=plugin) as writer:
         made = {
@@ -42,7 +45,10 @@ def as_ros2_records(target, plugin):
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda p: p.name)
 def test_bag_of_ros2_bag_record_gives_the_same_results(tmp_path, plugin):
-    """With --scene its levels and samples equal those of the golden bag, in MCAP and SQLite."""
+    """A bag of `ros2 bag record` with --scene has the results of the golden bag.
+
+    Levels and samples are equal for MCAP and SQLite. Without --scene the bag is refused.
+    """
     theirs = tmp_path / "theirs"
     as_ros2_records(theirs, plugin)
     nameless = call("analyze", theirs)
@@ -68,7 +74,7 @@ def test_bag_of_ros2_bag_record_gives_the_same_results(tmp_path, plugin):
 
 
 def test_recover_of_a_truncated_bag(tmp_path):
-    """The recovered bag is next to the damaged one, which is not changed."""
+    """`recover` writes a recovered bag next to a truncated one, which stays unchanged."""
     torn = cut_off(tmp_path / "torn", bag_file(GOLDEN).stat().st_size - 5_000)
     before = bag_file(torn).read_bytes()
     refused = call("analyze", torn)
@@ -81,7 +87,7 @@ def test_recover_of_a_truncated_bag(tmp_path):
 
 
 def test_recover_reports_times_relative_to_the_start_of_the_bag(tmp_path):
-    """The bag of another program has wall-clock times of more than a billion seconds."""
+    """`recover` prints times from the start of the bag, not since 1970."""
     times = [0.01 * k for k in range(2000)]
     bag = write_bag(tmp_path / "bench", {"/gauge": (write_number, times, times)})
     file = bag / "bench.mcap"
@@ -93,7 +99,7 @@ def test_recover_reports_times_relative_to_the_start_of_the_bag(tmp_path):
 
 
 def test_missing_ticks_of_a_recovered_bag_are_reported(tmp_path):
-    """They are attached to the bag, and every command that reads it reports them."""
+    """Each command that reads a recovered bag reports its missing ticks."""
     words = call("recover", cut_off(tmp_path / "torn", 0.8)).stderr.replace("\n", " ")
     missing = f"ticks {read_counts(tmp_path / 'torn_recovered')['/cam/state']} to 16 of 16"
     assert missing in words
@@ -112,7 +118,10 @@ def test_missing_ticks_of_a_recovered_bag_are_reported(tmp_path):
 
 
 def test_analyze_takes_the_newest_closed_bag(tmp_path, monkeypatch):
-    """A bag that is being recorded, or was truncated, is named and skipped."""
+    """`analyze` without an argument reads the newest closed bag in bags/.
+
+    A truncated bag is named and skipped. Without a closed bag the command fails.
+    """
     monkeypatch.chdir(tmp_path)
     shutil.copytree(GOLDEN, tmp_path / "bags" / "golden")
     torn = shutil.copytree(GOLDEN, tmp_path / "bags" / "torn")
@@ -129,7 +138,7 @@ def test_analyze_takes_the_newest_closed_bag(tmp_path, monkeypatch):
 
 
 def test_recover_from_inside_the_bag(tmp_path, monkeypatch):
-    """A bag named by a dot is recovered next to its folder."""
+    """`recover .` within a bag writes the recovered bag next to its folder."""
     monkeypatch.chdir(shutil.copytree(GOLDEN, tmp_path / "mine"))
     done("recover", ".")
     assert read_counts(tmp_path / "mine_recovered")
@@ -139,7 +148,10 @@ def test_recover_from_inside_the_bag(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.ros
 def test_replay_gives_the_recorded_numbers(ros_domain, tmp_path):
-    """Live follower and microphone nodes receive the recorded cam states and laws."""
+    """The nodes of a replay compute the recorded numbers to 1e-10.
+
+    Follower and microphone receive the recorded cam states and laws.
+    """
     output = tmp_path / "config"  # the same name as the folder of a bag's attached files
     result = done("replay", GOLDEN, "--tolerance", "1e-10", "--output", output)
     assert "/microphone/pressure" in result.stderr
@@ -148,7 +160,7 @@ def test_replay_gives_the_recorded_numbers(ros_domain, tmp_path):
 
 
 class FakeGraph:
-    """Replacement for the nodes of a replay, with a copy of the golden bag as their recording."""
+    """Stand-in for the nodes of a replay, which records a copy of the golden bag."""
 
     def __init__(self, nodes):
         self._bag = Path(shutil.copytree(GOLDEN, nodes["recorder"]["output_uri"]))
@@ -167,7 +179,7 @@ class FakeGraph:
 
 
 def test_replay_detects_a_changed_number(tmp_path, monkeypatch):
-    """A level in the bag differs by 1e-9. The command names its topic, and the exit code is 1."""
+    """`replay` ends with code 1 if a level in the bag differs by 1e-9, and names it."""
     monkeypatch.setattr("cam_rig.runner.graph.Graph", FakeGraph)
     types = get_typestore(Stores.ROS2_KILTED)
     with AnyReader([GOLDEN]) as reader:
@@ -201,7 +213,10 @@ def test_replay_detects_a_changed_number(tmp_path, monkeypatch):
 )
 @pytest.mark.parametrize("verb", ["view", "analyze"])
 def test_file_that_is_not_a_bag_is_refused(tmp_path, verb, name, text, words):
-    """One line gives the reason, and does not suggest ``recover``."""
+    """A file that is not a bag is refused with one line that has the reason.
+
+    The line does not suggest ``recover``.
+    """
     path = tmp_path / name
     if text:
         path.write_text(text)
@@ -218,7 +233,7 @@ def test_file_that_is_not_a_bag_is_refused(tmp_path, verb, name, text, words):
 @pytest.mark.parametrize("scene", [(), ("--scene", "quick")])
 @pytest.mark.parametrize("command", [("analyze",), ("view", "--save"), ("export", "--to")])
 def test_bag_of_another_program_is_referred_to_compare(tmp_path, command, scene, plugin):
-    """The error lists the topics and the complete command."""
+    """A bag of another program is refused with its topics and a command of `compare`."""
     bag = write_bag(tmp_path / "bench", {"/gauge": (write_number, [0.0, 1.0], [1.0, 2.0])}, plugin)
     options = (command[1], tmp_path / "out.rrd") if command[0] == "view" else ()
     options = (command[1], tmp_path / "out.csv") if command[0] == "export" else options
@@ -233,7 +248,10 @@ def test_bag_of_another_program_is_referred_to_compare(tmp_path, command, scene,
 
 @pytest.mark.parametrize("source", ["quick", GOLDEN, GOLDEN / "golden_0.mcap"])
 def test_export_reports_the_number_of_samples(tmp_path, source):
-    """The source is a scene, a bag, or the file of a bag."""
+    """`export` of a scene, bag or file prints the number of samples that it writes.
+
+    The samples are those of the chosen cam.
+    """
     target = tmp_path / "new" / "a.npz"
     result = done("export", source, "--cam", "tm21", "--rpm", "350", "--to", target)
     with np.load(target) as columns:
@@ -243,7 +261,10 @@ def test_export_reports_the_number_of_samples(tmp_path, source):
 
 
 def test_command_that_repeats_a_run_has_its_options(monkeypatch, tmp_path):
-    """It has all options but the bag, whose folder then exists."""
+    """The command that repeats a run has all its options but --bag.
+
+    The folder of the bag exists then.
+    """
     commands = []
     monkeypatch.setattr("cam_rig.cli.run._run", lambda *arguments: commands.append(arguments[-1]))
     words = [

@@ -1,4 +1,4 @@
-"""Tests of terminal output: tables fit the width, and words are not broken if they fit."""
+"""Tests of terminal output: tables fit the width, and words are not broken."""
 
 import re
 from collections import Counter
@@ -24,7 +24,7 @@ TABLE = DataTable(
 
 @pytest.fixture
 def printed(monkeypatch, capsys):
-    """Return a function that prints tables at a width and returns the lines."""
+    """Function that prints tables at a width and returns the lines."""
 
     def lines(width, *tables):
         monkeypatch.setattr(console, "console", Console(stderr=True, width=width))
@@ -36,7 +36,10 @@ def printed(monkeypatch, capsys):
 
 @pytest.mark.parametrize("width", [120, 80, 34])
 def test_words_are_not_broken(printed, width):
-    """Cells and headings wrap between words, nothing is cut, and brackets are not markup."""
+    """Cells and headings of a table wrap only between words at any width.
+
+    No text is cut, and brackets are not markup.
+    """
     lines = printed(width, TABLE)
     assert max(map(len, lines)) <= width
     words = " ".join(lines).split()
@@ -46,7 +49,10 @@ def test_words_are_not_broken(printed, width):
 
 
 def test_cell_that_does_not_fit_is_wrapped(printed):
-    """It is not cut, and a wrapped path does not break the headings of other columns."""
+    """A cell that does not fit the width is wrapped and not cut.
+
+    The headings of other columns are not broken.
+    """
     assert any("double low-pass, C" in line for line in printed(80, TABLE))
     lines = printed(12, TABLE)
     assert "…" not in "".join(lines) and max(map(len, lines)) <= 12
@@ -62,7 +68,10 @@ WORDS = ["contact", "force", "displacement", "peak-to-peak", "at", "m/rad²", "p
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(20))
 def test_wide_table_is_split_into_parts(printed, seed):
-    """Each part of a random table repeats the first column. No word is broken or lost."""
+    """A table that is too wide is split into parts that repeat its first column.
+
+    No word is broken or lost.
+    """
     rng = np.random.default_rng(seed)
     count, height = int(rng.integers(5, 31)), int(rng.integers(1, 6))
 
@@ -86,14 +95,17 @@ def test_wide_table_is_split_into_parts(printed, seed):
 
 
 def test_messages_are_printed_unchanged(capsys, monkeypatch):
-    """Brackets of units are not markup, and long lines are not wrapped."""
+    """A message is printed without wrapping, and its brackets are not markup."""
     monkeypatch.setattr(console, "console", Console(stderr=True, width=20))
     console.say("force [N], a line of more than twenty characters", "second")
     assert capsys.readouterr().err == ("force [N], a line of more than twenty characters\nsecond\n")
 
 
 def test_delay_of_the_viewer_page_is_logged(capsys):
-    """Without a terminal a line is logged periodically, and the maximum delay at the end."""
+    """The delay of the viewer page is displayed, and logged once per period.
+
+    At the end a line has the maximum delay.
+    """
     wall = [0.0]
     page = PageTime(lambda: wall[0])
     with pytest.raises(CamRigError), delay_report(page, lambda: wall[0]) as delayed:
@@ -112,7 +124,10 @@ def test_delay_of_the_viewer_page_is_logged(capsys):
 
 
 def test_no_delay_is_logged_without_a_viewer_page(capsys):
-    """The description is unchanged, and no line follows at the end."""
+    """Without a viewer page the description of the progress is unchanged.
+
+    No line follows at the end.
+    """
     with delay_report(None) as delayed:
         assert delayed(1.0, "tm21") == "tm21"
     assert capsys.readouterr().err == ""

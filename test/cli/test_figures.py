@@ -1,6 +1,6 @@
-"""Tests of the figures of all commands, with long titles and tiny, large and negative numbers.
+"""Tests of the figures of all commands.
 
-The fixture ``no_faulty_figure`` checks each figure when it is written.
+They have long titles, and tiny, large and negative numbers.
 """
 
 import json
@@ -101,7 +101,7 @@ def retitled(text, name, title):
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
-    """Return files by name: cams, scenes, campaigns, and the golden scene with another title."""
+    """Files by name: cams, scenes and campaigns with long titles, and the golden bag."""
     root = tmp_path_factory.mktemp("own")
     files = {"golden": GOLDEN}
 
@@ -133,7 +133,10 @@ def own(tmp_path_factory):
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("case", CASES)
 def test_no_figure_is_faulty(case, own, tmp_path):
-    """The fixture checks the figure, and the PDF has TrueType fonts."""
+    """The figure of each command has no cut, overlapping or too small text.
+
+    Titles are long, and numbers tiny, large and negative. The PDF has TrueType fonts.
+    """
     picture = tmp_path / "a.pdf"
     done(*case.format_map(own).split(), picture)
     data = picture.read_bytes()
@@ -143,12 +146,12 @@ def test_no_figure_is_faulty(case, own, tmp_path):
 @pytest.mark.long
 @pytest.mark.slow
 def test_no_figure_of_a_page_is_faulty(own, tmp_path):
-    """The report of a scene with the same cams draws its figures."""
+    """The report of a scene with the same cams has no faulty figure."""
     done("report", own["slow"], "--out", tmp_path / "a.html")
 
 
 def test_every_command_with_a_plot_is_tested():
-    """It is in the cases above, or in a test file listed in `ELSEWHERE`."""
+    """Each command with --plot is in `CASES` or in a test file of `ELSEWHERE`."""
     drawn = {case.split()[0] for case in CASES}
     options = {
         name: [option for param in verb.params for option in param.opts]

@@ -1,4 +1,4 @@
-"""Tests of `cam-rig laws` and `cam-rig law`, and of cams, rigs and scenes as arguments."""
+"""Tests of `cam-rig laws` and `cam-rig law`, and of cams and scenes as arguments."""
 
 import csv
 import io
@@ -19,7 +19,10 @@ from .conftest import call, data_of, done, shipped, written
 
 
 def test_laws_as_json():
-    """All laws are listed. Laws with free parameters have no peaks and no continuity class."""
+    """`laws` lists all laws as JSON, with peaks and continuity class.
+
+    Laws with free parameters have null for these.
+    """
     data = data_of("laws")
     laws = {row.pop("law"): row for row in data["laws"]}
     assert set(laws) == {*NAMED_RISES, *list_parametric_laws()}
@@ -30,7 +33,7 @@ def test_laws_as_json():
 
 
 def test_law_as_csv(laws):
-    """Lift and three derivatives every half degree, in SI units, on stdout, without a plot."""
+    """`law --csv -` prints lift and three derivatives in SI units every half degree."""
     result = done("law", "poly4567", "--csv", "-")
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
     assert len(rows) == 720
@@ -49,7 +52,10 @@ def rows_of(*names):
 
 
 def test_names_of_cams_and_rises_are_cams():
-    """poly345 and cycloidal are cams, unless another name is only a rise or --rises is given."""
+    """A name of a cam and of a rise is taken as the cam.
+
+    It is the rise if another name is only a rise, or with --rises.
+    """
     cams = rows_of("poly345", "cycloidal")
     assert {row["cam"] for row in cams} == {"poly345", "cycloidal"}
     assert max(float(row["lift"]) for row in cams) == pytest.approx(0.05)
@@ -59,7 +65,10 @@ def test_names_of_cams_and_rises_are_cams():
 
 
 def test_csv_of_several_cams_is_the_sum_of_each(config_dir):
-    """Rows of the cams follow each other, with the cam's name. Paths and names can be mixed."""
+    """The CSV of several cams contains the rows of each cam with its name.
+
+    Paths and names can be mixed.
+    """
     path = config_dir / "cams" / "bezier15.yaml"
     both = rows_of("poly345", path)
     for name in ("poly345", "bezier15"):
@@ -78,7 +87,7 @@ def test_csv_of_several_cams_is_the_sum_of_each(config_dir):
     ],
 )
 def test_plot_of_laws(tmp_path, arguments, words):
-    """The picture is in a new folder. Its path and the numbers are printed."""
+    """`law --out` draws the laws into a new folder, and prints path and numbers."""
     target = tmp_path / "new" / "a.svg"
     result = done(*arguments, target)
     assert target.read_text(encoding="utf-8").startswith("<?xml")
@@ -86,7 +95,10 @@ def test_plot_of_laws(tmp_path, arguments, words):
 
 
 def test_extremes_of_cams_as_json(laws):
-    """Extremes and their angles are in SI units, independent of the displayed unit."""
+    """`law` gives extremes and their angles in SI units as JSON.
+
+    They do not depend on the displayed unit.
+    """
     data = data_of("law", "worked_example_quintic", "poly345")
     extremes = {(row["cam"], row["quantity"]): row for row in data["extremes"]}
     row = extremes["worked_example_quintic", "velocity"]
@@ -97,6 +109,7 @@ def test_extremes_of_cams_as_json(laws):
 
 
 def test_laws_of_one_family():
+    """`laws --family end` lists the laws of this family only."""
     result = call("laws", "--family", "end", "--json", "-")
     names = [row["law"] for row in json.loads(result.stdout)["laws"]]
     assert names == ["bezier4_end", "bezier6_end", "bezier8_end"]
@@ -104,7 +117,10 @@ def test_laws_of_one_family():
 
 
 def test_error_of_an_impossible_cam_names_its_file(tmp_path):
-    """The line names the file, the cam and the value to change."""
+    """The error of an impossible cam names its file, the cam and the value to change.
+
+    No picture is drawn.
+    """
     text = shipped("cams", "arcs_convex").replace("assumed: 80", "assumed: 20")
     path = written(tmp_path, {"arcs_convex.yaml": text}) / "arcs_convex.yaml"
     result = call("law", path, "--out", tmp_path / "a.png")
@@ -115,7 +131,7 @@ def test_error_of_an_impossible_cam_names_its_file(tmp_path):
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
-    """Return a scene with a user-defined rig and cam, outside of the shipped folders."""
+    """Scene with a user-defined rig and cam, outside of the shipped folders."""
     rig = shipped("rigs", "tm21")
     scene = scene_data(cams=["lug"], rig="mine", speeds=[200, 300, 350, 400])
     files = {
@@ -128,7 +144,7 @@ def own(tmp_path_factory):
 
 
 def test_default_rig_of_cams_and_of_a_scene(own):
-    """Cams are on the paper's rig and a scene on its rig, unless another rig is named."""
+    """Without --rig cams are on the paper's rig, and a scene is on its own rig."""
     assert resolve_cams(["poly345"], None).rig.name == "paper_table2"
     assert set(resolve_cams(None, None).cams) >= {"poly345", "bezier15"}
     cam_set = resolve_cams([str(own)], None)
@@ -138,7 +154,7 @@ def test_default_rig_of_cams_and_of_a_scene(own):
 
 
 def test_rig_by_name_or_by_file(own, tmp_path):
-    """A name is searched for next to the scene, then among the shipped rigs."""
+    """A rig is found by its file, or by name next to the scene and then as shipped."""
     assert resolve_scene(str(own), "other").rig.name == "other"
     assert resolve_scene(str(own), "paper_table2").rig.name == "paper_table2"
     file = tmp_path / "a_rig.yaml"
@@ -150,21 +166,27 @@ def test_rig_by_name_or_by_file(own, tmp_path):
 
 
 def test_speeds_of_a_scene(own):
-    """All speeds if there are few, else the lowest, the highest and some between them."""
+    """`scene_speeds` returns all speeds of a scene, or a limited number of them.
+
+    The limited number includes the lowest and the highest speed.
+    """
     assert scene_speeds(str(own), 4) == [200.0, 300.0, 350.0, 400.0]
     assert scene_speeds("tm21_sweep", 3) == [200.0, 300.0, 400.0]
 
 
 @pytest.mark.parametrize("command", ["jump", "vibration", "contact"])
 def test_studies_accept_a_scene(own, command):
-    """The study is of the cam of the scene, on the rig of --rig."""
+    """A study of a scene computes its cam on the rig of --rig."""
     result = done(command, own, "--rig", "other", "--json", "-")
     assert "lug" in json.dumps(json.loads(result.stdout))
     assert "other" in " ".join(result.stderr.split()) and "paper_table2" not in result.stderr
 
 
 def test_profile_and_listen_accept_a_scene(own, tmp_path):
-    """The cam of the scene is checked, and its sound on another rig is reported as relative."""
+    """`profile` and `listen` accept a scene and use its cam.
+
+    The sound on another rig is reported as relative.
+    """
     assert [row["cam"] for row in data_of("profile", own)["cams"]] == ["lug"]
     turns = ("--rpm", 300, "--seconds", 0.2, "--out", tmp_path / "a.wav", "--json", "-")
     results = [done("listen", own, *rig, *turns) for rig in ((), ("--rig", "paper_table2"))]
@@ -174,13 +196,16 @@ def test_profile_and_listen_accept_a_scene(own, tmp_path):
 
 
 def test_noise_study_of_another_scene_is_refused(own):
-    """The study needs the three published cams, and the error names the remedy."""
+    """`noise` of a scene without the three published cams is refused with a remedy."""
     result = call("noise", own)
     assert result.exit_code == 2 and "take cam-rig simulate or report" in result.stderr
 
 
 def test_only_rig_next_to_a_cam_is_used_and_named(own, tmp_path):
-    """Several rigs next to a cam are an error, so that a new file never changes the rig."""
+    """The only rig next to a cam is used, and a line names it.
+
+    Several rigs next to a cam are an error, so that a new file never changes the rig.
+    """
     copytree(own.parents[1], tmp_path / "mine")
     cam = tmp_path / "mine" / "cams" / "lug.yaml"
     refused = call("jump", cam)

@@ -63,7 +63,10 @@ def lines(command: str, folder: Path, **how: Any) -> tuple[int, list[str]]:
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("what", PRINTED)
 def test_full_stdout_is_an_error(what, unbuffered, tmp_path, monkeypatch):
-    """The exit code is 1, so that a reader does not use a truncated result."""
+    """A command whose stdout is full ends with code 1 and one error line.
+
+    A reader then does not use a truncated result.
+    """
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     with open("/dev/full", "wb") as full:
         code, errors = lines(PRINTED[what], tmp_path, stdout=full)
@@ -73,7 +76,10 @@ def test_full_stdout_is_an_error(what, unbuffered, tmp_path, monkeypatch):
 
 
 def test_full_temporary_folder_is_named(tmp_path, monkeypatch, capsys):
-    """The error of a temporary file has no name. The message names the folder, not stdout."""
+    """The error of a full temporary folder names the folder, not stdout.
+
+    The operating system's error on a temporary file has no name.
+    """
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     single = typer.Typer(pretty_exceptions_enable=False)
     monkeypatch.setattr(main, "command", lambda _: typer.main.get_command(single))
@@ -104,7 +110,10 @@ def test_full_temporary_folder_is_named(tmp_path, monkeypatch, capsys):
     "what", [x if x in QUICK else pytest.param(x, marks=pytest.mark.long) for x in WRITTEN]
 )
 def test_file_that_exceeds_its_size_limit_is_removed(what: str, tmp_path: Path) -> None:
-    """The command ends with one line, like on a full disk, and no part of the file remains."""
+    """A command that cannot write its whole output ends with one line and no file.
+
+    A limit of the file size acts like a full disk.
+    """
 
     def limit() -> None:
         os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # it would be truncated

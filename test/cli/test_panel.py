@@ -25,7 +25,10 @@ COMMAND = (BIN / "cam-rig", "panel")
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signal_ends_the_panel_and_its_processes(number: signal.Signals) -> None:
-    """The exit code is 128 + number, one line is printed, and the port is closed."""
+    """A signal ends the panel with code 128 + number, its processes and its port.
+
+    One line is printed.
+    """
     process = subprocess.Popen(
         COMMAND, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
@@ -59,7 +62,10 @@ time.sleep(600)
 
 
 def test_token_is_not_visible_to_other_users(tmp_path: Path) -> None:
-    """No command line contains the token while the browser runs, and its file is private."""
+    """No command line contains the token while the browser of --open runs.
+
+    The browser opens a private file with the address, which is removed at the end.
+    """
     report, browser = tmp_path / "report", tmp_path / "browser"
     browser.write_text(BROWSER.format(python=sys.executable, report=str(report)))
     browser.chmod(0o700)
@@ -93,7 +99,7 @@ def test_token_is_not_visible_to_other_users(tmp_path: Path) -> None:
 
 
 def test_port_in_use_is_one_line() -> None:
-    """The line has the remedy, and the exit code is that of an invalid argument."""
+    """--port with a port in use ends with code 2 and one line with the remedy."""
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
@@ -106,7 +112,7 @@ def test_port_in_use_is_one_line() -> None:
 
 
 def test_cam_without_a_law_is_one_line(tmp_path: Path) -> None:
-    """The cam has no rise, or its file does not exist."""
+    """A cam without a rise or without a file ends the panel with code 2 and one line."""
     cam = tmp_path / "rests.yaml"
     cam.write_text(
         "name: rests\ntitle: Rests\nlift: {assumed: 1, unit: mm, source: none}\n"
@@ -121,7 +127,10 @@ def test_cam_without_a_law_is_one_line(tmp_path: Path) -> None:
 
 
 def test_folder_too_deep_for_a_socket_is_refused(tmp_path):
-    """The error has the limit and the remedy, before a page is served."""
+    """A runtime folder whose path is too long for a socket is refused in one line.
+
+    The line has the limit and the remedy.
+    """
     deep = tmp_path / ("x" * 100)
     deep.mkdir(mode=0o700)
     environment = os.environ | {"XDG_RUNTIME_DIR": str(deep), "TMPDIR": str(deep)}

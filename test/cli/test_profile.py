@@ -21,7 +21,7 @@ done = partial(run_done, "profile")
 
 @pytest.fixture
 def undercut(tmp_path):
-    """Return the file of the flat cam with too small a base circle."""
+    """File of the flat cam with too small a base circle."""
     text = re.sub(r"(base_radius: {assumed: )\d+", r"\g<1>5", shipped("cams", "flat"))
     text = re.sub(r".*least_curvature_radius: .*\n", "", text)
     return written(tmp_path, {"flat.yaml": text}) / "flat.yaml"
@@ -29,12 +29,15 @@ def undercut(tmp_path):
 
 @pytest.fixture(scope="module")
 def all_shipped():
-    """Return the result of the command for all shipped cams."""
+    """Result of the command for all shipped cams."""
     return done("--all", "--json", "-")
 
 
 def test_all_shipped_cams_but_one_pass(all_shipped):
-    """The worked example with constant velocity fails: its contour has corners."""
+    """Each shipped cam passes all checks, except for one with corners in its contour.
+
+    It is the worked example with constant velocity.
+    """
     result = all_shipped
     assert "its file states that it cannot be made: its velocity jumps" in result.stderr
     assert call("worked_example_constant_velocity").exit_code == 1
@@ -54,7 +57,7 @@ def test_all_shipped_cams_but_one_pass(all_shipped):
 
 
 def test_failed_check_gives_exit_code_1(undercut):
-    """The table marks the check, and the line below gives the reason and the remedy."""
+    """A cam that fails a check ends the command with code 1, reason and remedy."""
     result = call(undercut)
     assert result.exit_code == 1
     words = "convex radius of curvature is -1.3984 mm at 127.6°; allowed: more than 0 mm; let base"
@@ -64,7 +67,7 @@ def test_failed_check_gives_exit_code_1(undercut):
 
 
 def test_cam_that_cannot_be_made_is_drawn_only_with_force(undercut, tmp_path):
-    """Nothing is written without --force. With --force the warning remains."""
+    """An undercut cam is not drawn, except with --force and a warning."""
     out, plot = tmp_path / "a.dxf", tmp_path / "a.png"
     result = call(undercut, "--out", out, "--plot", plot)
     assert result.exit_code == 1 and "or draw it with --force" in result.stderr
@@ -77,7 +80,10 @@ def test_cam_that_cannot_be_made_is_drawn_only_with_force(undercut, tmp_path):
 
 @pytest.mark.parametrize("suffix", ["dxf", "csv"])
 def test_written_contour_gives_its_law_again(tmp_path, suffix):
-    """A written contour, measured by the follower of the cam, has the lift of the cam."""
+    """A written contour that is measured again has the lift of its cam.
+
+    The follower of the cam measures it.
+    """
     out, law = tmp_path / f"a.{suffix}", tmp_path / "law.csv"
     chord = ["--tolerance", "0.5"] if suffix == "dxf" else []
     done("conjugate", "--out", out, *chord)
@@ -100,7 +106,7 @@ def test_written_contour_gives_its_law_again(tmp_path, suffix):
 
 
 def test_open_contour_is_measured_with_a_warning(tmp_path):
-    """A table with 200 of 360 rows is measured, and the gap is reported."""
+    """A contour with 200 of 360 points is measured, and a warning names the gap."""
     done("flat", "--points", "360", "--out", tmp_path / "a.csv")
     rows = (tmp_path / "a.csv").read_text().splitlines()
     (tmp_path / "b.csv").write_text("\n".join(rows[:201]))
@@ -109,7 +115,10 @@ def test_open_contour_is_measured_with_a_warning(tmp_path):
 
 
 def test_points_that_are_not_a_contour_are_refused(tmp_path):
-    """A few points, a line, and a contour next to the axis give an error with the file's name."""
+    """Points that are not a contour around the axis are refused with the file's name.
+
+    They are too few, on a line, or next to the axis.
+    """
     circle = [(30.0 * math.cos(0.1 * i), 30.0 * math.sin(0.1 * i)) for i in range(63)]
     for points, words in (
         (circle[:1], "contour has 1 different points"),
@@ -130,7 +139,10 @@ def test_points_that_are_not_a_contour_are_refused(tmp_path):
 
 
 def test_pitch_curve_is_the_path_of_a_cutter_of_the_roller_radius(tmp_path):
-    """Both files are identical (profile thesis §2.2.3)."""
+    """--pitch writes the path of a cutter with the radius of the roller.
+
+    Both files are identical (profile thesis §2.2.3).
+    """
     done("tm21", "--pitch", "--out", tmp_path / "p.csv")
     done("tm21", "--cutter", "10", "--out", tmp_path / "c.csv")
     assert (tmp_path / "p.csv").read_bytes() == (tmp_path / "c.csv").read_bytes()
@@ -139,7 +151,7 @@ def test_pitch_curve_is_the_path_of_a_cutter_of_the_roller_radius(tmp_path):
 
 
 def test_contour_of_one_cam_is_refused_for_a_conjugate_cam(tmp_path):
-    """A conjugate cam has two contours, and the file has one closed curve."""
+    """A file with one closed curve is refused for a conjugate cam, which has two."""
     call("tm21", "--out", tmp_path / "a.dxf")
     result = call("conjugate", "--from", tmp_path / "a.dxf")
     assert result.exit_code == 1

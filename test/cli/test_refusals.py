@@ -81,7 +81,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("line", "code", "words"), REFUSED, ids=[line for line, *_ in REFUSED])
 def test_invalid_command_line_is_one_line_and_writes_no_file(tmp_path, line, code, words):
-    """An error is reported before the computation if it can be detected before."""
+    """An invalid command line ends with its exit code, one error line and no file."""
     result = call(*line.format(tmp=tmp_path).split())
     assert result.exit_code == code and words.format(tmp=tmp_path) in result.stderr
     assert result.stderr.count("cam-rig: ") == bool(words), result.stderr
@@ -89,14 +89,17 @@ def test_invalid_command_line_is_one_line_and_writes_no_file(tmp_path, line, cod
 
 
 def test_list_of_commands_has_the_first_sentence_of_each():
-    """The list is read without importing the commands."""
+    """The list of commands has the first paragraph of each command's help."""
     for name in COMMANDS:
         first, *_ = inspect.cleandoc(command(name).help).split("\n\n")
         assert summary(name) == first.replace("\n", " ")
 
 
 def test_json_of_simulate():
-    """The levels of the sweep are within the limits of the comparison, and have their roles."""
+    """The JSON of `simulate tm21_sweep` has all speeds, levels and the crossing.
+
+    The levels agree with the published ones within the limits of the comparison.
+    """
     data = data_of("simulate", "tm21_sweep")
     assert set(data) == {"schema", "speeds", "noise", "levels", "crossing", "run", "messages"}
     assert [len({row["cam"] for row in data["speeds"]}), len(data["speeds"])] == [3, 63]
@@ -115,7 +118,10 @@ def test_json_of_simulate():
 
 
 def test_urdf_on_stdout_equals_the_file(tmp_path):
-    """It contains the base circle of the mounted cam, 65 mm of poly345."""
+    """`urdf` prints the text that --out writes, with the cam of --cam.
+
+    The base circle of poly345 is 65 mm.
+    """
     printed = done("urdf", "tm21_sweep", "--cam", "poly345")
     assert '<cylinder radius="0.065"' in printed.stdout
     call("urdf", "tm21_sweep", "--cam", "poly345", "--out", tmp_path / "new" / "rig.urdf")
@@ -132,7 +138,7 @@ OPTIONS = [
 
 
 def test_options_include_those_of_command_groups():
-    """The list of options used below is complete."""
+    """The list of options that the next test uses contains those of subcommands."""
     assert len(OPTIONS) > 150
     assert "fit cam" in verbs()
 
@@ -140,7 +146,7 @@ def test_options_include_those_of_command_groups():
 @pytest.mark.variants(24)
 @pytest.mark.parametrize(("verb", "option"), OPTIONS)
 def test_repeated_option_is_refused(verb, option, capsys):
-    """One line names the option, before its value is validated."""
+    """An option that occurs twice ends the command with one line that names it."""
     name = max(option.opts, key=len)
     once = [name] if option.is_flag else [name, *["1"] * option.nargs]
     with pytest.raises(SystemExit) as end:
@@ -150,4 +156,5 @@ def test_repeated_option_is_refused(verb, option, capsys):
 
 
 def test_help_has_priority_over_errors():
+    """--help succeeds although another option is repeated."""
     done("jump", "--rig", "a", "--rig", "b", "--help")

@@ -36,7 +36,10 @@ def too_long(page):
 
 
 def untypeset(page):
-    """Return sentences and cells with a hyphen as minus, or an exponent, outside of commands."""
+    """Return sentences and cells with numbers that are not typeset.
+
+    These have a hyphen as minus, or an exponent. Commands are left out.
+    """
     text = re.sub(r"<code>.*?</code>", "", page)
     return [words for words in sentences(text) if HYPHEN.search(words) or EXPONENT.search(words)]
 
@@ -47,7 +50,7 @@ def numbered(page, kind):
 
 
 def test_long_sentences_and_untypeset_numbers_are_detected():
-    """The helpers of this file find a sentence of 31 words, and numbers that are not typeset."""
+    """The helpers detect a sentence of 31 words, and numbers that are not typeset."""
     words = "Word" + 30 * " word"
     page = f"<p>Short. {words}. Short.</p><td class='x'>{words}</td><li>{words[5:]}</li>"
     assert too_long(page) == [f"{words}.", words]
@@ -61,7 +64,7 @@ PICTURE = "data:image/svg+xml;base64,AAAA"
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Replace the drawing of figures, which the tests of the commands cover."""
+    """Pages have a placeholder instead of figures, which other tests draw."""
     monkeypatch.setattr("cam_rig.report.document.uris", lambda *_: [PICTURE, PICTURE])
 
 
@@ -82,7 +85,7 @@ segments:
 
 @pytest.fixture(scope="module")
 def own_scene(tmp_path_factory):
-    """Return a scene of user-defined files: a measured cam, a harsh cam, and a lighter follower."""
+    """Scene of user-defined files: a measured cam, a harsh cam and a lighter follower."""
     lift = build_law(load_cam("poly345"))
     rows = (f"{i},{1e3 * 0.24 * lift(math.radians(i)):.4f}" for i in range(360))
     rig = shipped("rigs", "tm21").replace("name: tm21", "name: mine")
@@ -103,7 +106,11 @@ def own_scene(tmp_path_factory):
 
 @pytest.mark.usefixtures("undrawn")
 def test_page_of_a_user_defined_scene(own_scene, tmp_path, monkeypatch):
-    """It has all sections and figures, relative levels, refusals, date and command."""
+    """The page of a user-defined scene has all sections, figures and results.
+
+    It has date and command, relative levels and refusals, but no private path and no link to
+    another host.
+    """
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     out, data = tmp_path / "own.html", tmp_path / "own.json"
     done(own_scene, "--out", out, "--json", data)
@@ -132,7 +139,10 @@ def test_page_of_a_user_defined_scene(own_scene, tmp_path, monkeypatch):
 
 
 def test_numbers_of_the_page_equal_those_of_the_commands(own_scene, tmp_path):
-    """Jump speeds and rows equal those of cam-rig jump and simulate, on the rig of --rig."""
+    """Jump speeds and rows of the page equal those of cam-rig jump and simulate.
+
+    Both are on the rig of --rig.
+    """
     out, data = tmp_path / "own.md", tmp_path / "own.json"
     done(own_scene, "--rig", "other", "--out", out, "--json", data)
     results = json.loads(data.read_text())
@@ -153,7 +163,10 @@ def test_numbers_of_the_page_equal_those_of_the_commands(own_scene, tmp_path):
 
 
 def test_summary_table(tmp_path):
-    """It has a row per cam: checks, speeds without contact, jump speed, levels."""
+    """The summary has one row per cam with checks, jump speed and levels.
+
+    It also has the speeds at which contact is lost.
+    """
     out = tmp_path / "a.md"
     done("quick", "--out", out)
     loaded, text = load_scene("quick"), out.read_text(encoding="utf-8")
@@ -164,7 +177,7 @@ def test_summary_table(tmp_path):
 
 
 def test_recording_is_compared_with_the_run(tmp_path):
-    """The table compares its levels with those of the run and with published levels."""
+    """With --bag the page compares a recording with the run and with published levels."""
     out = tmp_path / "a.md"
     done("quick", "--bag", GOLDEN, "--out", out)
     text = out.read_text(encoding="utf-8")
@@ -172,7 +185,10 @@ def test_recording_is_compared_with_the_run(tmp_path):
 
 
 def test_page_of_a_torsional_scene(tmp_path):
-    """It has jump speeds and twist, and states that orders have no closed form."""
+    """The page of a torsional scene has jump speeds and twist, but no orders.
+
+    It states that these have no closed form.
+    """
     out = tmp_path / "a.md"
     done("torsion", "--out", out)
     text = out.read_text(encoding="utf-8")
@@ -181,7 +197,10 @@ def test_page_of_a_torsional_scene(tmp_path):
 
 
 def test_paths_in_the_command_of_a_page(tmp_path, monkeypatch):
-    """They are relative to the working folder, or file names. Relative paths are unchanged."""
+    """Paths in the command on a page are relative to the working folder.
+
+    A path elsewhere is shortened to its file name. Relative paths are unchanged.
+    """
     monkeypatch.chdir(tmp_path)
     elsewhere = Path("/somebody/secret")
     options = {"--bag": tmp_path / "bags" / "a", "--out": elsewhere / "page.html", "--rig": "tm21"}

@@ -1,4 +1,4 @@
-"""Tests of signals: a command ends soon, with code 128 + number, and leaves no process or file."""
+"""Tests of signals: a command ends soon and leaves no process or file."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def find_faults(
 
 
 def remaining_processes(mark: str) -> list[str]:
-    """Return the commands of processes with a mark that have not ended after `GRACE_S`."""
+    """Return the commands of marked processes that have not ended after `GRACE_S`."""
     deadline = time.monotonic() + GRACE_S
     while (commands := list(marked_processes(mark))) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -114,7 +114,10 @@ def marked_processes(mark: str) -> Iterator[str]:
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("count", [1, pytest.param(40, marks=LONG)])
 def test_signal_at_a_random_time(ros_domain: int, tmp_path: Path, command: str, count: int) -> None:
-    """The command, or its group as from a terminal, receives one or two signals."""
+    """A command that receives a signal at any time ends with code 128 + number.
+
+    It leaves no process or file. One or two signals go to the command or to its group.
+    """
     draw = random.Random(f"{command} {count}")
     for i in range(count):
         after = draw.uniform(0.0, COMMANDS[command] if count > 1 else 3.0)
@@ -127,7 +130,10 @@ def test_signal_at_a_random_time(ros_domain: int, tmp_path: Path, command: str, 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, pytest.param(30, marks=LONG)])
 def test_signal_during_compilation(tmp_path: Path, count: int) -> None:
-    """The interrupt is not raised within numba, where it could end the process by SIGSEGV."""
+    """A signal during compilation ends the command with code 128 + number.
+
+    It is not raised within numba, where it could end the process by SIGSEGV.
+    """
     draw = random.Random(count)
     for number in range(count):
         empty = tmp_path / str(number)

@@ -1,4 +1,4 @@
-"""Tests of the start of a command: interrupts, invalid environment, imported libraries."""
+"""Tests of the start of a command: interrupts, environment, imported libraries."""
 
 import os
 import re
@@ -17,6 +17,7 @@ from .conftest import BIN, call
 
 
 def test_interrupt_during_imports_is_one_line():
+    """A SIGINT while a command imports its modules ends it with one line."""
     code = (
         "import signal, sys\n"
         "class Interrupt:\n"
@@ -34,7 +35,10 @@ def test_interrupt_during_imports_is_one_line():
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("program", ["cam-rig jump poly345", "cam-rig report quick", "law_server"])
 def test_invalid_date_is_one_line(program, tmp_path):
-    """Libraries that read SOURCE_DATE_EPOCH would raise a traceback."""
+    """An invalid SOURCE_DATE_EPOCH ends a command with one line that has the remedy.
+
+    Libraries that read it would raise a traceback.
+    """
     name, *words = program.split()
     environment = os.environ | {"SOURCE_DATE_EPOCH": "abc"}
     done = ended(BIN / name, *words, env=environment, cwd=tmp_path)
@@ -48,7 +52,10 @@ def test_invalid_date_is_one_line(program, tmp_path):
 
 
 def test_source_date(monkeypatch):
-    """It is None, or whole seconds up to the last second of the calendar."""
+    """`source_date` returns the seconds of SOURCE_DATE_EPOCH, or None without it.
+
+    Any other text than whole seconds raises ConfigError.
+    """
     monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
     assert source_date() is None
     for seconds in (0, 1_700_000_000, LAST_SECOND):
@@ -90,19 +97,23 @@ def test_command_does_not_import_unused_libraries(words, without):
 
 
 def test_version_has_a_line_for_each_package():
-    """cam_rig, the viewer, and rclpy with its ROS distribution."""
+    """--version prints the versions of cam_rig, Rerun and rclpy with its distribution."""
     package, rerun, rclpy = call("--version").stdout.splitlines()
     assert package == f"cam_rig {version('cam_rig')}" and rerun == f"rerun {version('rerun-sdk')}"
     assert re.fullmatch(r"rclpy \d\S* \(ROS 2 [a-z]+\)", rclpy)
 
 
 def test_version_reports_missing_packages(monkeypatch):
+    """--version reports packages that are not installed."""
     monkeypatch.setattr("importlib.metadata.version", MagicMock(side_effect=PackageNotFoundError))
     assert set(versions().values()) == {"not installed"}
 
 
 def test_closed_stdout_or_removed_folder_gives_no_traceback(tmp_path):
-    """`cam-rig laws >&-` succeeds, and a removed working folder is reported in one line."""
+    """A command with closed stdout prints no traceback.
+
+    In a removed working folder it ends with one line that has the remedy.
+    """
     code = "from cam_rig.cli import start; start()"
     command = f"{sys.executable} -c '{code}' laws"
     assert "Traceback" not in ended("sh", "-c", f"{command} >&-").stderr

@@ -1,4 +1,4 @@
-"""Tests of cam-rig noise, listen and vibration: their JSON, pictures and sound files."""
+"""Tests of cam-rig noise, listen and vibration: JSON, pictures and sound files."""
 
 import json
 import wave
@@ -12,7 +12,7 @@ from .conftest import done
 
 
 def test_noise_json_and_plot(sweep, tmp_path):
-    """The JSON has no NaN, the picture is a PNG, and tables fit 80 columns."""
+    """`noise` writes JSON without NaN and a PNG, and prints tables of 80 columns."""
     result = done("noise", sweep, "--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     text = (tmp_path / "a.json").read_text()
@@ -26,7 +26,10 @@ def test_noise_json_and_plot(sweep, tmp_path):
 
 
 def test_listen_writes_a_sound_file(tmp_path):
-    """48 kHz, 16 bit, with the full scale, peak and level that the JSON reports."""
+    """`listen` writes a 16-bit sound file at 48 kHz with the level in its JSON.
+
+    Full scale and peak agree too. A second call writes the same file.
+    """
     out = tmp_path / "new" / "cam.wav"
     arguments = ("--cam", "tm21", "--rpm", "300", "--seconds", "1", "--json", "-")
     result = done("listen", "quick", *arguments, "--out", out)
@@ -47,7 +50,7 @@ def test_listen_writes_a_sound_file(tmp_path):
 
 
 def test_loss_of_contact_is_marked():
-    """Contact with one of two cams is lost below 450 rpm: a mark in the table, a flag in JSON."""
+    """`vibration` marks a cam that loses contact below a speed, in table and JSON."""
     speeds = ("--rpm", 300, "--rpm", 450, "--rpm", 450)
     result = done("vibration", "poly345", "bezier15", *speeds, "--json", "-")
     data = json.loads(result.stdout)

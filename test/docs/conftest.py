@@ -1,4 +1,4 @@
-"""The documents as the tests read them: pages, their blocks, the commands in them; a small bag."""
+"""Helpers that read the documents: text, blocks, commands and tables of a page."""
 
 from __future__ import annotations
 
@@ -16,17 +16,20 @@ FENCE = re.compile(r"^```(\w*)([^\n]*)\n(.*?)^```", re.M | re.S)
 
 
 def text(page: Path) -> str:
-    """A page as it is."""
+    """Return the text of a page."""
     return page.read_text(encoding="utf-8")
 
 
 def blocks(page: Path) -> list[tuple[str, str, str]]:
-    """Its fenced blocks: language, what stands behind it, content."""
+    """Return the fenced blocks of a page: language, title line and content of each."""
     return FENCE.findall(text(page))
 
 
 def commands(page: Path, program: str) -> list[list[str]]:
-    """Return the arguments of every call of a program in code, as a shell would pass them on."""
+    """Return the arguments of each call of a program in the code of a page.
+
+    They are split as a shell would pass them on.
+    """
     code = re.findall(r"(?<!`)`([^`\n]+(?:\n[^`\n]+)?)`(?!`)", FENCE.sub("", text(page)))
     lines = [line for _, _, content in blocks(page) for line in content.splitlines()]
     lines += [line for line in text(page).splitlines() if line.startswith("    ")]
@@ -41,7 +44,7 @@ def commands(page: Path, program: str) -> list[list[str]]:
 
 
 def rows(page: Path, first: str) -> list[list[str]]:
-    """Cells of the table whose heading begins with a word."""
+    """Return the cells of a page's table whose first heading is `first`, row by row."""
     table = re.search(rf"^\| {first} \|.*\n\|[-:| ]+\n((?:\|.*\n)+)", text(page), re.M)
     assert table, f"{page.name}: no table of {first!r}"
     return [[c.strip() for c in line.split("|")[1:-1]] for line in table[1].splitlines()]

@@ -1,4 +1,4 @@
-"""docs/nodes.md has the topics and parameters of the code's own tables."""
+"""The tables of docs/nodes.md and docs/results.md agree with the code."""
 
 from __future__ import annotations
 
@@ -26,7 +26,11 @@ PAGE = DOCS / "nodes.md"
 
 
 def test_table_of_topics():
-    """Name, type, QoS, how often, owner, whether a bag holds it; then its content."""
+    """The table of nodes.md agrees with the topics of the code.
+
+    It lists name, type, QoS, rate and owner of each topic, states whether a bag contains the
+    topic, and describes its content.
+    """
     expected = [
         [
             topic.name,
@@ -45,7 +49,10 @@ def test_table_of_topics():
 
 
 def test_table_of_parameters():
-    """Every parameter of a node by its name, and which may change while it runs."""
+    """The table of nodes.md lists each parameter of each node, and marks live ones.
+
+    `scene` and `on_finish` are listed once for all nodes.
+    """
     described = {}
     for nodes, name, *_, words in rows(PAGE, "node"):
         for node in nodes.split(", "):
@@ -60,14 +67,14 @@ def test_table_of_parameters():
 
 
 def size_of(bag: Path) -> list[str]:
-    """Ticks, messages and size of a bag, as the page has them."""
+    """Return ticks, messages and size in MB of a bag as texts, as printed on the page."""
     counts = read_counts(bag)
     size = sum(file.stat().st_size for file in bag.iterdir())
     return [str(counts[topics.PRESSURE.name]), str(sum(counts.values())), f"{size / 1e6:.1f} MB"]
 
 
 def test_the_bag_of_quick():
-    """As the golden bag is, which tests hold to be what a run makes."""
+    """The size that nodes.md prints for one tick per turn is that of the golden bag."""
     asked, *figures = rows(PAGE, "`ticks_per_turn`")[0]
     assert asked == "1" and figures == size_of(ROOT / "bags" / "golden")
 
@@ -75,7 +82,11 @@ def test_the_bag_of_quick():
 @pytest.mark.long
 @pytest.mark.ros
 def test_the_bag_of_quick_with_more_ticks(tmp_path):
-    """As a run makes it; where a dwell's largest force is, and so what is shown, is rounding."""
+    """A run with more ticks per turn gives the bag size that nodes.md prints.
+
+    The number of messages agrees to 1 %, because rounding decides at which angle of a dwell the
+    force is largest, and thus how many messages are published.
+    """
     ticks, *figures = rows(PAGE, "`ticks_per_turn`")[1]
     scene, bag = tmp_path / "scenes" / "quick.yaml", tmp_path / "bag"
     scene.parent.mkdir()
@@ -92,12 +103,15 @@ def test_the_bag_of_quick_with_more_ticks(tmp_path):
 
 
 def test_the_page_of_results_is_that_of_today():
-    """It is what the columns say; else run ``make docs``."""
+    """docs/results.md equals the page that is generated from the results' columns.
+
+    `make docs` generates the page again.
+    """
     assert text(results_page.PAGE) == results_page.page()
 
 
 def test_every_result_has_a_schema_of_its_own_and_something_that_gives_it():
-    """A name, which no other has, and a version; a command or a function of the package."""
+    """Each result has a unique, versioned schema and a command or function as source."""
     schemas = [one.schema for one in results()]
     assert len(set(schemas)) == len(schemas) > 20
     for one in results():
@@ -108,7 +122,10 @@ def test_every_result_has_a_schema_of_its_own_and_something_that_gives_it():
 
 
 def test_every_key_is_in_snake_case_and_stands_once():
-    """Tables are named so too, and a column's unit is none of those that only people read."""
+    """Keys of tables and columns are in snake case, and unique within their table.
+
+    Data are in SI: no column of the data is in mm, µm, degrees, %, ms or MPa.
+    """
     for one in results():
         assert one.columns, one
         for table, columns in one.columns.items():
@@ -124,7 +141,10 @@ LEVELS = np.array([[200, 78.3], [250, 81.7], [300, 83.4], [350, 85.8], [400, 90.
 
 @pytest.mark.slow
 def test_every_figure_is_there():
-    """``plot_function`` names a function, which takes the result first."""
+    """Each `plot_function` of a result names an existing function.
+
+    A result without a figure raises ConfigError that refers to its tables.
+    """
     drawn = [one.plot_function for one in results() if one.plot_function]
     assert len(drawn) > 15
     for module, name in (place.split(":") for place in drawn):
@@ -134,7 +154,11 @@ def test_every_figure_is_there():
 
 
 def test_a_result_has_the_tables_of_the_page():
-    """Of what is computed at once: by their keys, with these columns, and no other."""
+    """The data of a result have the declared tables and columns, and no others.
+
+    The results are those that are computed quickly: a contour, a motion, a level and a read
+    bag.
+    """
     cam, rig = cam_rig.load_cam("conjugate"), cam_rig.load_rig("tm21")
     motion = cam_rig.simulate(cam_rig.build_law(cam), rig, rpm=300, turns=2, sample_rate=1000)
     run = cam_rig.read_bag(ROOT / "bags" / "golden")

@@ -1,4 +1,4 @@
-"""What the documents name is there: pages, pictures, files of the tree."""
+"""Files, commands, code and equations that the documents name exist and work."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ANY = re.compile(r"NAME|mine|^bags/(?!golden|README)")
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_files_that_a_page_names_exist(page):
-    """Every relative link, and every path of this repository in code, leads to a file."""
+    """Each relative link and each path of this repository on a page leads to a file."""
     links = re.findall(r"\]\(([^)\s]+)\)", re.sub(r"`[^`\n]*`", "", text(page)))
     for link in links:
         if not link.startswith(("http:", "https:", "#")):
@@ -40,7 +40,10 @@ def test_files_that_a_page_names_exist(page):
 
 
 def test_short_names_in_the_lists_exist():
-    """A file named without its folder stands beside the one named before it in its item."""
+    """A file named without a folder in a list of architecture.md exists.
+
+    Its folder is that of the path named before it in the same list item.
+    """
     for cell in re.findall(r"^(?:-|\d+\.) (.*)", text(DOCS / "architecture.md"), re.M):
         folder = None
         for name in re.findall(r"`([\w./*]+)`", cell):
@@ -52,19 +55,19 @@ def test_short_names_in_the_lists_exist():
 
 
 def test_every_picture_is_shown():
-    """No picture in docs/ that no page shows."""
+    """Each picture in docs/ is named on a page."""
     words = "".join(text(page) for page in PAGES)
     for picture in (p for kind in ("png", "svg", "webp") for p in DOCS.rglob(f"*.{kind}")):
         assert picture.name in words
 
 
 def test_the_readme_is_short():
-    """Two screens of 40 lines."""
+    """README.md has at most 80 lines, two screens."""
     assert len(text(ROOT / "README.md").splitlines()) <= 80
 
 
 def test_list_of_rooms_is_whole():
-    """The list of rooms has every folder of the package, and no other."""
+    """The list in architecture.md has each package of cam_rig, and no other."""
     page = text(DOCS / "architecture.md")
     named = set(re.findall(r"^- `cam_rig/(\w+)`:", page, re.M))
     folders = {p.parent.name for p in (ROOT / "cam_rig").glob("*/__init__.py")}
@@ -78,13 +81,19 @@ VERBS = {name: command(name) for name in COMMANDS}
 
 
 def test_the_page_of_commands_is_that_of_today():
-    """It is what --help says; else run ``make docs``."""
+    """The page of commands equals the page that is generated from the texts of --help.
+
+    `make docs` generates the page again.
+    """
     assert text(PAGE) == page()
 
 
 @pytest.mark.parametrize("document", PAGES, ids=[page.name for page in PAGES])
 def test_commands_of_a_page_exist(document):
-    """Each verb with its options, make target, node, launch file, script and extra exists."""
+    """Each command with its options on a page exists.
+
+    So does each make target, node, launch file, script and extra.
+    """
     for verb, *arguments in commands(document, "cam-rig"):
         if not verb.isupper():
             assert verb in VERBS, verb
@@ -110,7 +119,10 @@ def test_commands_of_a_page_exist(document):
     "page", [ROOT / "README.md", DOCS / "python.md", DOCS / "bounce.md"], ids=lambda p: p.name
 )
 def test_blocks_run_one_after_the_other(page, monkeypatch):
-    """From the folder of the source, where ``bags/golden`` is; a page asserts what it shows."""
+    """The Python blocks of a page run in order in one namespace without an error.
+
+    They run in the root of the source. Their assertions check the numbers on the page.
+    """
     monkeypatch.chdir(ROOT)
     code = [content for language, _, content in blocks(page) if language == "python"]
     assert code
@@ -123,14 +135,17 @@ def test_blocks_run_one_after_the_other(page, monkeypatch):
 
 
 def outline(path):
-    """An SVG with its numbers rounded, so that the last digit of a machine does not count."""
+    """Return an SVG with numbers rounded to 0.1, because last digits vary by machine."""
     svg = path.read_text(encoding="utf-8")
     return re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.1f}", svg)
 
 
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_drawing_is_that_of_today(name, tmp_path):
-    """Else run ``make docs``."""
+    """Each drawing in docs/ equals the output of its script, to 0.1 of a unit.
+
+    `make docs` draws it again.
+    """
     (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context({"svg.hashsalt": "cam_rig"}):
         DRAWINGS[name](tmp_path / name)
@@ -142,7 +157,7 @@ def test_drawing_is_that_of_today(name, tmp_path):
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The site, built as ``make docs`` does; a warning is an error."""
+    """Folder of the site, which mkdocs has built without a warning."""
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", folder]
     done = ended(*command, cwd=ROOT, env=os.environ | {"NO_MKDOCS_2_WARNING": "1"}, timeout=500)
@@ -152,7 +167,10 @@ def site(tmp_path_factory):
 
 @pytest.mark.long
 def test_every_page_is_in_the_menu(site):
-    """README is the first page; each document and each room has one."""
+    """The menu of the first page of the site links to each document.
+
+    The site also has the pages of the API and the index of the search.
+    """
     menu = (site / "index.html").read_text(encoding="utf-8")
     for one in DOCS.rglob("*.md"):
         assert f'href="{one.relative_to(DOCS).with_suffix(".html")}"' in menu, one.name
@@ -162,7 +180,7 @@ def test_every_page_is_in_the_menu(site):
 
 @pytest.mark.long
 def test_a_search_for_the_jump_speed_finds_its_page(site):
-    """The section has these words as its title, and its page is listed before others."""
+    """A search for "Jump speed" lists the section of the theory page first."""
     text_of_index = (site / "search" / "search_index.js").read_text(encoding="utf-8")
     index = json.loads(text_of_index.removeprefix("var __index = ").rstrip(";"))
     boosts = {entry["location"]: entry.get("boost", 1) for entry in index["docs"]}
@@ -172,7 +190,7 @@ def test_a_search_for_the_jump_speed_finds_its_page(site):
 
 @pytest.mark.long
 def test_nothing_comes_from_another_machine(site):
-    """No script, style, font, picture or frame with an address of its own."""
+    """No page of the site loads a script, style, font or picture from another host."""
     sources = r"<(?:script|img|iframe|source)[^>]*\ssrc=[\"']?(?:https?:)?//"
     sheets = r"<link[^>]*rel=[\"']?(?:stylesheet|preconnect|preload)[^>]*(?:https?:)?//"
     loaded = re.compile(f"{sources}|{sheets}")
@@ -190,7 +208,10 @@ COURSES = sorted(DOCS.joinpath(folder) for folder in LANGUAGES)
 
 @pytest.mark.parametrize("course", COURSES, ids=lambda folder: folder.name)
 def test_the_editions_of_the_course(course):
-    """Each lesson has answers, which are on the teacher's page only."""
+    """Each lesson has answers, which only the teacher's page contains.
+
+    Answers and student's page together are the whole source of the lesson.
+    """
     teacher = teacher_page(DOCS, str(course.relative_to(DOCS)))
     lessons = sorted(course.glob("[1-9]*.md"))
     assert len(lessons) == 9
@@ -204,7 +225,7 @@ def test_the_editions_of_the_course(course):
 
 @pytest.mark.long
 def test_answers_are_on_the_teachers_page_alone(site):
-    """1.44 m/s is the answer to the prediction of lesson 1."""
+    """An answer of lesson 1, 1.44 m/s, is only on the teacher's page of the site."""
     pages = {
         path.name: path.read_text(encoding="utf-8")
         for path in (site / "course").glob("*.html")
@@ -217,7 +238,7 @@ def test_answers_are_on_the_teachers_page_alone(site):
 
 
 def equations(page: Path) -> list[str]:
-    """The TeX of a page, without its dollars."""
+    """Return the TeX of each equation of a page, without the dollar signs."""
     parts = CODE.split(text(page))[::2]
     return [one[1] or one[2] for part in parts for one in EQUATION.finditer(part)]
 
@@ -227,7 +248,10 @@ WITH_EQUATIONS = [page for page in sorted(DOCS.rglob("*.md")) if equations(page)
 
 @pytest.mark.parametrize("page", WITH_EQUATIONS, ids=lambda page: str(page.relative_to(DOCS)))
 def test_every_equation_of_a_page_is_drawn(page: Path) -> None:
-    """Each word of TeX is known, each element of MathML is closed, code stays as it is."""
+    """Each equation of a page becomes well-formed MathML without remains of TeX.
+
+    Code on the page is not changed.
+    """
     shown = convert_equations(text(page))
     assert shown.count("<math") >= len(equations(page)) > 0
     assert CODE.findall(shown) == CODE.findall(text(page))
@@ -238,14 +262,20 @@ def test_every_equation_of_a_page_is_drawn(page: Path) -> None:
 
 
 def test_an_inline_equation_stays_in_its_paragraph() -> None:
-    """Also at the start of a line, where Markdown would take <math> for a block."""
+    """An equation at the start of a line remains in the paragraph around it.
+
+    Markdown would take the element <math> for the start of a block.
+    """
     page = convert_equations("The speed is\n$v = 2 s$, in m/s.")
     html = markdown.markdown(page, extensions=["md_in_html"])
     assert html.count("<p>") == 1 and html.endswith("in m/s.</p>")
 
 
 def test_the_line_of_an_equation() -> None:
-    """Fractions, roots, scripts, dots and primes are those of the report's equations."""
+    """TeX is converted to the equations of the report, and unknown TeX is an error.
+
+    The cases are fractions, roots, subscripts, dots and primes.
+    """
     assert line(r"\frac{a}{b_2} + \frac1b") == "(a)/(b _ 2) + 1/b"
     assert line(r"\sqrt{2 x}\,\ddot x = k_{stem} s''") == "√(2 x) x\u0308 = k _ (stem) s″"
     with pytest.raises(KeyError):

@@ -1,4 +1,4 @@
-"""What `make pictures` draws of a bag; every picture that a document names is there."""
+"""Pictures of the documents, and `make pictures`, which draws them from a bag."""
 
 from __future__ import annotations
 
@@ -29,13 +29,16 @@ from .conftest import DOCS, PAGES
 
 @pytest.fixture(scope="module")
 def archive(bag: SmallBag) -> TurnArchive:
-    """The small bag's turns: two cams, two speeds."""
+    """Turns of the small bag, which has two cams and two speeds."""
     return read_turns(bag.path)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
 def test_every_picture_of_a_document_is_there(page: Path) -> None:
-    """Each can be opened: pixels are more than an icon's, and a drawing has paths."""
+    """Each picture on a page exists and can be opened.
+
+    An SVG contains paths, and other pictures are larger than 200 px, the size of an icon.
+    """
     for name in re.findall(r"!\[[^\]]*\]\((?!https?:)([^)\s]+)\)", page.read_text("utf-8")):
         if name.endswith(".svg"):
             drawing = ElementTree.parse(page.parent / name)
@@ -47,7 +50,11 @@ def test_every_picture_of_a_document_is_there(page: Path) -> None:
 
 
 def test_the_viewers_picture_shows_every_curve() -> None:
-    """Its colours are kept to within what the eye, and a test of the browser, takes for equal."""
+    """The picture of the viewer in docs/ contains the colour of each curve.
+
+    It has the expected size. Its compression changes colours by less than the tolerance of the
+    comparison.
+    """
     with Image.open(DOCS / main.VIEWER) as picture:
         pixels = np.asarray(picture.convert("RGB"))
     assert pixels.shape == (HEIGHT, WIDTH, 3)
@@ -56,7 +63,10 @@ def test_the_viewers_picture_shows_every_curve() -> None:
 
 
 def test_a_photograph_is_of_the_bags_own_layout(bag, tmp_path, monkeypatch):
-    """Served as a page, asked for the colours that must be seen, and written as they were."""
+    """`photograph_viewer` serves a bag as a page, and writes the pixels of that page.
+
+    It passes the colours that must be visible to the browser, which is replaced here.
+    """
     pixels = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
 
     def photograph(address: str, colours: tuple[int, ...], settled: int) -> Pixels:
@@ -74,7 +84,7 @@ def test_a_photograph_is_of_the_bags_own_layout(bag, tmp_path, monkeypatch):
 @pytest.mark.long
 @pytest.mark.skipif(why_no_browser() is not None, reason=f"no browser: {why_no_browser()}")
 def test_the_viewer_is_photographed(bag: SmallBag, tmp_path: Path) -> None:
-    """A bag's own layout in Chromium, when it is loaded."""
+    """Chromium loads the page of a bag, and its photograph has the expected size."""
     screenshot.photograph_viewer(bag.path, tmp_path / "a.png")
     with Image.open(tmp_path / "a.png") as picture:
         assert picture.size == (WIDTH, HEIGHT)
@@ -82,7 +92,10 @@ def test_the_viewer_is_photographed(bag: SmallBag, tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_the_command_writes_all_but_what_needs_a_browser(bag, tmp_path, monkeypatch):
-    """Without one, the viewer's picture is left as it is, and this is said."""
+    """Without a browser `pictures` writes all pictures but that of the viewer.
+
+    The output reports that the picture of the viewer is left as it is.
+    """
     monkeypatch.setattr(pictures, "FRAMES", 6)
     monkeypatch.setattr("tools.docs.browser.why_no_browser", lambda: "none is installed")
     app = main.typer.Typer()
@@ -96,7 +109,7 @@ def test_the_command_writes_all_but_what_needs_a_browser(bag, tmp_path, monkeypa
 
 
 def test_the_cam_with_the_highest_jump_is_animated(archive, tmp_path, monkeypatch):
-    """Of the two, polynomial 3-4-5 at 700 rpm."""
+    """The cam with the largest gap in flight is animated, here poly345 at 700 rpm."""
     shown: list[str] = []
     monkeypatch.setattr(pictures, "animate", lambda _, turn, path: shown.append(turn.cam))
     monkeypatch.setattr(pictures, "side_by_side", lambda *_: None)
@@ -106,13 +119,16 @@ def test_the_cam_with_the_highest_jump_is_animated(archive, tmp_path, monkeypatc
 
 
 def test_a_speed_that_was_not_reached_is_an_error(archive: TurnArchive) -> None:
-    """The words say of which cam, and why it may be."""
+    """A speed without a whole turn raises BagError that names cam and speed."""
     with pytest.raises(BagError, match="no whole turn of 'poly345' at 500 rpm"):
         archive.turn("poly345", 500.0)
 
 
 def test_the_curves_are_the_turns(archive: TurnArchive) -> None:
-    """Lift of law and follower in mm and the force in N, over 0 to 360° of the turn."""
+    """The drawn curves are the lifts of law and follower in mm, and the force in N.
+
+    They extend from 0 to 360° of the turn.
+    """
     turn = archive.turn("poly345", 700.0)
     figure, (lift, force) = plt.subplots(2)
     stills.draw_curves(lift, force, archive.loaded, turn)
@@ -127,7 +143,7 @@ def test_the_curves_are_the_turns(archive: TurnArchive) -> None:
 
 
 def test_the_gap_is_drawn_in_flight_and_a_force_in_contact(archive: TurnArchive) -> None:
-    """In flight a red line as long as lift less law, in contact an arrow and no red line."""
+    """In flight a red line has the length of the gap. In contact an arrow replaces it."""
     turn = archive.turn("poly345", 700.0)
     gaps = gap(archive.loaded, turn)
     figure, axes = plt.subplots()
@@ -146,7 +162,7 @@ def test_the_gap_is_drawn_in_flight_and_a_force_in_contact(archive: TurnArchive)
 
 
 class FailingPage:
-    """Stands for a page that fails a few times before each picture, as on a loaded machine."""
+    """Stand-in for a browser page that fails a number of times before each screenshot."""
 
     url = "http://127.0.0.1/"
 
@@ -168,7 +184,7 @@ class FailingPage:
 
 @pytest.mark.parametrize("failures", [0, 1, 7])
 def test_a_failure_is_tried_again(failures: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Picture after picture comes, each whole."""
+    """`photographs` yields complete pictures although screenshots fail up to 7 times."""
     monkeypatch.setattr(browser, "PAUSE_S", 0.001)
     taken = photographs(FailingPage(failures), time.monotonic() + 30.0)  # type: ignore[arg-type]
     for _ in range(3):
@@ -176,12 +192,18 @@ def test_a_failure_is_tried_again(failures: int, monkeypatch: pytest.MonkeyPatch
 
 
 def test_trying_ends() -> None:
-    """A browser that never gives a picture is an error in the time given, with its own words."""
+    """If the browser never takes a picture, CamRigError is raised at the deadline.
+
+    The error contains the message of the browser.
+    """
     with pytest.raises(CamRigError, match=r"cannot take a picture .*Unable to capture screenshot"):
         next(photographs(FailingPage(10**9), time.monotonic() + 0.2))  # type: ignore[arg-type]
 
 
 def test_only_near_colours_are_counted() -> None:
-    """One of four pixels is within the limit in every channel."""
+    """`count` counts only pixels that are within the limit in each colour channel.
+
+    One of four pixels is.
+    """
     pixels = np.array([[[86, 180, 233], [86, 180, 200], [60, 180, 233], [0, 0, 0]]], np.uint8)
     assert count(pixels, 0x56B4E9FF) == 1

@@ -1,4 +1,4 @@
-"""The tutorials work: every command of a page runs, in order, and prints the numbers it shows."""
+"""Commands of a tutorial run in order and print the numbers that the page shows."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
 
 
 def follow(page: Path, within: float = 0.0) -> int:
-    """Do what a page says, in this folder; every number shown is printed. How many commands ran.
+    """Run the commands of a page after its files are written, and return their number.
 
-    ``within`` is the share by which a number may differ, and a decimal's last digit by one more,
-    where a search ends within a bound and its last steps depend on the processor's arithmetic.
+    Each number that the page shows must be printed by its command. ``within`` is the relative
+    tolerance of a number. With a tolerance, the last digit of a decimal may also differ by one.
+    It is needed for searches, whose last steps depend on the processor's arithmetic.
     """
     ran = 0
     for kind, name, content in steps(page):
@@ -54,7 +55,10 @@ def _apart(number: str, within: float) -> float:
 
 
 def steps(page: Path) -> Iterator[tuple[str, str, str]]:
-    """Files to write and commands to run, in the order of the page: kind, name, content."""
+    """Yield the files and commands of a page in order: kind, name or command, content.
+
+    The content of a command is the output that the page shows.
+    """
     for language, words, content in blocks(page):
         title = re.search(r'title="([^"]+)"', words)
         if title:
@@ -66,7 +70,10 @@ def steps(page: Path) -> Iterator[tuple[str, str, str]]:
 
 
 def run(command: str) -> str:
-    """What a command prints; a run of nodes in a process of its own, the others in this one."""
+    """Run a command that must succeed, and return its output.
+
+    `cam-rig run` runs in a separate process, and other commands in this process.
+    """
     program, *arguments = shlex.split(command)
     assert program == "cam-rig"
     if arguments[0] == "run":
@@ -88,7 +95,11 @@ PAGES = [("own_cam", 7, 0.0), ("campaign", 3, 0.0), ("design", 6, 1e-3), ("real_
 @pytest.mark.slow
 @pytest.mark.parametrize(("page", "least", "within"), PAGES)
 def test_every_command_of_the_page_runs(page, least, within, tmp_path, monkeypatch):
-    """In a folder with no more than the golden bag and, for real_run, the example's bench."""
+    """The commands of a tutorial run in a new folder and print the page's numbers.
+
+    The folder of real_run contains the golden bag and the bag of the example's bench. Other
+    folders are empty.
+    """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200" if page == "real_run" else "100")
     if page == "real_run":
@@ -105,7 +116,7 @@ LESSONS = sorted((DOCS / "course").glob("[1-9]*.md"))
 @pytest.mark.slow
 @pytest.mark.parametrize("lesson", LESSONS, ids=lambda page: page.stem)
 def test_every_command_of_a_lesson_runs(lesson, tmp_path, monkeypatch):
-    """In a folder with nothing in it; every number that the lesson shows is printed."""
+    """The commands of a lesson run in an empty folder and print the lesson's numbers."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "160")
     assert follow(lesson, 1e-3 if lesson.stem == "8_design" else 0.0) >= 1
@@ -113,13 +124,16 @@ def test_every_command_of_a_lesson_runs(lesson, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("lesson", LESSONS, ids=lambda page: page.stem)
 def test_a_lesson_in_spanish_has_the_same_commands(lesson):
-    """And files, and numbers shown: what runs in one runs in the other."""
+    """The Spanish edition of a lesson has the same commands, files and outputs."""
     assert blocks(lesson) == blocks(DOCS / "course" / "es" / lesson.name)
 
 
 @pytest.mark.parametrize("lesson", LESSONS, ids=lambda page: page.stem)
 def test_a_lesson_shows_a_picture_that_one_of_its_commands_makes(lesson):
-    """The same in both languages, made by ``make pictures``, small."""
+    """A lesson shows pictures of its commands, each smaller than 100 kB.
+
+    The Spanish edition shows the same pictures.
+    """
     shown = pictures(lesson)
     assert shown
     assert SHOWN.findall(text(DOCS / "course" / "es" / lesson.name)) == list(shown)
@@ -130,14 +144,14 @@ def test_a_lesson_shows_a_picture_that_one_of_its_commands_makes(lesson):
 @pytest.mark.ros
 @pytest.mark.slow
 def test_every_command_of_the_first_hour(tmp_path, ros_domain, monkeypatch):
-    """The nodes of its runs are alone in a domain of their own."""
+    """The commands of first_hour.md, runs of nodes included, print the page's numbers."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     assert follow(DOCS / "first_hour.md") >= 10
 
 
 def test_the_table_is_the_shipped_one():
-    """The readings of own_cam.md are those of config/cams, without their comment."""
+    """The readings in own_cam.md are those of the shipped file without its comments."""
     shown = next(text for _, words, text in blocks(DOCS / "own_cam.md") if "gl110.csv" in words)
     shipped = (ROOT / "config" / "cams" / "gunt_gl110_convex.csv").read_text(encoding="utf-8")
     lines = [line for line in shipped.splitlines() if not line.startswith("#")]

@@ -145,7 +145,7 @@ def double(value):
 
 @pytest.fixture
 def cache(monkeypatch, tmp_path):
-    """Return an empty folder for compiled code. `double` is not loaded."""
+    """Empty folder for compiled code. `double` is not loaded."""
     monkeypatch.setenv(VARIABLE, COMPILED)
     monkeypatch.setattr(backend, "_ready", {})
     monkeypatch.setattr(backend, "_cache_folder", lambda: tmp_path)
@@ -184,7 +184,10 @@ def test_damaged_code_is_compiled_again(cache, capsys, suffix, damage):
 
 @pytest.mark.parametrize("reason", ["missing", "disabled", "broken"])
 def test_plain_python_if_numba_does_not_work(cache, capsys, monkeypatch, reason):
-    """Without numba the result is the same. A failure is reported once, in one line."""
+    """Without numba, or if it fails, kernels run in plain Python with the same result.
+
+    A failure is reported once, in one line.
+    """
     if reason == "missing":
         monkeypatch.setattr(backend, "find_spec", lambda _: None)
     elif reason == "disabled":

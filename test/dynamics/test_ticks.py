@@ -126,7 +126,7 @@ def test_critical_damping_is_not_a_special_case(laws):
 
 
 def test_a_force_of_zero_at_the_start_of_a_phase(laws):
-    """A force of zero at the start of a phase does not give endless events."""
+    """A phase that starts with a force of zero does not cause endless events."""
     mass, share, stem, spring = 1.3, 0.3, 37085.62382270041, 0.039389330736387895
     for critical in (spring * mass, spring * mass * 0.7, (stem + spring) * mass * 0.7):
         damping, preload = 2.0 * np.sqrt(critical), 0.2726594001662999
@@ -154,7 +154,7 @@ def jumping(laws, p, cuts, rate=8000):
 
 @pytest.fixture(scope="module")
 def whole(laws, follower):
-    """Return four turns with flights on the 3-4-5 cam in one interval."""
+    """Run of four turns with flights on the 3-4-5 cam in one interval."""
     return jumping(laws, follower, [0, END])
 
 
@@ -174,7 +174,7 @@ def test_intervals_shorter_than_a_sample(laws, follower, whole):
     restitution=st.sampled_from([0.0, 0.5]),
 )
 def test_each_impulse_appears_once(laws, follower, inner, restitution):
-    """The impulse of each event is in a block or pending for the next block."""
+    """Each impulse of an event is in one block, or pending for the next block."""
     p, cuts = replace(follower, restitution=restitution), [0, *sorted(inner)]
     result = jumping(laws, p, [*cuts, 2 * TURN_NS], 1000)
     total = sum(event.impulse for event in result.events)

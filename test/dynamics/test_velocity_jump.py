@@ -49,7 +49,7 @@ def run(model, law, p, cuts, speed=SPEED, rate=8000, nudge=0.0):
 
 
 def test_an_impact_at_the_start_of_a_run(edge):
-    """A velocity jump at the start of a run is an impact on a follower at rest."""
+    """A run that starts at a velocity jump starts with an impact on the follower."""
     law = turned(edge, edge.breaks[1])
     for model, p, mass in (("one_mass", ONE, ONE.mass), ("two_mass", CALM, CALM.roller_mass)):
         rows, events, _ = run(model, law, p, [0, MS])
@@ -146,7 +146,10 @@ def test_many_turns_in_one_interval(stop):
 
 
 def test_velocity_jumps_of_a_law(edge, laws):
-    """A law reports joints and steps of its velocity jumps."""
+    """The velocity jumps of a law are its joints with the steps of the slope.
+
+    Of the shipped cams only that with constant velocity has any.
+    """
     assert edge.velocity_jumps == pytest.approx({1: STEP, 2: -STEP, 3: -STEP, 4: STEP})
     cornered = {name for name, law in laws.items() if law.velocity_jumps}
     assert cornered == {"worked_example_constant_velocity"}

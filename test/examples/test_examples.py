@@ -33,13 +33,13 @@ LEFT = {
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
-    """Run in a temporary folder, without a screen."""
+    """Working folder of the examples: temporary, without a screen."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(mpl.rcParams, "backend", "agg")
 
 
 def test_all_are_known():
-    """Every example is tested and listed in examples/README.md."""
+    """Each example is tested here and listed in examples/README.md."""
     assert set(LEFT) == set(SCRIPTS)
     listed = (EXAMPLES / "README.md").read_text(encoding="utf-8")
     assert all((EXAMPLES / name).is_file() for name in NODES)
@@ -60,7 +60,7 @@ def test_a_script_runs(name, tmp_path, capsys):
 @pytest.mark.ros
 @pytest.mark.usefixtures("forked")
 def test_a_node_stops_the_drive_at_lift_off(start_rig):
-    """The node stops the drive at the first speed of the scene with a loss of contact.
+    """The example node stops the drive at the first speed with a loss of contact.
 
     It does not import the package.
     """
@@ -99,7 +99,7 @@ def run_notebook(name):
 
 
 def test_the_notebook_runs(capsys):
-    """The notebook runs, and its pictures are last values of cells."""
+    """The notebook of one cam runs and gives its numbers and three figures."""
     values = run_notebook("one_cam.ipynb")
     assert sum(isinstance(value, Figure) for value in values) == 3
     assert values[0] == ("Polynomial 3-4-5", pytest.approx(0.05))
@@ -119,7 +119,7 @@ LESSONS = {
 
 @pytest.mark.parametrize("lesson", LESSONS)
 def test_the_notebook_of_a_lesson_runs(lesson):
-    """The values of the notebook are those of the lesson's answers."""
+    """The notebook of a lesson runs and gives the values of the lesson's answers."""
     pictures, shown = LESSONS[lesson]
     values = run_notebook(f"course_{lesson}.ipynb")
     assert sum(isinstance(value, Figure) for value in values) == pictures

@@ -20,7 +20,7 @@ SLICE = ROOT / "examples" / "least_preload"
 
 
 class Copy:
-    """Copy of the package that is edited. ``touched`` are the edited files."""
+    """Copy of the package that a recipe edits. ``touched`` are the edited files."""
 
     def __init__(self, folder):
         self.folder, self.touched = folder, set()
@@ -150,7 +150,7 @@ print(render("md", "A page", Made("a command"), {section: content}))
 
 @pytest.mark.long
 def test_a_goal_of_a_design_is_a_record_and_a_line(copy):
-    """A record adds the mean of s″² as a goal, and a line adds its bound."""
+    """A recipe of a record and a line adds the mean of s″² as a goal with a bound."""
     copy.insert("cam_rig/quantities/catalogue.py", '    _at_speed("shaft_torque"', GOAL)
     copy.insert(
         "cam_rig/studies/design/rows.py",

@@ -1,4 +1,4 @@
-"""Tests of invalid arguments of `import cam_rig`: one line that names the argument."""
+"""Tests of invalid arguments of `import cam_rig`: one line with the argument."""
 
 import math
 from functools import partial
@@ -23,7 +23,10 @@ GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 
 
 def test_error_of_an_invalid_argument():
-    """It has name, value, type, the allowed values and the function that returns them."""
+    """The error of an invalid argument has its name, its value and the allowed values.
+
+    If a function returns such values, the error names it.
+    """
     jump, simulate = partial(cam_rig.jump_speed, LAW, RIG), partial(cam_rig.simulate, LAW, RIG)
     fit = partial(cam_rig.fit_rig, "jumps.csv", "poly345")
     law = "allowed: a Law, of build_law"
@@ -66,11 +69,13 @@ def test_error_of_an_invalid_argument():
 
 
 def test_numpy_numbers_are_accepted():
+    """Functions accept NumPy numbers in place of Python numbers."""
     speed, turns = np.arange(300, 500, 50)[1], np.int64(2)
     assert cam_rig.simulate(LAW, RIG, rpm=speed, turns=turns).rpm == 350.0
 
 
 def test_wrong_names_and_numbers_of_arguments():
+    """An unknown or missing argument raises TypeError with its name."""
     with pytest.raises(TypeError, match="speed"):
         cam_rig.simulate(LAW, RIG, speed=450)
     with pytest.raises(TypeError, match="rig"):
@@ -78,7 +83,10 @@ def test_wrong_names_and_numbers_of_arguments():
 
 
 def test_level_is_calibrated_only_for_the_measured_rig():
-    """It is not calibrated for another follower, or if the cam would have to pull the follower."""
+    """A level is marked as calibrated only for the rig that was measured.
+
+    It is not for another follower, or if the cam would have to pull the follower.
+    """
     rig = cam_rig.load_rig("tm21")
     assert cam_rig.sound_level(cam_rig.simulate(LAW, rig, rpm=300)).calibrated
     lighter = rig.with_follower(mass=1.0, preload=100.0)
@@ -103,7 +111,7 @@ LONG = {"noise_study": ["cam_rig.studies.noise.study.study_noise"]}
 
 @pytest.fixture(scope="module")
 def valid_arguments(tmp_path_factory):
-    """Return valid arguments of every function, with a short computation, including defaults."""
+    """Valid arguments of each function, including defaults, for a short computation."""
     folder, angle = tmp_path_factory.mktemp("measured"), np.arange(0.0, 360.0, 5.0)
     lifts = np.column_stack([angle, 1e3 * LAW(np.radians(angle))])
     head = "angle [deg],lift [mm]"
@@ -176,6 +184,7 @@ def check_error_is_one_line(function, arguments):
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("name", ["Law", *FUNCTIONS])
 def test_functions_raise_only_errors_of_cam_rig(valid_arguments, name, monkeypatch, tmp_path):
+    """Each function accepts an invalid argument or raises a CamRigError of one line."""
     here = tmp_path / "a" / "b"  # some of the invalid values are writable paths
     here.mkdir(parents=True)
     monkeypatch.chdir(here)
@@ -197,7 +206,10 @@ def array_parameters(name):
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_empty_lists_and_matrices_are_refused(valid_arguments, name):
-    """An empty list of cams is not the default, and an array with two axes is not flattened."""
+    """Empty lists and arrays with two axes raise ConfigError with the argument's name.
+
+    An empty list of cams does not mean the default.
+    """
     function, arguments = getattr(cam_rig, name), valid_arguments[name]
     for argument in array_parameters(name):
         for value in ([], np.array([]), np.array([[300.0, 350.0]]), np.full((2, 1), 0.3)):
@@ -211,7 +223,10 @@ def test_empty_lists_and_matrices_are_refused(valid_arguments, name):
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_wrong_type_is_a_type_error_and_nan_a_value_error(valid_arguments, name):
-    """Each error is also a CamRigError, for every argument."""
+    """An argument of a wrong type raises TypeError, and NaN raises ValueError.
+
+    Both are also CamRigErrors.
+    """
     function, arguments = getattr(cam_rig, name), valid_arguments[name]
     for argument, value in arguments.items():
         with pytest.raises(TypeError) as refused:
@@ -224,7 +239,10 @@ def test_wrong_type_is_a_type_error_and_nan_a_value_error(valid_arguments, name)
 
 @pytest.mark.parametrize("make", [cam_rig.Cam, cam_rig.Rig])
 def test_invalid_arguments_of_cam_and_rig(make, tmp_path, monkeypatch):
-    """The constructors, replace(), save() and the linear model raise only errors of cam_rig."""
+    """Methods of Cam and Rig raise only CamRigErrors of one line.
+
+    The methods are the constructors, replace(), save() and those of the linear model.
+    """
     monkeypatch.chdir(tmp_path)
     base = CAM if make is cam_rig.Cam else RIG
     sections = dict(base)
@@ -246,6 +264,7 @@ def test_invalid_arguments_of_cam_and_rig(make, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.long)])
 def test_invalid_arguments_of_methods_of_results(every, monkeypatch, tmp_path):
+    """Methods of results raise only CamRigErrors of one line for invalid arguments."""
     monkeypatch.chdir(tmp_path)
     run = cam_rig.read_bag(GOLDEN)
     shape = cam_rig.contour(CAM, 36)

@@ -1,4 +1,4 @@
-"""Tests of ``import cam_rig``: public names, import time, and agreement with the commands."""
+"""Tests of ``import cam_rig``: public names, import time, and commands."""
 
 import doctest
 import inspect
@@ -39,6 +39,7 @@ def test_every_public_function_has_an_example():
 
 
 def test_import_does_not_import_libraries():
+    """`import cam_rig` imports neither NumPy nor SciPy nor pydantic."""
     code = "import sys, cam_rig; print(sorted({'numpy', 'scipy', 'pydantic'} & set(sys.modules)))"
     assert ended(sys.executable, "-c", code).stdout.strip() == "[]"
 
@@ -57,6 +58,7 @@ def formatter(*known):
 
 @pytest.mark.parametrize("known", [(), (Figure,)])
 def test_notebook_displays_figures(monkeypatch, known):
+    """In a notebook figures are displayed as PNG, unless a printer is set already."""
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     motion = cam_rig.simulate(law, cam_rig.load_rig("tm21"), rpm=60, turns=1, sample_rate=1000)
     figure, made = motion.plot(), {"image/png": formatter(), "image/svg+xml": formatter(*known)}
@@ -96,6 +98,7 @@ def test_with_follower_does_not_change_the_rig(rig):
 
 
 def test_contour_has_the_requested_number_of_read_only_points():
+    """`contour` returns the requested number of points in read-only arrays."""
     shape = cam_rig.contour(cam_rig.load_cam("poly345"), points=90)
     assert shape.x.size == shape.y.size == 90
     assert shape.to_pandas()["x"].tolist() == shape.x.tolist()
@@ -104,6 +107,7 @@ def test_contour_has_the_requested_number_of_read_only_points():
 
 
 def test_conjugate_cam_has_two_contours(figures):
+    """The contour of a conjugate cam has two discs, also in its table and figure."""
     shape = cam_rig.contour(cam_rig.load_cam("conjugate"), points=360)
     assert len(shape.discs) == 2
     assert shape.to_pandas()["disc"].nunique() == 2
@@ -114,6 +118,7 @@ def test_conjugate_cam_has_two_contours(figures):
 
 
 def test_bag_and_scene_give_the_same_run(figures):
+    """A run that is read from a bag has the table and samples of its simulated scene."""
     recording = cam_rig.read_bag(GOLDEN)
     computed = cam_rig.run_scene(recording.loaded)
     assert recording.complete and computed.complete
@@ -203,6 +208,7 @@ def named_in_help(verb):
 
 
 def test_every_command_is_known():
+    """A command that computes no result names no function in its help."""
     assert set(VERBS) >= NO_COMPUTATION
     for verb in NO_COMPUTATION:
         assert "In Python" not in VERBS[verb].help
@@ -210,9 +216,10 @@ def test_every_command_is_known():
 
 @pytest.mark.parametrize("verb", COMPUTING)
 def test_command_names_its_function_whose_parameters_are_its_options(verb):
-    """An error of an option is therefore correct for the parameter in Python.
+    """The function in the help of a command has the options as parameters.
 
-    The arguments in the help are parameters of the function. Its docstring names the command.
+    Thus an error of an option is correct for the parameter in Python. The docstring of the
+    function names the command.
     """
     function = getattr(cam_rig, named_in_help(verb))
     assert f"cam-rig {verb}" in function.__doc__
@@ -240,7 +247,7 @@ def test_command_names_its_function_whose_parameters_are_its_options(verb):
 
 
 def test_every_function_belongs_to_a_command_or_is_a_part():
-    """Each command that computes names such a function."""
+    """Each public function is named by a command, or is listed in `PARTS`."""
     assert {named_in_help(verb) for verb in COMPUTING} == set(cam_rig.__all__) - PARTS
 
 
@@ -286,7 +293,10 @@ cam_rig.simulat
 @pytest.mark.long
 @pytest.mark.slow
 def test_mypy_reports_every_type_and_every_mistake(tmp_path):
-    """mypy --strict runs in another folder with the package of `make setup`. No type is Any."""
+    """mypy --strict reveals the expected types of a user's script, and its mistakes.
+
+    No type is Any.
+    """
     file = tmp_path / "own.py"
     file.write_text(SCRIPT + WRONG, encoding="utf-8")
     options = ["--strict", "--follow-imports=silent", "--config-file", "/dev/null"]
@@ -305,7 +315,7 @@ def test_mypy_reports_every_type_and_every_mistake(tmp_path):
 
 
 def test_package_is_typed():
-    """The imports for type checkers contain every public name."""
+    """The package is marked as typed, and type checkers see each public name."""
     root = Path(cam_rig.__file__).parent
     assert (root / "py.typed").is_file()
     text = (root / "__init__.py").read_text(encoding="utf-8")

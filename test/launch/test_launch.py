@@ -50,19 +50,22 @@ class FakeModule(ModuleType):
 
 @pytest.fixture
 def load(monkeypatch):
-    """Return a function that returns the actions of a launch file."""
+    """Function that returns the actions of a launch file."""
     for module in MODULES.split():
         monkeypatch.setitem(sys.modules, module, FakeModule(module))
     return lambda name: runpy.run_path(str(LAUNCH / name))["generate_launch_description"]().given[0]
 
 
 def of(actions, kind):
-    """Return the actions of a class, by its name."""
+    """Return the actions of a class in a list, by the name of the class."""
     return [action for action in actions if type(action).__name__ == kind]
 
 
 def launch_nodes(actions, **given):
-    """Return the arguments of the nodes by executable, launched with these launch arguments."""
+    """Return the arguments of the launched nodes by executable.
+
+    `given` are the launch arguments.
+    """
     defaults = {
         action.given[0]: action.named["default_value"]
         for action in of(actions, "DeclareLaunchArgument")
@@ -73,7 +76,10 @@ def launch_nodes(actions, **given):
 
 
 def test_launch_starts_the_nodes_of_the_runner_in_order(load):
-    """The nodes declare all parameters, which include those of the runner."""
+    """rig.launch.py starts the nodes of the runner in its order.
+
+    Each node declares all parameters that it gets, and gets those that the runner sets.
+    """
     actions = load("rig.launch.py")
     declared = (action.given[0] for action in of(actions, "DeclareLaunchArgument"))
     nodes = launch_nodes(actions, **dict.fromkeys(declared, "true") | {"params_file": __file__})
@@ -88,7 +94,10 @@ def test_launch_starts_the_nodes_of_the_runner_in_order(load):
 
 
 def test_launch_arguments_have_priority_over_the_parameter_file(load):
-    """The file comes first, followed only by the launch arguments that are given."""
+    """A launch argument has priority over the parameter file of the launch.
+
+    Only arguments that the user has given are passed on after the file.
+    """
     nodes = launch_nodes(load("rig.launch.py"), params_file=__file__, scene="quick")
     for name, node in nodes.items():
         file, given = node["parameters"]
@@ -102,14 +111,14 @@ def test_launch_arguments_have_priority_over_the_parameter_file(load):
 
 
 def test_every_argument_is_described(load):
-    """`ros2 launch --show-args` lists the descriptions."""
+    """Each launch argument has a description, which `--show-args` lists."""
     actions = of(load("rig.launch.py"), "DeclareLaunchArgument")
     assert {"params_file", "namespace", "use_sim_time"} <= {action.given[0] for action in actions}
     assert all(len(action.named["description"]) > 15 for action in actions)
 
 
 def test_end_of_a_node_ends_the_launch(load):
-    """After a failure the handler raises an exception that names the node, which gives code 1."""
+    """The end of a node ends the launch, with an error that names it after a failure."""
     on_exit = launch_nodes(load("rig.launch.py"))["recorder"]["on_exit"]
 
     def end(code):
@@ -123,14 +132,20 @@ def test_end_of_a_node_ends_the_launch(load):
 
 
 def test_missing_parameter_file_is_an_error(load, tmp_path):
-    """launch_ros would only warn, and start the nodes with their defaults."""
+    """A parameter file that does not exist is an error.
+
+    launch_ros would only warn, and start the nodes with their defaults.
+    """
     for file in ("none.yaml", str(tmp_path)):
         with pytest.raises(RuntimeError, match="params_file must be an existing file"):
             launch_nodes(load("rig.launch.py"), params_file=file)
 
 
 def test_profiles_restrict_sockets_unless_the_subnet_is_allowed(load):
-    """The two profiles exist, and each is set under its condition."""
+    """The launch sets the loopback or subnet profile of Fast DDS, under a condition.
+
+    Both profiles exist.
+    """
     variables = of(load("rig.launch.py"), "SetEnvironmentVariable")
     profiles = {v.given[1].given[0][-1] for v in variables if "FASTDDS" in v.given[0]}
     assert profiles == {"fastdds_loopback.xml", "fastdds_subnet.xml"}
@@ -139,7 +154,10 @@ def test_profiles_restrict_sockets_unless_the_subnet_is_allowed(load):
 
 
 def test_run_continues_without_its_viewer(load):
-    """The viewer is the only optional node, and its end is reported in one line."""
+    """The end of the viewer does not end the launch, and is reported in one line.
+
+    The viewer is the only optional node.
+    """
     nodes = launch_nodes(load("rig.launch.py"))
     event = SimpleNamespace(process_name="viewer-2", returncode=1)
     handlers = {True: "shut_down", False: "report_exit"}
@@ -151,7 +169,10 @@ def test_run_continues_without_its_viewer(load):
 
 @pytest.mark.parametrize("namespace", ["", "rig1"])
 def test_robot_state_publisher_has_the_robot_of_the_scene(load, namespace):
-    """Its URDF is that of `cam-rig urdf`, its queue has room for a tick, and it uses rig time."""
+    """robot.launch.py starts robot_state_publisher with the URDF of the scene.
+
+    Its queue has room for a tick, and it uses rig time. A namespace applies to its topics.
+    """
     actions = load("robot.launch.py")
     node = launch_nodes(actions, scene="quick", namespace=namespace)["robot_state_publisher"]
     (parameters,) = node["parameters"]
@@ -168,7 +189,7 @@ def test_robot_state_publisher_has_the_robot_of_the_scene(load, namespace):
 
 
 def test_rviz_opens_the_shipped_layout(load):
-    """The layout exists. RViz uses rig time, and starts only if rviz is true."""
+    """RViz opens the shipped layout in rig time, and starts only if rviz is true."""
     rviz = launch_nodes(load("robot.launch.py"), namespace="/rig1")["rviz2"]
     flag, layout = rviz["arguments"]
     assert flag == "-d"
@@ -183,6 +204,6 @@ def test_rviz_opens_the_shipped_layout(load):
 
 
 def test_the_sweep_includes_the_rig(load):
-    """tm21_sweep.launch.py is rig.launch.py with its default scene."""
+    """tm21_sweep.launch.py includes rig.launch.py."""
     (include,) = load("tm21_sweep.launch.py")
     assert "rig.launch.py" in include.given[0].given[0].given[0]

@@ -40,7 +40,7 @@ def law_of(chain, follower):
 
 
 def test_blends_touch_their_neighbours():
-    """Blends have the requested radius and touch both neighbours.
+    """A blend has the requested radius and touches both neighbouring arcs.
 
     The sign of the radius turns the normal, and equal blends are mirror images.
     """
@@ -57,7 +57,7 @@ def test_blends_touch_their_neighbours():
 
 
 def test_impossible_contours_are_refused():
-    """The error names the arc, the number, the limit and the remedy."""
+    """Arcs that do not form a closed contour raise LawError with arc and limit."""
     inner, line = Circle(0.001 + 0j, 0.012), Blend(None)
     for specs, message in (
         ([BASE_CIRCLE, Blend(0.029), NOSE_CIRCLE, line], r"\[1\]: radius 29 mm is too .* 30 mm"),
@@ -80,7 +80,7 @@ def test_impossible_contours_are_refused():
 
 
 def contour(chain, points=20_001):
-    """Return points y + ix of the parts, computed from the arcs alone."""
+    """Return points y + ix of the contour, computed from its arcs alone."""
     curves = []
     for i, part in enumerate(chain.parts):
         start, stop = chain.normals[i - 1], chain.normals[i]
@@ -98,9 +98,9 @@ def contour(chain, points=20_001):
 
 @pytest.mark.parametrize(("flank", "kind"), CASES)
 def test_follower_on_the_finished_contour_is_at_s(flank, kind):
-    """A follower that is placed on the arcs of the turned cam is at s(θ).
+    """A follower placed on the arcs of the turned cam is at the lift s(θ) of the law.
 
-    The class is C1, as in fig. 1 of the paper.
+    The law is C1, as in fig. 1 of the paper.
     """
     chain, follower = chain_of(FLANKS[flank]), FOLLOWERS[kind]
     law, points = law_of(chain, follower), contour(chain)
@@ -123,9 +123,10 @@ def test_follower_on_the_finished_contour_is_at_s(flank, kind):
 
 
 def test_contours_that_a_follower_cannot_follow_are_refused():
-    """Flat faces on concave arcs and large rollers are refused.
+    """Arcs that a follower cannot follow raise LawError.
 
-    So are overhangs and arcs in the reverse order.
+    These are concave arcs under a flat face or a large roller, overhangs, and arcs in the
+    reverse order.
     """
     for flank in ("straight", "concave"):
         with pytest.raises(LawError, match=rf"arcs\[1\]: is {flank}, which a flat face bridges"):
@@ -140,7 +141,10 @@ def test_contours_that_a_follower_cannot_follow_are_refused():
 
 
 def test_only_some_followers_are_allowed_on_arcs():
-    """Rollers and points must be on the centre line. A flat face may be eccentric."""
+    """Only guided rollers, points and flat faces are allowed on a cam of arcs.
+
+    Rollers and points must be on the centre line. A flat face may be eccentric.
+    """
 
     def ride(**follower):
         follower = SimpleNamespace(roller=0.0, **follower)
@@ -159,7 +163,10 @@ def test_only_some_followers_are_allowed_on_arcs():
 
 
 def test_shipped_pitch_curve_lies_on_its_arcs(cams, laws):
-    """The roller's centre is one roller radius off the circles, from +y towards +x."""
+    """The pitch curve of a shipped cam of arcs is one roller radius off its circles.
+
+    It turns from +y towards +x.
+    """
     law, follower = laws["arcs_centres"], cams["arcs_centres"].follower
     angle = np.linspace(0.0, TURN, 721)
     pitch = follower.base_radius.si + follower.roller + law(angle)
@@ -173,10 +180,7 @@ def test_shipped_pitch_curve_lies_on_its_arcs(cams, laws):
 
 
 def test_invalid_radii_and_lifts_are_refused(make_cam):
-    """A large nose, a small flank and arcs of another lift are refused.
-
-    So is a nose that no arc joins.
-    """
+    """Radii or lifts that no arcs can join raise LawError with the limit."""
     radii = {"law": "arcs_by_radii", "span": 360, "flank": "convex"}
     for flank, nose, message in (
         (0.2, 0.05, r"nose_radius: is 50 mm; allowed: below 45 mm"),
@@ -216,7 +220,7 @@ def arc_law(make_cam):
 
 
 def test_tangent_arcs_have_the_law_of_their_circles(geometry, arc_law):
-    """Flank and nose form a closed contour, and its law is that of the segment."""
+    """The law of a segment of tangent arcs is that of the contour of its circles."""
     flank, nose = (
         Circle(-cmath.rect(arc.distance, arc.direction), arc.radius * (-1.0) ** arc.concave)
         for arc in geometry.arcs()
@@ -233,7 +237,7 @@ def test_tangent_arcs_have_the_law_of_their_circles(geometry, arc_law):
 
 
 def test_acceleration_jumps_at_joints_and_the_fall_mirrors_the_rise(geometry, arc_law):
-    """r' is continuous and r'' jumps by R_b(R_b + ρ)/ρ at the base circle.
+    """At the base circle r'' of tangent arcs jumps by R_b(R_b + ρ)/ρ, and r' does not.
 
     The fall mirrors the rise bit for bit.
     """

@@ -43,9 +43,10 @@ def close(result, expected, tolerance=ROUNDING):
 
 @pytest.mark.parametrize("degree", DEGREES)
 def test_operations_on_ordinates_agree_with_the_definition(degree):
-    """Values, elevations, derivatives and integrals agree with the definition.
+    """Values, elevations, derivatives and integrals of ordinates are exact.
 
-    The basis is a partition of unity without negative values.
+    They agree with the definition in 40 digits. The basis is a partition of unity without
+    negative values.
     """
     values, b = bernstein.basis(degree, POINTS), ordinates(degree)
     close(values.sum(axis=1), 1.0)
@@ -63,7 +64,7 @@ def test_operations_on_ordinates_agree_with_the_definition(degree):
 
 @pytest.mark.parametrize("degree", DEGREES)
 def test_split_and_restrict_keep_the_polynomial(degree):
-    """The halves of a split are the polynomial on either side, and they meet."""
+    """Both parts of a split, and a restriction, are the polynomial on their intervals."""
     b = ordinates(degree)
     for u in (0.25, 0.5, 0.9):
         left, right = bernstein.split(b, u)
@@ -76,6 +77,7 @@ def test_split_and_restrict_keep_the_polynomial(degree):
 
 
 def test_shared_tables_are_frozen():
+    """Tables that calls share cannot be changed."""
     for table in (bernstein.binomials(7), bernstein.elevation_matrix(3, 5)):
         with pytest.raises(ValueError, match="read-only"):
             table[0] = 2.0
@@ -98,7 +100,7 @@ def rising(number):
 
 
 def test_a_single_root_agrees_with_brent():
-    """A single root agrees with scipy's Brent."""
+    """The single root of a rising polynomial agrees with that of scipy's Brent."""
     count = 0
     for b in rising(500):
         if b[0] * b[-1] < 0.0:
@@ -141,7 +143,10 @@ def test_all_roots_are_found_in_order():
 
 
 def test_touching_zeros_and_ends_are_not_crossings():
-    """Touching zero, a zero polynomial and roots at 0 or 1 are not crossings."""
+    """A zero that is touched, or at 0 or 1, is not a crossing.
+
+    A zero polynomial has no crossing.
+    """
     for root in (0.25, 0.5):
         assert crossings(from_roots(root, root)) == []
         assert crossings(from_roots(root, root, factor=-3.0)) == []
@@ -151,7 +156,10 @@ def test_touching_zeros_and_ends_are_not_crossings():
 
 
 def test_negative_intervals():
-    """u(u − 0.2)(u − 0.7) is negative between its roots."""
+    """The negative intervals of a polynomial lie between its roots.
+
+    u(u − 0.2)(u − 0.7) is negative between its last two roots.
+    """
     (interval,) = bernstein.negative_intervals(from_roots(0.0, 0.2, 0.7))
     assert interval == pytest.approx((0.2, 0.7), abs=1e-14)
     assert bernstein.negative_intervals(np.array([-1.0, -2.0])) == [(0.0, 1.0)]
@@ -168,9 +176,10 @@ ordinate_lists = st.lists(
 @settings(max_examples=3 * settings.default.max_examples)
 @given(ordinate_lists)
 def test_every_change_of_sign_is_found(numbers):
-    """The number of crossings is odd iff the sign differs.
+    """Every change of sign of a polynomial is found as a crossing.
 
-    It agrees with the sign changes of the ordinates up to pairs (Descartes).
+    The number of crossings is odd if and only if the signs of both ends differ. It agrees with
+    the sign changes of the ordinates up to pairs (Descartes).
     """
     b = np.array(numbers)
     values = evaluate(b, DENSE)
@@ -196,7 +205,7 @@ def values(size):
 @FEW
 @given(st.integers(1, 60), st.data())
 def test_composition_is_accurate(degree, data):
-    """f(u(τ)) is accurate to rounding of the largest ordinate at every degree."""
+    """The composition f(u(τ)) is accurate to rounding of its largest ordinate."""
     outer = data.draw(values(degree + 1))
     inner = np.sort(data.draw(values(3))) / 2.0 + 0.5
     got = compose(outer[:, None], inner)
@@ -211,6 +220,7 @@ def test_composition_is_accurate(degree, data):
 @FEW
 @given(st.integers(0, 4), st.integers(0, 40), st.data())
 def test_product_is_accurate(low, high, data):
+    """The ordinates of a product are accurate to rounding."""
     first, second = data.draw(values(low + 1)), data.draw(values(high + 1))
     got = product(first, second[:, None])
     assert got.shape == (low + high + 1, 1)

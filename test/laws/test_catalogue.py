@@ -40,7 +40,7 @@ def test_every_rise_is_in_one_family():
 
 
 def test_curves_of_a_rise_have_its_slopes_and_peaks():
-    """Curves run from 0 to 1 and have the slopes and peaks of the rise.
+    """The curves of a rise run from 0 to 1 with its slopes and peaks.
 
     By Simpson's rule each curve is the integral of the next one.
     """
@@ -67,7 +67,7 @@ def test_curves_of_a_rise_have_its_slopes_and_peaks():
 
 
 def test_curves_of_a_cam_are_its_law(laws):
-    """Off the joints the curves are the derivatives of the law.
+    """The curves of a cam are the derivatives of its law, except at the joints.
 
     s'' of a constant-velocity cam is infinite at four angles.
     """
@@ -88,6 +88,7 @@ def test_curves_of_a_cam_are_its_law(laws):
 
 
 def test_cams_of_several_units_are_drawn_in_mm(cams):
+    """Cams of one unit are drawn in this unit, and cams of several units in mm."""
     inch, metre = cams["worked_example_quintic"], cams["poly345"]
     assert catalogue.common_unit([inch, inch]) == ("in", 0.0254)
     assert catalogue.common_unit([inch, metre]) == ("mm", 1e-3)
@@ -97,7 +98,10 @@ def test_cams_of_several_units_are_drawn_in_mm(cams):
 
 
 def test_a_figure_of_all_families_has_every_rise_once():
-    """Equal rises are one curve: 3-4-5 and Bézier 5, 4-5-6-7 and Bézier 7."""
+    """A figure of all families has one curve for each different rise.
+
+    Equal rises are one curve: 3-4-5 and Bézier 5, 4-5-6-7 and Bézier 7.
+    """
     figure = rises_figure(catalogue.rise_families().values())
     assert len(figure.axes) == len(catalogue.ORDERS) * len(catalogue.rise_families())
     legends = filter(None, (axes.get_legend() for axes in figure.axes))
@@ -123,7 +127,7 @@ def test_the_lines_of_a_rise_are_its_derivatives_in_its_own_style():
 
 
 def test_cams_are_drawn_in_mm(cams, laws):
-    """The panels are s to s''' over the turn, with an arrow at each velocity jump."""
+    """The figure of a cam has s to s''' in mm, with an arrow at each velocity jump."""
     names = ("worked_example_quintic", "worked_example_constant_velocity")
     figure = cams_figure([(cams[name], laws[name]) for name in names])
     labels = [axes.get_ylabel().partition("[")[2] for axes in figure.axes]
@@ -142,9 +146,9 @@ def bezier(span, *ordinates):
 
 
 def test_segments_continue_from_the_level_before_them(make_cam):
-    """A dwell stays at the level of the rise before it, and the turn closes.
+    """Each segment of a cam starts at the level at which the previous one ends.
 
-    Levels are fractions of the lift.
+    The turn closes. Levels are fractions of the lift.
     """
     law = build_law(make_cam(rise(90, 0.25), dwell(90), rise(90, 1), rise(90, 0), lift=0.2))
     assert law(np.radians([135.0, 270.0])) == pytest.approx([0.05, 0.2], rel=1e-15)
@@ -159,7 +163,7 @@ def test_segments_continue_from_the_level_before_them(make_cam):
 
 
 def test_a_law_without_the_lift_of_its_file_is_refused(make_cam):
-    """The error names both lifts and the level at which the first segment starts.
+    """A cam whose law has another lift than its file is refused with both lifts.
 
     The reason is a missing fall, or a fall that ends half-way.
     """
@@ -176,7 +180,7 @@ def test_a_law_without_the_lift_of_its_file_is_refused(make_cam):
 
 
 def test_joints_are_at_the_sums_of_the_spans(make_cam):
-    """Joints are at the sums of the spans, the last one at exactly 2π.
+    """The joints of a law are at the sums of the spans, the last one at exactly 2π.
 
     All pieces have the same degree.
     """
@@ -191,7 +195,7 @@ def test_joints_are_at_the_sums_of_the_spans(make_cam):
 
 
 def test_a_step_is_refused(make_cam):
-    """The error names the cam, the segment and the height of the step."""
+    """A law with a step is refused with the cam, the segment and the height."""
     arcs = {"law": "tangent_arcs", "span": 180, "nose_span": 130}
     for segments, message in (
         ([dwell(180), bezier(180, 0.5, 0, 0)], r"segments\[1\]"),
@@ -203,7 +207,7 @@ def test_a_step_is_refused(make_cam):
 
 
 def test_lift_is_the_largest_displacement(cams, laws):
-    """The lift is that of the file, for a table that of its points.
+    """The lift of a law is that of the file, for a table that of its points.
 
     Bézier 15 exceeds it by 0.896 %.
     """
@@ -217,7 +221,7 @@ def test_lift_is_the_largest_displacement(cams, laws):
 
 
 def test_conversion_to_scipy_and_back_is_exact(laws):
-    """Ordinates and breakpoints are equal bit for bit.
+    """A law that is converted to scipy and back has equal ordinates, bit for bit.
 
     Values are equal to rounding, also beyond the turn.
     """
@@ -234,7 +238,7 @@ def test_conversion_to_scipy_and_back_is_exact(laws):
 
 
 def test_the_derivative_is_a_law(laws):
-    """Derivatives of every order agree with the law and with scipy."""
+    """The derivative of a law is a law that agrees with scipy."""
     angle = np.linspace(0.0, 6.28, 400)
     for law in laws.values():
         for order in (1, 2, 3):
@@ -247,6 +251,7 @@ def test_the_derivative_is_a_law(laws):
 
 
 def test_invalid_scipy_polynomials_are_refused():
+    """A scipy polynomial that is not a law of one turn is refused."""
     turn = [0.0, np.pi, 2.0 * np.pi]
     with pytest.raises(TypeError, match=r"bpoly: is .* allowed: a scipy.interpolate.BPoly"):
         cam_rig.Law.from_bpoly([[0.0]])

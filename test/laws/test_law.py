@@ -38,7 +38,10 @@ def size(law, order):
 
 
 def test_laws_are_periodic_and_symmetric(followable_laws):
-    """s(θ + 2π) = s(θ) and s(−θ) = s(θ), to rounding of the angle times the slope."""
+    """A law has s(θ + 2π) = s(θ), and a symmetric law s(−θ) = s(θ).
+
+    The tolerance is the rounding of the angle times the slope.
+    """
     for name, law in followable_laws.items():
         tolerance = 50.0 * EPS * (size(law, 0) + TURN * size(law, 1))
         np.testing.assert_allclose(law(ANGLES + TURN), law(ANGLES), rtol=0, atol=tolerance)
@@ -68,7 +71,7 @@ def test_shipped_laws_have_the_class_of_their_family(laws):
 
 
 def test_extremes_bound_all_samples_and_are_reached(followable_laws):
-    """The extremes bound 20 000 samples, and the law has their values at their angles."""
+    """The extremes of a law bound 20 000 samples and are reached at their angles."""
     angles, offsets = np.linspace(0.0, TURN, 20_001), np.array([-1e-9, 0.0, 1e-9])
     for law in followable_laws.values():
         for order in range(4):
@@ -94,7 +97,7 @@ def test_arrays_are_frozen_copies():
 
 
 def test_invalid_arrays_angles_and_orders_are_refused(laws):
-    """The error names the law and the index of the number.
+    """Invalid arrays, angles and orders raise an error with the law and the index.
 
     No NaN is accepted, and numpy does not warn.
     """
@@ -127,7 +130,10 @@ def test_invalid_arrays_angles_and_orders_are_refused(laws):
 
 
 def test_a_jump_of_one_derivative_is_found(laws):
-    """t^r/r! at a joint jumps by 1 in the r-th derivative, and a split is smooth."""
+    """The continuity of a joint is that of its lowest derivative that jumps.
+
+    t^r/r! at a joint jumps by 1 in the r-th derivative, and a split is smooth.
+    """
     breaks, degree = np.array([0.0, np.pi, TURN]), 6
     for order in range(5):
         powers = np.zeros((degree + 1, 2))
@@ -142,7 +148,7 @@ def test_a_jump_of_one_derivative_is_found(laws):
 
 
 def test_a_sharp_piece_hides_no_joint_of_another(make_cam):
-    """A rise over 1° does not change the class of other joints.
+    """A rise over 1° does not change the continuity class of other joints.
 
     Its derivatives are a million times those of the others.
     """
@@ -159,7 +165,10 @@ def test_a_sharp_piece_hides_no_joint_of_another(make_cam):
 
 
 def test_the_turns_end_joins_its_start(make_cam):
-    """At θ = 0 the last piece meets the first, and the slope jumps in m/rad."""
+    """The joint at θ = 0 is between the last and the first piece.
+
+    Its jump of slope is in m/rad.
+    """
     law = build_law(make_cam({"law": "bezier", "span": 360, "ordinates": [0, 2, 0]}))
     (joint,) = joints(law)
     assert (joint.angle, joint.continuity) == (0.0, 0)

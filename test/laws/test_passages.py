@@ -13,7 +13,10 @@ from ..conftest import rise
 
 
 def test_passages_of_simple_harmonic_have_a_closed_form(make_cam):
-    """(1 − cos πu)/2 passes p at u = arccos(1 − 2p)/π, and the fall mirrors the rise."""
+    """The passages of simple harmonic motion are those of a closed form.
+
+    (1 − cos πu)/2 passes p at u = arccos(1 − 2p)/π, and the fall mirrors the rise.
+    """
     cam = make_cam(rise(180, 1, "simple_harmonic"), rise(180, 0, "simple_harmonic"))
     result = passages(build_law(cam), cam.lift.si)
     up = np.arccos(1.0 - 2.0 * np.array(LEVELS))
@@ -23,9 +26,9 @@ def test_passages_of_simple_harmonic_have_a_closed_form(make_cam):
 
 @pytest.mark.parametrize("name", ["half_rises", "bezier_segments", "poly345", "trigonometric"])
 def test_a_joint_on_the_height_counts_once(laws, name):
-    """Half-rises meet at half the lift, in the middle of rise and fall.
+    """A height at a joint is passed once upwards and once downwards.
 
-    No passage is above the lift.
+    Half-rises meet at half the lift. A height above the lift is not passed.
     """
     angles = [passage.angle for passage in passages(laws[name], 0.05, [0.5])]
     assert angles == pytest.approx([0.5 * np.pi, 1.5 * np.pi], abs=1e-9)
@@ -52,7 +55,10 @@ def test_the_law_has_the_height_at_every_passage(seed):
 
 
 def test_passages_are_columns_of_the_law_table():
-    """The columns are the first passage upwards and the last one downwards, in rad."""
+    """The table of laws has the first passage upwards and the last one downwards.
+
+    Both are in rad for 1, 50 and 99 % of the lift.
+    """
     heights = cam_rig.law_summary(["poly345", "bezier15"]).to_pandas("heights").set_index("cam")
     assert list(heights) == ["up_1", "up_50", "up_99", "down_99", "down_50", "down_1"]
     assert heights.up_50["poly345"] == pytest.approx(0.5 * np.pi)

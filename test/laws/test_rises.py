@@ -60,7 +60,10 @@ def taylor(function, u):
 
 
 def test_peaks_and_classes_are_the_closed_forms():
-    """Peaks per unit lift and span are the closed forms, the class is the family's."""
+    """Peaks of a named rise are its closed forms, and its class is the family's.
+
+    Peaks are per unit of lift and span.
+    """
     assert set(get_args(RiseName)) == set(NAMED_RISES) == set(KNOWN)
     for name, expected in KNOWN.items():
         result = rise_figures(name)
@@ -70,7 +73,7 @@ def test_peaks_and_classes_are_the_closed_forms():
 
 
 def test_bezier_rises_are_the_printed_polynomials():
-    """The ordinates give the polynomials that eq. 3.1-3.9 print, with their degree."""
+    """The ordinates of Bézier rises give the printed polynomials of eq. 3.1-3.9."""
     u = np.linspace(0.0, 1.0, 33)
     for name, printed in PRINTED.items():
         _, (ordinates,) = unit_rise(name)
@@ -94,7 +97,7 @@ def modified_sine(u):
 
 
 def modified_trapezoid(u):
-    """Return the handbooks' formula.
+    """Return the handbooks' formula of the modified trapezoid.
 
     The second half is s(u) = 1 − s(1 − u).
     """
@@ -114,9 +117,10 @@ def cycloidal(u):
 
 @pytest.mark.parametrize("formula", [simple_harmonic, cycloidal, modified_sine, modified_trapezoid])
 def test_analytic_rises_agree_with_forty_digits(formula):
-    """Values agree to 1e-14 of their peak, third derivatives to 1e-11.
+    """Analytic rises agree with 40 digits.
 
-    Joints of the sections are not evaluated.
+    Values agree to 1e-14 of their peak, third derivatives to 1e-11. Joints of the sections are
+    not evaluated.
     """
     breaks, columns = unit_rise(formula.__name__)
     u, errors, sizes = np.linspace(0.03, 0.97, 5), [], []
@@ -152,7 +156,7 @@ COSINE, SINE, MEAN, LIFT = [-0.47, 0.06, 0, 0.02], [0.12, -0.03, 0.01], 0.5, 0.0
 
 
 def test_a_trigonometric_law_agrees_with_fifty_digits(make_cam):
-    """Values and derivatives are those of eq. 2.2, relative to their peaks.
+    """A trigonometric law and its derivatives are those of eq. 2.2 in 50 digits.
 
     Every joint is C4.
     """
@@ -175,7 +179,7 @@ def test_a_trigonometric_law_agrees_with_fifty_digits(make_cam):
 
 
 def test_the_fiftieth_harmonic_is_accurate(make_cam):
-    """The highest harmonic has 50 times its amplitude as slope."""
+    """The 50th harmonic of a trigonometric law has 50 times its amplitude as slope."""
     cosine = [0.0] * 49 + [0.5]
     law = build_law(make_cam({"law": "trigonometric", "span": 360, "mean": 0.5, "cosine": cosine}))
     assert law.lift == pytest.approx(LIFT, rel=1e-12)
@@ -190,9 +194,10 @@ INCH = 0.0254
 
 
 def test_a_polynomial_meets_its_conditions():
-    """A polynomial of degree m − 1 meets random values, slopes and curvatures.
+    """A polynomial of m conditions has degree m − 1 and meets all of them.
 
-    Conditions that omit orders can also determine a polynomial: s(0), s''(½) and s(1).
+    The conditions are values, slopes and curvatures. Those that omit orders can also determine
+    a polynomial: s(0), s''(½) and s(1).
     """
     ordinates = polynomial_through([0.0, 0.5, 1.0], [0, 2, 0], [0.0, -2.0, 0.0])
     np.testing.assert_allclose(ordinates, [0.0, 0.5, 0.0], rtol=0, atol=1e-16)  # u − u²
@@ -211,9 +216,10 @@ def test_a_polynomial_meets_its_conditions():
 
 
 def test_conditions_without_a_solution_are_refused(make_cam):
-    """The middle slope of a parabola and two slopes do not determine a polynomial.
+    """Conditions that determine no polynomial are refused.
 
-    In a cam the error names the cam.
+    An example are the middle slope of a parabola and two slopes. In a cam the error names the
+    cam.
     """
     for u, order in (([0.0, 0.5, 1.0], [0, 1, 0]), ([0.0, 1.0], [1, 1])):
         message = rf"no single polynomial of degree.*\({u[0]:g}, {order[0]}\)"
@@ -242,7 +248,7 @@ SCHEMES = {
 
 
 def test_worked_example_is_its_formulas(laws, cams):
-    """S, V, A, J of the rise agree with the formulas in inches and rad.
+    """The worked example has S, V, A and J of its formulas in inches and rad.
 
     The lift is 1 in in the file and 0.0254 m in the law.
     """
@@ -275,7 +281,7 @@ def value(u, ordinates=ORDINATES):
 
 
 def test_b_spline_pieces_have_the_values_of_the_recursion():
-    """The Bézier pieces are the sum of the basis functions of eq. 2.10.
+    """The Bézier pieces of a B-spline have the values of the recursion, eq. 2.10.
 
     The curve passes through both end ordinates.
     """
@@ -287,7 +293,10 @@ def test_b_spline_pieces_have_the_values_of_the_recursion():
 
 
 def test_greville_abscissae():
-    """ξᵢ is the mean of n knots, and a straight line through (ξᵢ, ξᵢ) is itself."""
+    """Ordinates at the Greville abscissae give a straight line.
+
+    ξᵢ is the mean of n knots.
+    """
     abscissae = greville(KNOTS, DEGREE)
     np.testing.assert_allclose(abscissae[[0, 1, -1]], [0, 1 / 3, 4], rtol=1e-15)
     for u in (0.2, 1.3, 2.7, 3.9):
@@ -295,7 +304,7 @@ def test_greville_abscissae():
 
 
 def test_b_splines_of_a_cam(make_cam):
-    """The class is C^(n − r) at a knot of multiplicity r.
+    """A B-spline segment is C^(n − r) at a knot of multiplicity r.
 
     A B-spline of one piece is a Bézier curve.
     """

@@ -57,7 +57,10 @@ def assert_is_the_law(law, start, step, count):
 
 
 def test_samples_are_the_law(followable_laws):
-    """Each law has two runs, and all runs are used."""
+    """Uniform samples of each law equal its evaluations.
+
+    Each law has two runs, and all runs are used.
+    """
     for i, law in enumerate(followable_laws.values()):
         for run in RUNS[i % 7 :: 7]:
             assert_is_the_law(law, *run)
@@ -74,7 +77,7 @@ def test_any_samples_are_the_law(laws, start, exponent, count, name):
 
 
 def test_samples_are_weighted_combinations_plus_offsets(followable_laws):
-    """Rows are the weighted combinations of s, s', s'' plus constants.
+    """Sampled rows are the weighted combinations of s, s', s'' plus constants.
 
     A run in two parts equals the whole run.
     """
@@ -92,7 +95,7 @@ def test_samples_are_weighted_combinations_plus_offsets(followable_laws):
 
 
 def test_a_sample_at_a_joint_is_the_right_limit(laws):
-    """At a joint s'' is the right limit, whatever the rounding of the first angle."""
+    """A sample at a joint is the right limit of s'', whatever the angle's rounding."""
     law, step = laws["tm21"], TURN / 3600
     for ulps in (-4, -1, 0, 1, 4):
         for joint in law.breaks[1:-1]:
@@ -103,7 +106,7 @@ def test_a_sample_at_a_joint_is_the_right_limit(laws):
 
 
 def test_equal_turns_are_grouped():
-    """Equal turns are grouped if a turn has a whole number of samples, and only then."""
+    """Turns are grouped only if a turn has a whole number of samples."""
 
     def runs(spacing, shift):
         return [SampleRun.of(i * spacing, i * spacing + 1000, i * shift, 1e-3) for i in range(4)]
@@ -116,10 +119,7 @@ def test_equal_turns_are_grouped():
 
 
 def test_samples_are_written_into_the_given_rows(laws):
-    """Rows of a larger array receive the samples of a new array.
-
-    Its other rows are unchanged.
-    """
+    """Samples can be written into rows of a larger array, and change no other row."""
     for name in ("tm21", "bezier15"):
         for step in (8.7e-4, TURN / 7200):
             arguments = laws[name], 0.3, step, 20_000, IDENTITY, NO_OFFSET

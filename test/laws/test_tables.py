@@ -35,7 +35,7 @@ def wave(angle):
 
 
 def test_zero_tolerance_goes_through_every_point():
-    """An interpolating quintic passes through the points and is closed.
+    """With tolerance 0 a closed quintic passes through every point.
 
     Between the points its error is of order h⁶.
     """
@@ -53,9 +53,9 @@ def test_zero_tolerance_goes_through_every_point():
 
 
 def test_shipped_table_follows_its_points(cams, laws):
-    """The r.m.s. distance of measured.csv is the tolerance of the file.
+    """The r.m.s. distance of the shipped law from its points is its tolerance.
 
-    No point is farther than four tolerances.
+    No point is farther than four tolerances. Another lift than that of the points is refused.
     """
     cam = cams["measured"]
     segment = cam.segments[0]
@@ -70,7 +70,7 @@ def test_shipped_table_follows_its_points(cams, laws):
 
 
 def test_pieces_are_rotated_to_zero():
-    """Pieces that start at any angle are rotated to start at 0.
+    """Pieces that start at any angle become pieces that start at 0.
 
     A piece that contains 0 is split, unless 0 is a breakpoint.
     """
@@ -106,6 +106,7 @@ def readings(laws, count, scale, seed=0):
 
 
 def test_dwells_are_exact_and_joined_at_c2(laws):
+    """A smoothed law is constant in the dwells and C2 at their ends."""
     for count in (36, 72, 360):
         for scale in (2e-6, 2e-5):
             law = law_of(spline.smooth(*readings(laws, count, scale), 1.2 * scale, DWELLS))
@@ -120,7 +121,7 @@ def test_dwells_are_exact_and_joined_at_c2(laws):
 
 
 def test_the_distance_is_the_tolerance(laws):
-    """Between dwells the r.m.s. distance is the tolerance.
+    """Between dwells the r.m.s. distance of the law is the tolerance.
 
     It is corrected for the ordinates that the dwells fix.
     """
@@ -162,7 +163,7 @@ def test_ordinates_are_those_of_scipys_least_squares(laws):
 
 
 def test_gaps_in_readings_are_allowed(laws):
-    """Readings of the event alone are sufficient.
+    """A law can be fitted to readings of the events alone.
 
     An event without readings is the 3-4-5 polynomial.
     """
@@ -181,7 +182,10 @@ def test_gaps_in_readings_are_allowed(laws):
 
 
 def test_a_tolerance_that_no_spline_reaches_is_refused():
-    """Readings 0.01° and 1 mm apart cannot be reached with equal intervals."""
+    """A tolerance that no spline reaches is refused.
+
+    The readings are 0.01° and 1 mm apart, for equal intervals.
+    """
     dwells = [spline.Rest(0.0, 2.0, 0.0), spline.Rest(4.0, 2.0, 0.0)]
     angles = np.array([0.5, 1.0, 1.5, 3.0, 3.0002, 3.0004, 3.0006, 4.5, 5.0, 5.5])
     lifts = np.array([0.0, 0.0, 0.0, 0.001, 0.002, 0.0, 0.001, 0.0, 0.0, 0.0])
@@ -195,9 +199,10 @@ def test_a_tolerance_that_no_spline_reaches_is_refused():
 
 @pytest.mark.parametrize("count", [72, 360, 2000])
 def test_the_scatter_of_noise_is_its_standard_deviation(count):
-    """Over 60 seeds the mean is within three standard errors.
+    """The estimated scatter of noise is its standard deviation.
 
-    The spread is that of scatter_error.
+    Over 60 seeds the mean is within three standard errors, and the spread is that of
+    scatter_error.
     """
     scatters = [spline.scatter(turn(count), noise(count, seed=seed)) for seed in range(60)]
     error = spline.scatter_error(count)
@@ -206,9 +211,9 @@ def test_the_scatter_of_noise_is_its_standard_deviation(count):
 
 
 def test_the_shape_of_a_cam_is_not_scatter(laws):
-    """Noise of 2 µm is estimated on laws of all kinds.
+    """The shape of a law does not count as scatter.
 
-    A polynomial of degree 5 has no scatter.
+    Noise of 2 µm is estimated on laws of all kinds. A polynomial of degree 5 has no scatter.
     """
     for name in ("poly345", "cycloidal", "arcs_convex", "bezier15", "tm21"):
         for count in (180, 360):
@@ -221,10 +226,7 @@ def test_the_shape_of_a_cam_is_not_scatter(laws):
 
 
 def test_scatter_ignores_constant_readings_and_outliers():
-    """Constant readings, and seven readings, have scatter 0.
-
-    An outlier has no effect.
-    """
+    """Constant readings, seven readings and outliers do not add scatter."""
     assert spline.scatter(turn(100), np.zeros(100)) == 0.0
     assert spline.scatter(np.arange(7.0) / 2.0, np.arange(7.0) ** 7) == 0.0
     lifts = noise(360, 2e-6, 1)
@@ -234,7 +236,7 @@ def test_scatter_ignores_constant_readings_and_outliers():
 
 
 def test_a_tolerance_below_the_scatter_is_refused(cams, laws):
-    """The error contains the tolerance and the scatter.
+    """A tolerance below the scatter of the readings is refused with both.
 
     The limit depends on the number of readings, and is 0.4 of the scatter for 27.
     """

@@ -26,9 +26,9 @@ RAMPED = SCENE.model_copy(update={"schedule": PROGRAM})
 
 
 def run_out(schedule, commands=()):
-    """Return all remaining states.
+    """Return all remaining states of a schedule.
 
-    `commands` maps a number of states sent to a command.
+    `commands` maps a number of states sent to the command that is then called.
     """
     commands, out = dict(commands), []
     for number in itertools.count():
@@ -40,15 +40,18 @@ def run_out(schedule, commands=()):
 
 
 def test_states_without_a_command_equal_those_of_the_scene():
-    """They are equal bit for bit, so that a live run equals the simulated run."""
+    """Without a command the drive sends the states of the scene, bit for bit.
+
+    A live run therefore equals the simulated run.
+    """
     for scene in (SCENE, RAMPED):
         assert run_out(SetpointSchedule(scene)) == list(cam_states(scene))
 
 
 def test_an_emergency_stop_on_a_ramp_stops_at_the_end_of_the_tick():
-    """The tick continues at the first speed of the ramp.
+    """An emergency stop on a ramp sends a state of speed 0 at the end of the tick.
 
-    At rest no state is sent.
+    After a reset the scene continues at that angle. At rest no state is sent.
     """
     for done in range(1, len(list(cam_states(RAMPED)))):
         schedule, validator = SetpointSchedule(RAMPED), StateValidator.of(RAMPED)
@@ -62,7 +65,10 @@ def test_an_emergency_stop_on_a_ramp_stops_at_the_end_of_the_tick():
 
 
 def test_a_commanded_speed_applies_from_the_next_state_on():
-    """Each tick turns by its planned angle at the commanded speed."""
+    """A commanded speed applies from the next state on until it is taken back.
+
+    Each tick still turns by its planned angle.
+    """
     schedule = SetpointSchedule(SCENE)
     commands = {3: lambda: schedule.command(240 * RPM), 6: lambda: schedule.command(None)}
     out = run_out(schedule, commands)
@@ -73,7 +79,10 @@ def test_a_commanded_speed_applies_from_the_next_state_on():
 
 
 def test_an_operators_cam_stays_until_the_scene_mounts_its_next_cam():
-    """The angles are those of the plan."""
+    """A cam of an operator turns until the scene mounts its next cam.
+
+    The angles are those of the plan.
+    """
     schedule = SetpointSchedule(SCENE)
     out = run_out(schedule, {2: lambda: schedule.mount("cycloidal")})
     assert [s.cam for s in out[:9]] == ["tm21"] * 2 + ["cycloidal"] * 6 + ["bezier15"]
@@ -100,7 +109,7 @@ COMMANDS = st.lists(
 @given(COMMANDS)
 @pytest.mark.parametrize("scene", [SCENE, RAMPED], ids=["steps", "ramps"])
 def test_no_command_makes_theta_or_time_jump(scene, commands):
-    """The validator accepts all states of the drive, under any commands at any time."""
+    """The states under any commands at any time are valid, and their times increase."""
     schedule = SetpointSchedule(scene)
     calls = {n: lambda call=call: getattr(schedule, call[0])(*call[1:]) for n, call in commands}
     validator = StateValidator.of(scene)
@@ -125,7 +134,7 @@ def program():
 
 
 def follow(program, states):
-    """Acknowledge each state as the other nodes do, and return the states sent."""
+    """Take and acknowledge states as the other nodes do, and return the states sent."""
     out = []
     for now in range(states):
         state = program.take(float(now))
@@ -136,7 +145,7 @@ def follow(program, states):
 
 
 def test_all_states_of_the_scene_are_sent_once_and_in_order():
-    """Each cam is requested once, and its states are sent when its law is known."""
+    """The drive requests each cam once, and sends each state once and in order."""
     requested = []
 
     def mount(cam):
@@ -151,9 +160,9 @@ def test_all_states_of_the_scene_are_sent_once_and_in_order():
 
 
 def test_no_state_is_sent_before_the_law_of_its_cam_is_known():
-    """The request is repeated once per second.
+    """Without the law of its cam no state is sent, and the request is repeated.
 
-    The first request may be lost if the law server has not discovered the drive yet.
+    It is repeated once per second, because the law server may not have received it.
     """
     requested = []
     program = drive(lambda cam: requested.append(cam) is None, laws={})
@@ -164,6 +173,7 @@ def test_no_state_is_sent_before_the_law_of_its_cam_is_known():
 
 
 def test_a_stopped_drive_sends_no_state_and_can_be_resumed(program):
+    """A stopped drive sends no state. Resumed, it sends the remaining ones."""
     out = follow(program, 5)
     program.run(False)
     assert follow(program, 5) == []
@@ -174,9 +184,10 @@ def test_a_stopped_drive_sends_no_state_and_can_be_resumed(program):
 
 
 def test_an_emergency_stop_stops_at_the_end_of_the_tick_until_a_reset(program):
-    """A start without a reset has no effect.
+    """An emergency stop ends the motion at the end of the tick until a reset.
 
-    After the reset the scene restarts one second of rig time later.
+    A start without a reset has no effect. After the reset the scene restarts one second of rig
+    time later.
     """
     follow(program, 5)
     due = program.schedule.next_state
@@ -196,9 +207,9 @@ def test_an_emergency_stop_stops_at_the_end_of_the_tick_until_a_reset(program):
 
 
 def test_a_speed_outside_the_limits_is_rejected(program):
-    """The error states the limits.
+    """A speed outside the limits raises RefusedError with both limits.
 
-    Below them a tick has more samples than a message may have.
+    At lower speeds a tick has more samples than a message may have.
     """
     limits = r"must be 0, or between 0\.0126 and 3141\.59 rad/s \(0\.12 and 30000 rpm\)"
     for speed in (-1.0, 1e6, 1e-3, float("nan")):
@@ -207,7 +218,7 @@ def test_a_speed_outside_the_limits_is_rejected(program):
 
 
 def test_an_emergency_stop_before_the_first_state_lasts_until_a_reset():
-    """A start alone does not turn the cam."""
+    """After an emergency stop at rest the cam turns only after reset and start."""
     program = drive()
     assert program.halt() is None and program.halted
     program.run(True)
@@ -218,7 +229,10 @@ def test_an_emergency_stop_before_the_first_state_lasts_until_a_reset():
 
 
 def test_an_override_with_a_cam_that_the_law_server_refuses_ends():
-    """A wrong report of a mounted cam does not stop the drive."""
+    """If the law server refuses an operator's cam, the scene's cam turns again.
+
+    A wrong report of a mounted cam thus does not stop the drive.
+    """
     requested = []
     program = drive(lambda cam: requested.append(cam) is None)
     assert len(follow(program, 2)) == 2
@@ -231,7 +245,10 @@ def test_an_override_with_a_cam_that_the_law_server_refuses_ends():
 
 
 def test_after_a_reset_the_cam_of_the_scene_is_requested_again():
-    """Otherwise the operator's cam would stay mounted and displayed."""
+    """After a reset the drive requests the cam of the scene again, once.
+
+    Otherwise the operator's cam would stay mounted and displayed.
+    """
     requested = []
     program = drive(lambda cam: requested.append(cam) is None)
     assert len(follow(program, 2)) == 2
@@ -252,7 +269,7 @@ def test_after_a_reset_the_cam_of_the_scene_is_requested_again():
 
 
 def test_rig_time_advances_between_two_states(program):
-    """At a factor of 0.5 it advances by 5 ms in 10 ms, up to the next state.
+    """In a paced run rig time advances with wall-clock time up to the next state.
 
     In a free run and while the cam is stopped there is no rig time between the states.
     """
@@ -279,7 +296,7 @@ def test_rig_time_advances_between_two_states(program):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(20))
 def test_rig_time_is_never_past_the_next_state(program, seed):
-    """A rig time between two states is earlier than the second, under any commands."""
+    """Under any commands the rig time between two states is before the second state."""
     chance, newest_ns, states = random.Random(seed), -1, []
     program.pacing.set("real_time")
     commands = (
@@ -304,7 +321,10 @@ def test_rig_time_is_never_past_the_next_state(program, seed):
 
 
 def test_a_late_report_of_the_law_server_is_not_an_override():
-    """All states of a cam may be sent before the report that it is mounted."""
+    """A report that a cam is mounted may arrive after its last state without effect.
+
+    Only a report of a cam that was not requested is an override of an operator.
+    """
     first, program = [state for state in PLAN if state.cam == SCENE.cams[0]], drive()
     assert follow(program, len(first)) == first
     assert program.take(100.0).cam == SCENE.cams[1]  # it is requested by now

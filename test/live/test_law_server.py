@@ -25,7 +25,10 @@ def cams():
 
 
 def test_the_first_cam_of_the_scene_is_mounted_by_default(cams):
-    """The constructor also accepts the name of another cam."""
+    """The first cam of the scene is mounted, or the cam that the constructor names.
+
+    An unknown cam is an error.
+    """
     assert (cams.cam, cams.law.name) == (LOADED.scene.cams[0],) * 2
     assert CamMounting(LOADED, "cycloidal").cam == "cycloidal"
     with pytest.raises(CamRigError, match="nonsense"):
@@ -33,7 +36,7 @@ def test_the_first_cam_of_the_scene_is_mounted_by_default(cams):
 
 
 def test_a_cam_of_the_library_is_mounted_on_request(cams):
-    """A second request returns False."""
+    """A request of a cam mounts it and returns True. A repeated request returns False."""
     assert [cams.request("cycloidal") for _ in range(2)] == [True, False]
     assert cams.law.name == "cycloidal"
 
@@ -47,14 +50,17 @@ def test_a_cam_of_the_library_is_mounted_on_request(cams):
     ],
 )
 def test_a_rejected_request_does_not_change_the_mounted_cam(cams, cam, text):
-    """The error names the reason: a missing file, a path, a desmodromic follower."""
+    """A request of an impossible cam is an error, and the mounted cam remains.
+
+    The cam has no file, is named by a path, or needs a second follower.
+    """
     with pytest.raises(CamRigError, match=text):
         cams.request(cam)
     assert cams.cam == LOADED.scene.cams[0]
 
 
 def test_the_file_of_a_rejected_cam_is_read_again(tmp_path, make_loaded_scene):
-    """The same request mounts the cam after an operator has corrected its file."""
+    """A cam that was rejected is mounted on request after its file is corrected."""
     (tmp_path / "cams").mkdir()
     own, shipped = tmp_path / "cams" / "own.yaml", config_root() / "cams" / "poly345.yaml"
     text = shipped.read_text(encoding="utf-8").replace("name: poly345", "name: own")
@@ -68,7 +74,7 @@ def test_the_file_of_a_rejected_cam_is_read_again(tmp_path, make_loaded_scene):
 
 
 def test_a_law_is_published_for_each_new_cam_or_speed(cams):
-    """It is published once, and not for a state of a stopped cam."""
+    """The law is published once for each cam and speed that turns."""
     published = []
     for state in STATES:
         cams.validator.validate(state)
@@ -79,18 +85,17 @@ def test_a_law_is_published_for_each_new_cam_or_speed(cams):
 
 
 def test_a_state_of_an_unknown_cam_is_rejected(cams):
-    """The next state of a known cam is accepted."""
+    """A state of an unknown cam is refused. The next state of a known cam is accepted."""
     with pytest.raises(RefusedError, match=r"cam state: .*unknown"):
         cams.follow(CamState(0, 0.0, 20.0, "unknown"))
     assert cams.follow(STATES[0]) is not None
 
 
 def test_laws_and_contours_must_be_those_of_the_cams_file():
-    """The error names the file, the difference and the limit.
+    """A law or contour that differs from the cam's file is refused.
 
-    Differences by rounding are accepted.
-
-    A second law server therefore cannot publish another law of the same name.
+    The error names file, difference and limit. A second law server therefore cannot publish
+    another law of the same name. Differences by rounding are accepted.
     """
     law, points = LOADED.laws["tm21"], contour_of(LOADED.cams["tm21"], LOADED.laws["tm21"])
     require_own_law(LOADED, Law("tm21", law.breaks, law.ordinates * (1.0 + 1e-12)))

@@ -13,7 +13,7 @@ RATE = 12_000
 
 
 def ticks(speeds, ticks_per_turn):
-    """Return a tick of the same angle at each speed (rpm).
+    """Return one tick of the same angle for each speed (rpm).
 
     Rows 1 to 4 contain the number of each sample in the run.
     """
@@ -63,10 +63,11 @@ def play(ticks, factor, rate, latency=lambda: 0.0, settling_ticks=0):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(16))
 def test_a_constant_speed_is_shown_at_a_constant_rate_one_tick_late(seed):
-    """There is a sample in every period, at most one tick and 50 ms behind the drive.
+    """At a constant speed samples are shown at a constant rate and in proportion.
 
-    Rig time advances in proportion to wall-clock time. This applies to any speed, number of ticks
-    per turn, real-time factor and rate, if ticks are up to 15 ms late.
+    There is a sample in every period, at most one tick and 50 ms behind the drive. Rig time
+    advances in proportion to wall-clock time. This applies to any speed, number of ticks per
+    turn, real-time factor and rate, if ticks are up to 15 ms late.
     """
     chance = np.random.default_rng(seed)
     rpm, ticks_per_turn = 20.0 * 100.0 ** chance.uniform(), int(chance.choice([1, 2, 12, 72]))
@@ -88,7 +89,7 @@ def test_a_constant_speed_is_shown_at_a_constant_rate_one_tick_late(seed):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(15))
 def test_a_change_of_speed_makes_no_pause(seed):
-    """There is a sample in every period if the speed changes by up to a factor of ten."""
+    """If the speed changes by up to a factor of ten, each period has a sample."""
     chance, factor = np.random.default_rng(seed // 3), (0.5, 1.0, 3.0)[seed % 3]
     made = ticks(np.repeat(chance.uniform(60.0, 600.0, 6), 2), 1)
     wall, rig, delay = play(made, factor, 100.0, settling_ticks=1)
@@ -99,7 +100,10 @@ def test_a_change_of_speed_makes_no_pause(seed):
 
 
 def test_the_playback_stops_and_continues_with_the_drive():
-    """It stops at the last sample of the last tick, and shows no sample twice."""
+    """The playback stops at the last sample of the last tick and then continues.
+
+    No sample is shown twice.
+    """
     made, playback, factor = ticks([240.0] * 6, 1), Playback(RATE), 1.0
     for tick in made[:3]:
         playback.add(tick, factor, tick.end.time_ns / NS, tick.end.time_ns / NS)
@@ -113,7 +117,7 @@ def test_the_playback_stops_and_continues_with_the_drive():
 
 
 def test_a_query_of_several_times_gives_the_samples_of_single_queries():
-    """One query of several times in one tick equals queries one by one."""
+    """A query of several times in one tick gives the samples of single queries."""
     made, wall_times = ticks([100.0, 300.0], 1), 0.9 + 0.01 * np.arange(16)
     playback, single = Playback(RATE), Playback(RATE)
     for tick, received_at in zip(made, (0.6, 0.8), strict=True):
@@ -126,7 +130,7 @@ def test_a_query_of_several_times_gives_the_samples_of_single_queries():
 
 
 def test_the_newest_of_several_ticks_at_once_is_shown():
-    """Eighteen ticks that arrive together are not shown one after the other."""
+    """Of several ticks that arrive together only the newest is shown."""
     made, playback = ticks([220.0] * 18, 1), Playback(RATE)
     for n, tick in enumerate(made):
         playback.add(tick, 1.0, 50.0 + 0.005 * n, 50.0 + 0.005 * n)

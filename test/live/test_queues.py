@@ -37,14 +37,20 @@ def validate_all(validator, states):
 
 
 def test_the_states_of_a_scene_are_valid():
-    """After the cam has stopped, another sequence may start at any angle."""
+    """All states of a scene are accepted by the validator.
+
+    After the cam has stopped, another sequence may start at any angle.
+    """
     validator = StateValidator(1000.0)
     validate_all(validator, STATES)
     validate_all(validator, [replace(state, angle=state.angle + 1.0) for state in STATES])
 
 
 def test_a_repeated_state_is_rejected():
-    """No node of the rig sends a state twice, so another publisher did."""
+    """A state that is sent again is refused, and later states are accepted.
+
+    No node of the rig sends a state twice, so another publisher did.
+    """
     validator = StateValidator(1000.0)
     validate_all(validator, STATES[:3])
     with pytest.raises(RefusedError, match="must be after the state"):
@@ -74,7 +80,10 @@ def later(angle, speed=20.0, time_ns=1_100_000_000):
     ],
 )
 def test_a_state_that_cannot_follow_is_rejected(state, text):
-    """The error names the value and the limit, and the validator does not change."""
+    """A state that cannot follow the last one is refused with value and limit.
+
+    The validator does not change, so that the next valid state is accepted.
+    """
     validator = StateValidator(1000.0)
     validator.validate(LAST)
     with pytest.raises(RefusedError, match=text):
@@ -83,7 +92,10 @@ def test_a_state_that_cannot_follow_is_rejected(state, text):
 
 
 def test_a_lost_state_is_detected():
-    """Angle and time are consistent, but the tick would be twice as long."""
+    """A state that skips one of the scene is refused, because a state was lost.
+
+    Its angle and time are consistent, but its tick is twice as long.
+    """
     validator = StateValidator.of(LOADED.scene)
     validator.validate(STATES[0])
     with pytest.raises(RefusedError, match="a state was lost, or a second drive"):
@@ -121,7 +133,7 @@ def straight():
 
 
 def test_states_wait_for_their_law(straight):
-    """Laws and states arrive on two topics, and no tick is lost in either order."""
+    """States that arrive before their laws give the same ticks as after them."""
     late = queue(laws={})
     assert turn(late, STATES) == []
     for law in LOADED.laws.values():
@@ -134,7 +146,7 @@ def test_states_wait_for_their_law(straight):
     "scene", sorted((config_root() / "scenes").glob("*.yaml")), ids=lambda path: path.stem
 )
 def test_every_shipped_scene_has_a_tick_for_each_state_after_the_first(scene):
-    """The laws are accepted by the model of each scene."""
+    """For each shipped scene the follower computes a tick per state after the first."""
     loaded = open_scene(scene)
     simulator, states = FollowerSimulator.of(loaded), list(islice(cam_states(loaded.scene), 4))
     laws = list(simulator.laws.values())
@@ -146,7 +158,7 @@ def test_every_shipped_scene_has_a_tick_for_each_state_after_the_first(scene):
 
 
 def test_a_known_law_is_not_replaced(straight):
-    """A second law server cannot change the cam of a running follower."""
+    """A second law with the name of a known cam has no effect on the follower."""
     law, follower = LOADED.laws["tm21"], queue()
     out = turn(follower, STATES[:2])
     follower.add_law(Law("tm21", law.breaks, law.ordinates * 1.01))
@@ -154,7 +166,10 @@ def test_a_known_law_is_not_replaced(straight):
 
 
 def test_states_of_an_unknown_cam_are_bounded():
-    """States of a cam without a law must not fill the memory."""
+    """Too many states that wait for the law of an unknown cam are refused.
+
+    Otherwise they would fill the memory.
+    """
     follower = queue(laws={})
     with pytest.raises(RefusedError, match="wait for the law of cam 'unknown'"):
         for i in range(MAX_WAITING + 1):
@@ -186,7 +201,10 @@ def start_times(matcher, states=(), blocks=()):
 
 
 def test_a_block_waits_for_the_state_at_the_end_of_its_tick():
-    """No tick is lost or repeated, whether the blocks or the states arrive first."""
+    """Blocks and states are matched to ticks, whichever arrive first.
+
+    No tick is lost or repeated.
+    """
     for order in ("bbsss", "sssbb"):
         matcher, ticks = TickMatcher(), []
         blocks, states = iter([block(0.0, 0.9), block(1.0, 1.9)]), iter([0, S, 2 * S])
@@ -201,7 +219,10 @@ def test_a_block_waits_for_the_state_at_the_end_of_its_tick():
 
 
 def test_each_tick_is_yielded_once():
-    """Early blocks, repeated blocks and intervals at rest are skipped."""
+    """A matcher yields each tick once, and skips other blocks.
+
+    These are early or repeated blocks, and blocks at rest.
+    """
     assert start_times(TickMatcher(), [state_at(S), state_at(2 * S)], [0.0, 1.0]) == [S]
     states = [state_at(i * S) for i in range(4)]
     repeated = [0.0, 1.0, 0.0, 1.0, 2.0]
@@ -212,7 +233,10 @@ def test_each_tick_is_yielded_once():
 
 @pytest.mark.parametrize("wrong", [block(0.0, 0.7), block(0.0, 0.8)[:, :3], block(1.2, 1.8)])
 def test_a_block_with_wrong_samples_is_rejected(wrong):
-    """The error names the tick, and the correct block is accepted afterwards."""
+    """A block whose samples do not fit its tick is refused with the start of the tick.
+
+    The correct block is accepted afterwards.
+    """
     matcher = TickMatcher(sample_rate=5)
     assert start_times(matcher, [state_at(i * S) for i in range(3)], [0.0]) == [0]
     matcher.add_block(wrong if wrong[0, 0] > 1 else wrong + np.eye(6, 1))
@@ -225,6 +249,7 @@ def test_a_block_with_wrong_samples_is_rejected(wrong):
 
 
 def make_flow(*consumers, ticks=MAX_TICKS_IN_FLIGHT):
+    """Return a flow control with the maximum number of ticks in flight."""
     flow = FlowControl(list(consumers))
     for stamp in range(0, 10 * ticks + 1, 10):
         assert flow.may_send()
@@ -233,7 +258,7 @@ def make_flow(*consumers, ticks=MAX_TICKS_IN_FLIGHT):
 
 
 def test_flow_control_limits_the_ticks_in_flight():
-    """The drive waits for the slowest consumer after the maximum number."""
+    """The drive may have 4 ticks in flight, and then waits for the slowest consumer."""
     flow = make_flow("fast", "slow")
     assert flow.in_flight == MAX_TICKS_IN_FLIGHT == 4 and not flow.may_send()
     flow.acknowledge("fast", 40)
@@ -245,7 +270,10 @@ def test_flow_control_limits_the_ticks_in_flight():
 
 
 def test_only_the_new_stamp_of_a_sent_state_is_an_acknowledgement():
-    """Other publishers and repetitions must not release states."""
+    """A stamp counts as acknowledgement only once, and only for a state that was sent.
+
+    Otherwise other publishers could release states.
+    """
     flow = make_flow("recorder", ticks=2)
     assert not flow.acknowledge("recorder", 10**18) and flow.in_flight == 2
     assert flow.acknowledge("recorder", 10)
@@ -254,7 +282,7 @@ def test_only_the_new_stamp_of_a_sent_state_is_an_acknowledgement():
 
 
 def test_a_run_continues_without_a_dropped_consumer():
-    """The drive does not wait for its acknowledgements, and ignores later ones."""
+    """The drive does not wait for a dropped consumer, whose later stamps are ignored."""
     flow = make_flow("follower", "viewer")
     assert flow.acknowledge("follower", 40) and not flow.may_send()
     flow.drop("viewer")
@@ -263,6 +291,7 @@ def test_a_run_continues_without_a_dropped_consumer():
 
 
 def test_pacings_are_free_real_time_or_a_factor():
+    """A pacing is free, real_time or a factor such as 20x. Other texts are refused."""
     allowed = {"free": None, "real_time": 1.0, "20x": 20.0, "0.5×": 0.5, "1 x": 1.0}
     assert {text: factor_of(text) for text in allowed} == allowed
     for text in ("", "fast", "x", "-2x", "0x", "1e9x", "nanx", "5"):
@@ -271,9 +300,9 @@ def test_pacings_are_free_real_time_or_a_factor():
 
 
 def test_each_state_waits_for_its_time():
-    """At 4x a state 2 s later in rig time is due 0.5 s later.
+    """A state is due at its rig time divided by the real-time factor.
 
-    A free run never waits.
+    A free run never waits. A small delay is made up.
     """
     pacing = Pacing()
     pacing.record_sent(0, 0.0)
@@ -290,7 +319,10 @@ def test_each_state_waits_for_its_time():
 
 
 def test_a_late_run_reports_the_lost_time_and_does_not_make_it_up():
-    """A pause is not a delay, because rig time stops."""
+    """A run that falls behind by seconds reports the lost time and does not catch up.
+
+    A pause is not a delay, because rig time stops.
+    """
     pacing = Pacing(1.0)
     pacing.record_sent(0, 0.0)
     pacing.record_sent(NS, 6.0)
@@ -308,7 +340,10 @@ def test_a_late_run_reports_the_lost_time_and_does_not_make_it_up():
 
 
 def test_a_slow_run_warns_once_per_window_with_factors_and_nodes():
-    """The nodes waited for are sorted, the most frequent first."""
+    """A slow run warns once per window with both factors and the slow nodes.
+
+    The most frequent node is first. Less than a tenth of lost time causes no warning.
+    """
     lost = LostTime(start=100.0)
     lost.add(5.0)
     for node in ("microphone", "follower", "follower"):

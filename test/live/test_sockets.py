@@ -16,7 +16,7 @@ from ..processes import ended
 
 @pytest.fixture
 def ends(tmp_path):
-    """Ends of the socket: that of the node and that of the server."""
+    """Both ends of a connection: that of the node and that of the server."""
     path = tmp_path / "socket"
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(path))
@@ -29,6 +29,7 @@ def ends(tmp_path):
 
 
 def test_a_line_that_arrives_in_parts_is_one_object(ends):
+    """receive() returns an object once its line is complete."""
     node, server = ends
     line = line_of({"call": "start"})
     server.sendall(line[:5])
@@ -38,7 +39,10 @@ def test_a_line_that_arrives_in_parts_is_one_object(ends):
 
 
 def test_a_message_larger_than_the_buffer_arrives_completely(ends):
-    """The remainder waits in the node until the server has taken the first bytes."""
+    """A message larger than the buffer of the socket arrives completely.
+
+    The node keeps the remainder until the server has taken the first bytes.
+    """
     node, server = ends
     message = {"samples": "x" * 1_000_000}
     node.send(message)
@@ -50,6 +54,7 @@ def test_a_message_larger_than_the_buffer_arrives_completely(ends):
 
 
 def test_a_server_that_stops_reading_raises_an_error(ends, monkeypatch):
+    """send() raises RunError if the server has not taken too many bytes."""
     monkeypatch.setattr(sockets, "MAX_UNSENT", 1000)
     with pytest.raises(RunError, match="has not taken"):
         for _ in range(100):
@@ -65,13 +70,14 @@ def test_a_closed_connection_raises_an_error(ends):
 
 
 def test_a_line_that_is_not_an_object_is_rejected():
+    """A line that is not a JSON object raises RunError."""
     for line in (b"[1]", b"{", b"", b"\xff", b"[" * 100_000):
         with pytest.raises(RunError, match="must send JSON objects"):
             parse_line(line)
 
 
 def test_a_missing_socket_is_rejected(tmp_path):
-    """The error of a node that is started alone names the command that starts it."""
+    """A node that is started without a panel raises an error that names cam-rig panel."""
     with pytest.raises(ConfigError, match="must be that of cam-rig panel"):
         LineSocket(tmp_path / "nothing")
 
@@ -84,7 +90,7 @@ GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("command", ["run quick --bag bag", "panel", "view {golden} --web"])
 def test_a_command_without_a_loopback_interface_fails_with_the_remedy(command, tmp_path):
-    """The command leaves no files."""
+    """Without a loopback interface a command ends with the remedy and leaves no files."""
     require_loopback()  # this machine has one
     if ended(*ISOLATED, "true").returncode:
         pytest.skip("a network namespace cannot be created here")

@@ -24,7 +24,7 @@ KINDS = (
 
 @pytest.fixture(scope="session")
 def scene_of_kinds():
-    """Scene in which an operator has mounted a cam of each kind."""
+    """Scene in which an operator has mounted a cam with each kind of follower."""
     loaded = open_scene(CONFIG / "scenes" / "quick.yaml")
     for name in KINDS:
         loaded.mount(name)

@@ -17,7 +17,7 @@ from cam_rig.units import NS, RPM, TURN
 
 
 def test_laws_and_blocks_are_decoded_bit_for_bit(laws):
-    """The law server publishes the exact law, and the samples are not rounded."""
+    """A law or block of samples is decoded to the encoded numbers, bit for bit."""
     for law in laws.values():
         dimensions, data = codec.encode_law(law)
         decoded = codec.decode_law(dimensions, data.ravel())
@@ -30,7 +30,7 @@ def test_laws_and_blocks_are_decoded_bit_for_bit(laws):
 
 
 def test_other_arrays_are_rejected(laws):
-    """A block must have its labels and sizes, a law its labels and finite numbers."""
+    """An array without the labels, sizes or finite numbers of its kind is refused."""
     dimensions, data = codec.encode_law(laws["bezier15"])
     broken, zeros, block = data.ravel().copy(), np.zeros(12), codec.BLOCK_LABEL
     broken[3] = np.nan
@@ -55,9 +55,9 @@ def message(positions, velocities=None, stamp=(3, 7), frame="tm21"):
 
 
 def test_a_cam_state_is_decoded_bit_for_bit():
-    """The angle is exact after any number of turns.
+    """A cam state is decoded bit for bit after any number of turns.
 
-    A single number would lose the last digits.
+    A single number for the angle would lose the last digits.
     """
     for turns in (0, 1, 2_000, 10_000_000):
         rng = np.random.default_rng(turns)
@@ -67,7 +67,10 @@ def test_a_cam_state_is_decoded_bit_for_bit():
 
 
 def test_a_cam_state_of_an_earlier_version_is_accepted():
-    """Its angle is a single number, with the precision of float64."""
+    """A cam state whose angle is a single number is split into turns and angle.
+
+    It has the precision of float64.
+    """
     state = codec.cam_state_of(message([2000.0 * TURN + 1.25]))
     assert state.turns == 2000 and state.angle == pytest.approx(1.25, abs=4e-12)
 
@@ -85,7 +88,7 @@ def test_a_cam_state_of_an_earlier_version_is_accepted():
     ],
 )
 def test_an_invalid_cam_state_is_rejected(positions, text):
-    """The error names the invalid values."""
+    """A cam state with invalid angles raises RefusedError with the values."""
     with pytest.raises(RefusedError, match=text):
         codec.cam_state_of(message(positions))
 
@@ -113,7 +116,11 @@ def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(40))
 def test_instants_are_in_order_and_contain_the_extremes_of_the_tick(laws, follower, seed):
-    """This applies to any law, speed, ticks per turn, points and sample rate."""
+    """The instants of a tick rise in time and contain its extremes of lift and force.
+
+    Their numbers are those of the samples, for any law, speed, ticks per turn, points and
+    sample rate.
+    """
     chance = np.random.default_rng(seed)
     law = laws[chance.choice(sorted(set(laws) - {"worked_example_constant_velocity"}))]
     ticks, points = int(chance.choice([1, 3, 7, 72, 100])), int(chance.choice([1, 2, 36, 72, 720]))
@@ -146,7 +153,10 @@ def test_instants_are_in_order_and_contain_the_extremes_of_the_tick(laws, follow
 
 
 def test_angle_and_speed_on_a_ramp_are_those_of_the_instant(laws, follower):
-    """From rest to 300 rpm in 0.2 s the cam makes half a turn, and ω rises linearly."""
+    """On a ramp angle and speed are those of each instant.
+
+    From rest to 300 rpm in 0.2 s the cam makes half a turn, and ω rises linearly.
+    """
     law, rate, speed = laws["tm21"], 12_000, 300.0 * RPM
     simulator = FollowerSimulator(MODEL, follower, rate, {law.name: law})
     start = CamState(0, 0.0, 0.0, law.name)
@@ -162,7 +172,7 @@ def test_angle_and_speed_on_a_ramp_are_those_of_the_instant(laws, follower):
 
 
 def test_a_wrong_number_of_samples_is_rejected(laws, follower):
-    """A block with one sample more or less does not belong to the tick."""
+    """A block with one sample more or less than its tick is refused."""
     law = laws["tm21"]
     start, end, rows = next(ticks_of(law, follower, 300.0, 1, 12_000))
     for other in (rows[:, 1:], np.hstack([rows, rows[:, :1]])):
@@ -184,7 +194,10 @@ def serialized_by_rosbags(topic, time_ns, i, n):
 
 @pytest.mark.parametrize("ticks_per_turn", [1, 7])
 def test_messages_equal_those_of_rosbags_byte_for_byte(make_loaded_scene, ticks_per_turn):
-    """Messages are in the order of time, then of the topics."""
+    """Derived messages equal those that rosbags serializes, byte for byte.
+
+    They are in the order of time, then of the topics.
+    """
     loaded = make_loaded_scene(ticks_per_turn=ticks_per_turn)
     motion, rate = MotionMessages(loaded, 72, BOTH), int(loaded.scene.sample_rate.si)
     law = next(iter(loaded.laws.values()))
@@ -201,7 +214,7 @@ def test_messages_equal_those_of_rosbags_byte_for_byte(make_loaded_scene, ticks_
 
 
 def test_only_messages_of_the_wanted_topics_are_made(make_loaded_scene, follower):
-    """A cam that is not in the scene has no messages."""
+    """Only messages of the wanted topics are made, and none of an unknown cam."""
     loaded = make_loaded_scene()
     motion, rate = MotionMessages(loaded, topics=BOTH), int(loaded.scene.sample_rate.si)
     tick = next(ticks_of(next(iter(loaded.laws.values())), follower, 150.0, 1, rate))
@@ -215,7 +228,10 @@ def test_only_messages_of_the_wanted_topics_are_made(make_loaded_scene, follower
 
 
 def test_the_example_of_a_template_must_contain_every_number():
-    """The position of a missing number would be unknown."""
+    """A template whose example lacks one of its numbers raises ValueError.
+
+    The position of the missing number would be unknown.
+    """
     example = lambda number: new("std_msgs/Float64", number)  # noqa: E731
     template = CdrTemplate("std_msgs/msg/Float64", example, 1)
     assert template.fill(np.array([5]), np.array([math.pi])) == [serialize(example(math.pi))]

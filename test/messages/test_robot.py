@@ -75,7 +75,7 @@ AT_REST = {CAM: 0.0, FOLLOWER: 0.0}
 
 
 def test_the_links_form_one_tree(kind):
-    """Every link except the root is the child of one joint, and each cam has a link."""
+    """The links of the URDF form one tree, and each cam of the scene has a link."""
     robot, root = kind.robot, ElementTree.fromstring(kind.urdf)
     links = [link.get("name") for link in root.iter("link")]
     children = [joint.find("child").get("link") for joint in root.iter("joint")]
@@ -91,7 +91,7 @@ def test_the_links_form_one_tree(kind):
 
 @pytest.mark.variants(2)
 def test_the_parser_of_ros_accepts_the_urdf(kind, tmp_path):
-    """The parser urdfdom of robot_state_publisher and RViz finds the root."""
+    """The parser of ROS, urdfdom, accepts the URDF and finds its root."""
     file = tmp_path / "kind.urdf"
     file.write_text(kind.urdf)
     folders = f"{os.path.dirname(sys.executable)}:{os.environ['PATH']}"
@@ -103,7 +103,7 @@ def test_the_parser_of_ros_accepts_the_urdf(kind, tmp_path):
 
 
 def test_dimensions_are_those_of_the_files(kind):
-    """The URDF has base circle, roller and mass of the files.
+    """The URDF has base circle, roller and mass of the cam and rig files.
 
     The follower moves up along z of base_link, and the shaft points along x.
     """
@@ -122,9 +122,9 @@ def test_dimensions_are_those_of_the_files(kind):
 
 
 def test_the_follower_joint_is_the_same_for_all_cams_of_the_scene(scene_of_kinds):
-    """Its limits include the largest lift of all cams, and lift-off.
+    """The URDF has the same follower joint and bench for each cam of a scene.
 
-    The bodies of the bench do not depend on the mounted cam either.
+    The limits of the joint include the largest lift of all cams, and lift-off.
     """
     limits, bench = [], []
     fastest = max(scene_of_kinds.scene.schedule.speeds.si_list)
@@ -148,7 +148,7 @@ def test_the_follower_joint_is_the_same_for_all_cams_of_the_scene(scene_of_kinds
 
 
 def test_the_bodies_of_the_cam_approximate_its_contour(kind):
-    """The projection of the bodies along the shaft has its area to 0.5 %."""
+    """The bodies of the cam have the area of its contour along the shaft, to 0.5 %."""
     robot = kind.robot
     parts = [Point(0.0, 0.0).buffer(robot.mounted.follower.base_radius.si, 128)]
     for visual in links_of(kind.urdf)[robot.mounted.name].iter("visual"):
@@ -169,9 +169,10 @@ def inertia(link):
 
 
 def test_every_link_has_a_possible_mass_and_inertia(kind):
-    """Principal moments of inertia satisfy the triangle inequality.
+    """Each link has a mass and a possible inertia.
 
-    Gazebo drops links without a mass.
+    Principal moments of inertia satisfy the triangle inequality. Gazebo drops links without a
+    mass.
 
     Bodies for display and collision are equal, and a comment states each assumption.
     """
@@ -190,7 +191,7 @@ def test_every_link_has_a_possible_mass_and_inertia(kind):
 
 
 def test_inertia_of_a_turned_box():
-    """The inertia about the common centre equals that of points that fill the bodies."""
+    """The inertia of rotated boxes equals that of points that fill them."""
     rng = np.random.default_rng(3)
     bodies = [
         Body((0.1, 0.2, 0.3), "steel", (0.05, -0.1, 0.2), (0.3, -0.5, 1.1)),
@@ -232,9 +233,10 @@ def matrices(cdr):
 
 
 def test_transforms_equal_the_poses_of_the_urdf(kind):
-    """They agree to 1e-11 at random lifts and angles over many turns.
+    """The transforms of a message equal the poses of the URDF, to 1e-11.
 
-    The stamps are those of the instants. /tf and /tf_static together contain each joint once.
+    Lifts and angles are random over many turns. The stamps are those of the instants. /tf and
+    /tf_static together contain each joint once.
     """
     random, count, transforms = np.random.default_rng(7), 10, Transforms(kind.robot)
     stamps = np.sort(random.integers(0, 100 * NS, count))
@@ -314,9 +316,10 @@ def require_on_both(robot, lift, cam_points, follower_points):
 
 
 def test_markers_in_contact_are_the_contact_point_and_the_force(kind):
-    """The point is on cam and follower, and the arrow is along the common normal.
+    """In contact the markers are the contact point and an arrow of the force.
 
-    The component of the arrow along y of the link follower is proportional to the contact force.
+    The point is on cam and follower, and the arrow is along the common normal. Its component
+    along y of the link follower is proportional to the contact force.
     """
     robot, force = kind.robot, np.linspace(1.0, 50.0, COUNT)
     lift = robot.law(ANGLE)
@@ -338,10 +341,10 @@ def test_markers_in_contact_are_the_contact_point_and_the_force(kind):
 
 
 def test_markers_in_flight_are_a_line_along_the_gap_and_its_length(kind):
-    """The line is from the contour to the follower, and the text is its length in µm.
+    """In flight the markers are a line from contour to follower, and its length in µm.
 
-    The markers have the numbers of those in contact. If a tick contains contact and flight, the
-    force of each instant decides.
+    They have the numbers of those in contact. If a tick contains contact and flight, the force
+    of each instant decides.
     """
     robot = kind.robot
     follower_markers, lift = markers.FollowerMarkers(robot), robot.law(ANGLE) + GAP
@@ -360,7 +363,7 @@ def test_markers_in_flight_are_a_line_along_the_gap_and_its_length(kind):
 
 
 def test_the_markers_of_the_cam_have_its_exact_contour(kind):
-    """The line is the closed contour, and both filled faces have its area."""
+    """The markers of a cam are its closed contour and two faces with its area."""
     robot = kind.robot
     ((line, body),) = markers_of([markers.cam_markers(robot)])
     assert (line.type, body.type) == (markers.LINE_STRIP, markers.TRIANGLE_LIST)

@@ -173,7 +173,7 @@ def has_ticks(bag):
 
 
 def patient(scene, bag, screen=None, **drive):
-    """Return the parameters of the nodes of a run, with a progress_timeout for a busy machine."""
+    """Return the parameters of a run's nodes, with a timeout for a busy machine."""
     return live_nodes(scene, bag, screen, **{"progress_timeout": WAIT, **drive})
 
 
@@ -271,6 +271,6 @@ class User(RigClient):
 
 @pytest.fixture
 def user(domain):
-    """Operator at a terminal, in the domain of the rig."""
+    """Operator at a terminal, in the ROS domain of the rig."""
     with User(domain, name="user") as operator:
         yield operator

@@ -30,7 +30,10 @@ SCENE_RPM = (250.0, 400.0)
 
 
 def set_speeds(user, reports):
-    """Require that integers are accepted, and that 0 means the scene's speeds."""
+    """Set speeds and pacing as an operator, and require that the cam turns at them.
+
+    Integers are accepted. A speed of 0 means the speeds of the scene.
+    """
 
     def turns_at(*rpm, set_point=0.0):
         next(report for report in reports if round(report["rpm"], 3) in rpm)
@@ -47,9 +50,10 @@ def set_speeds(user, reports):
 
 
 def test_a_session_of_operator_commands(user, short_scene, tmp_path):
-    """θ does not jump at any command, and rejected commands have no effect.
+    """Commands of an operator take effect without a jump of the cam angle.
 
-    The commands are start, speed, cam, stop, emergency stop and reset.
+    The commands are start, speed, cam, stop, emergency stop and reset. Rejected commands have
+    no effect. A replay of the bag gives the same numbers.
     """
     bag = tmp_path / "bag"
     with OneProcess(patient(short_scene, bag, autostart=False, pacing=SLOW)) as here:
@@ -111,7 +115,7 @@ GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 def test_two_rigs_in_one_domain_do_not_affect_each_other(
     forked, domain, short_scene, undisturbed, tmp_path
 ):
-    """The messages of each rig equal those of an undisturbed run.
+    """Two rigs in namespaces of one domain publish the messages of an undisturbed run.
 
     The nodes of one rig are processes, those of the other are in this process.
     """
@@ -129,7 +133,10 @@ def test_two_rigs_in_one_domain_do_not_affect_each_other(
 
 
 def test_a_bag_of_a_namespace_can_be_read_and_recovered(tmp_path):
-    """It is read without the namespace, which a recovered bag keeps."""
+    """The bag of a rig in a namespace is read like one without.
+
+    A recovered bag keeps the namespace.
+    """
     bag = write_rigs(tmp_path / "namespaced", GOLDEN, "/lab/rig1")
     expected = read_counts(GOLDEN)
     assert read_counts(bag) == expected
@@ -142,7 +149,10 @@ def test_a_bag_of_a_namespace_can_be_read_and_recovered(tmp_path):
 
 
 def test_a_bag_of_two_rigs_is_rejected(tmp_path):
-    """`ros2 bag record -a` records both rigs, which the error names."""
+    """A bag of two rigs is refused, and the error names both.
+
+    `ros2 bag record -a` records such a bag.
+    """
     bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
     with pytest.raises(BagError, match="must contain one rig, got /, /rig2"):
         read_counts(bag)

@@ -49,14 +49,14 @@ def parameter_table(domain):
 
 @pytest.fixture
 def values_of(parameter_table):
-    """Function that returns the parameter values of a node with such arguments."""
+    """Function that creates a node with arguments and returns its parameter values."""
     return lambda name, *arguments, **node: parameter_table(name, *arguments, **node).values
 
 
 def test_a_node_has_the_interface_of_its_tables(make):
-    """Parameters have descriptions and limits, and are read-only unless live.
+    """Each node has exactly the parameters, topics and services of its tables.
 
-    The node has exactly the topics and services of the tables.
+    Parameters have descriptions and limits, and are read-only unless live.
     """
     for name in LIVE:
         node, interface = make(name), ABOUT[name]
@@ -79,7 +79,10 @@ def test_a_node_has_the_interface_of_its_tables(make):
 
 
 def test_integers_and_names_are_converted_at_the_start(values_of):
-    """An integer is a number, 20 is 20x, and the name of a scene is its path."""
+    """At the start integers are converted to numbers and pacings, names to paths.
+
+    For example, 20 becomes 20x.
+    """
     arguments = (
         "-p",
         "rpm:=300",
@@ -110,7 +113,10 @@ WRONG = {
 
 
 def test_an_invalid_value_at_the_start_is_rejected_with_the_allowed_values(values_of):
-    """Values of any type raise an error of the rig, not of rclpy."""
+    """An invalid value at the start raises ConfigError with the allowed values.
+
+    Values of a wrong type do so too, in place of an error of rclpy.
+    """
     for argument, message in WRONG.items():
         with pytest.raises(ConfigError) as rejected:
             values_of("cam_drive", "-p", argument)
@@ -118,7 +124,10 @@ def test_an_invalid_value_at_the_start_is_rejected_with_the_allowed_values(value
 
 
 def test_a_value_that_is_set_is_converted_or_rejected(make):
-    """A rejected value has no effect, and the reason is readable."""
+    """A live parameter is converted when it is set, or rejected with a reason.
+
+    A rejected value has no effect.
+    """
     drive = make("cam_drive")
     assert drive.set_parameters_atomically([Parameter("rpm", value=250)]).successful
     assert drive.program.schedule.state.speed == 250.0 * RPM
@@ -137,9 +146,9 @@ def test_a_value_that_is_set_is_converted_or_rejected(make):
 
 
 def test_the_speed_parameter_is_the_set_point(make):
-    """Setting the value that was read has no effect.
+    """The speed parameter is 0 while the scene sets the speed.
 
-    `ros2 param dump` and `load` do this.
+    A user who sets the value that was read, as `ros2 param load` does, thus changes nothing.
     """
     drive = make("cam_drive")
     state = next(cam_states(drive._loaded.scene))
@@ -151,9 +160,10 @@ def test_the_speed_parameter_is_the_set_point(make):
 
 
 def test_a_parameter_file_contains_every_default(values_of):
-    """It applies in any namespace, and later arguments override it.
+    """The shipped parameter file of a node contains the default of each parameter.
 
-    The file equals the output of tools/docs/parameters.py.
+    It applies in any namespace, and later arguments override it. It equals the output of
+    tools/docs/parameters.py.
     """
     for name in PARAMETERS:
         file = FOLDER / f"{name}.yaml"
@@ -167,7 +177,10 @@ def test_a_parameter_file_contains_every_default(values_of):
 
 
 def test_an_unknown_parameter_makes_a_warning(parameter_table):
-    """It does not end the node, because a parameter file may serve several nodes."""
+    """An unknown parameter is ignored with a warning that suggests a name.
+
+    A parameter file may serve several nodes.
+    """
     misspelled = ("-p", "scen:=quick", "-p", "use_sim_time:=false")
     assert parameter_table("follower", *misspelled).unknown == [
         "ignoring unknown parameter 'scen' (did you mean 'scene'?)"
@@ -178,7 +191,7 @@ def test_an_unknown_parameter_makes_a_warning(parameter_table):
 
 
 def test_the_help_text_contains_every_parameter_and_topic():
-    """It also contains an example."""
+    """The help of a node contains each parameter and topic, and an example."""
     for name in NODES:
         help_text = usage(name)
         for spec in PARAMETERS[name]:
@@ -189,7 +202,7 @@ def test_the_help_text_contains_every_parameter_and_topic():
 
 
 def test_help_does_not_start_a_node():
-    """It is printed on stdout with code 0, also in a Python without rclpy."""
+    """--help prints on stdout and ends with code 0, also without rclpy."""
 
     def output(*command, code=0):
         process = ended(sys.executable, *command)
@@ -210,12 +223,10 @@ def test_help_does_not_start_a_node():
 
 
 def test_scenes_are_compared_by_name_and_content(tmp_path):
-    """A scene of another name or content is rejected.
+    """A node whose scene differs from that of the drive in name or content is refused.
 
-    Copies in other folders are equal.
-
-    A node without a scene is accepted, as are the consumers of a player. A file that was removed
-    after it was read is not compared.
+    Copies in other folders are equal. A node without a scene is accepted, as are the consumers
+    of a player. A file that was removed after it was read is not compared.
     """
 
     def scene(name, text, folder=""):

@@ -38,7 +38,7 @@ def addresses(pid):
 
 @pytest.mark.long
 def test_all_sockets_use_the_loopback_interface(forked, domain, short_scene, tmp_path, monkeypatch):
-    """This applies to any settings of the user.
+    """All sockets of a run use the loopback interface, whatever the user's settings.
 
     No process remains after the run.
     """
@@ -77,7 +77,10 @@ with rclpy.init():
 
 @pytest.mark.parametrize("profiles", ["fastdds_loopback.xml", "fastdds_subnet.xml"])
 def test_the_type_lookup_service_is_disabled(profiles):
-    """With it Fast DDS waits for replies, which it may lose, and may crash."""
+    """The shipped DDS profiles disable the type lookup service of Fast DDS.
+
+    With it Fast DDS waits for replies, which it may lose, and may crash.
+    """
     process = ended(sys.executable, "-c", THREADS, config_root() / profiles)
     assert "dds.ev" in process.stdout, process.stderr
     assert "dds.tls" not in process.stdout
@@ -93,7 +96,10 @@ def start_run(scene, bag, pacing):
 
 
 def test_a_run_that_is_reset_ends_in_order(user, short_scene, tmp_path):
-    """It has more ticks than its scene, and code 0."""
+    """A run with stop, reset and start ends with code 0 and a complete bag.
+
+    The bag has more ticks than the scene.
+    """
     bag = tmp_path / "bag"
     process = start_run(short_scene, bag, "1x")
     for service in ("stop", "reset", "start"):
@@ -110,7 +116,7 @@ def test_a_run_that_is_reset_ends_in_order(user, short_scene, tmp_path):
     "name", ["SIGINT", *(pytest.param(name, marks=LONG) for name in ("SIGTERM", "SIGHUP"))]
 )
 def test_a_signal_ends_all_and_closes_the_bag(domain, short_scene, tmp_path, name):
-    """The code is 128 + signal, and no process remains.
+    """A signal ends a run with code 128 + signal, a closed bag and no process.
 
     The signals are those of Ctrl-C, kill and a closed terminal.
     """
@@ -128,7 +134,10 @@ def test_a_signal_ends_all_and_closes_the_bag(domain, short_scene, tmp_path, nam
 def test_a_run_that_is_interrupted_before_its_start_has_no_bag(
     forked, domain, short_scene, tmp_path
 ):
-    """The log states that no message was recorded, instead of a closed bag."""
+    """A run that is interrupted before its start logs that nothing was recorded.
+
+    All nodes end with code 0.
+    """
     logged = []
     graph = Graph(patient(short_scene, tmp_path / "bag"), log=logged.append)
     with pytest.raises(KeyboardInterrupt), graph:
@@ -173,7 +182,10 @@ FAILURES = (
 
 
 def test_a_node_reports_why_it_ends(domain, run_here):
-    """It logs the error on stderr without a traceback, and ends with the error's code."""
+    """A node that cannot run logs its error on stderr and ends with the error's code.
+
+    There is no traceback.
+    """
     for node, arguments, expected_code, text in FAILURES:
         code, logged = run_here(node, *arguments.split())
         assert code == expected_code, arguments
@@ -181,9 +193,10 @@ def test_a_node_reports_why_it_ends(domain, run_here):
 
 
 def test_an_error_at_the_start_is_published_on_rosout(user):
-    """It has its level and the node's name, also if the node cannot be created.
+    """An error at the start of a node is published on /rosout as fatal with its name.
 
-    On a busy machine the discovery can take longer than the node waits, so it starts up to 5 times.
+    This applies also if the node cannot be created. On a busy machine the discovery can take
+    longer than the node waits, so it starts up to 5 times.
     """
     received = []
     latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -207,9 +220,10 @@ def test_an_error_at_the_start_is_published_on_rosout(user):
 
 @pytest.mark.parametrize(("failed", "code"), [(False, -signal.SIGALRM), (True, 1)])
 def test_a_process_ends_if_the_middleware_does_not_return(failed, code):
-    """It also ends if the middleware keeps the interpreter locked.
+    """A node ends in bounded time although the shutdown of the middleware blocks.
 
-    After a regular shutdown no alarm remains for the next run of a node that stays.
+    It also ends if the middleware keeps the interpreter locked. After a regular shutdown no
+    alarm remains for the next run of a node that stays.
     """
     lines = (
         "import ctypes, time",
@@ -231,7 +245,7 @@ def test_a_process_ends_if_the_middleware_does_not_return(failed, code):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("nodes", [2, pytest.param(15, marks=LONG)])
 def test_an_early_signal_ends_a_node_in_order(domain, short_scene, tmp_path, number, nodes):
-    """The code is 0, without a traceback, at any time of the start."""
+    """A signal at any time of its start ends a node with code 0 and no traceback."""
     chance = random.Random(int(number))
     for i in range(nodes):
         name = NODES[i % len(NODES)]
@@ -244,7 +258,10 @@ def test_an_early_signal_ends_a_node_in_order(domain, short_scene, tmp_path, num
 
 
 def test_sigint_ends_a_node_that_was_started_with_sigint_ignored(domain, short_scene):
-    """A shell starts the background processes of a script in this way."""
+    """SIGINT ends a node with code 0 although it was started with SIGINT ignored.
+
+    A shell starts the background processes of a script in this way.
+    """
     command = [sys.executable, "-m", "cam_rig.nodes", "follower", "--ros-args"]
     command += ["-p", f"scene:={short_scene}"]
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -279,7 +296,10 @@ for names in (("process", "cam_drive", "microphone"), ("follower", "law_server")
 
 
 def test_a_node_imports_only_the_libraries_that_it_needs():
-    """The import of other libraries would delay its start."""
+    """A node imports no library of commands, figures or viewer.
+
+    Only some nodes import those of bags. Other imports would delay the start.
+    """
     lines = map(json.loads, ended(sys.executable, "-c", IMPORTS).stdout.splitlines())
     for loaded, excluded in zip(lines, (NEVER | OF_BAGS, NEVER | {"mcap"}, NEVER), strict=True):
         assert set(loaded) & excluded == set()

@@ -41,7 +41,7 @@ def require_as_simulated(bag):
 
 
 def test_a_run_equals_the_simulation_without_nodes(undisturbed_bag):
-    """The bag of a run of the nodes has all ticks of the scene."""
+    """The bag of a run of the nodes equals the simulation of its scene, bit for bit."""
     assert len(require_as_simulated(undisturbed_bag).ticks) == TICKS
 
 
@@ -64,7 +64,10 @@ RAMP = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n
     ],
 )
 def test_runs_of_other_programs_equal_the_simulation(domain, tmp_path, changes):
-    """All ticks are reported in order."""
+    """Runs with ramps or with several short cams equal the simulation, bit for bit.
+
+    All ticks are reported in order.
+    """
     text = QUICK.read_text(encoding="utf-8")
     for old, new in changes.items():
         assert old in text
@@ -78,7 +81,7 @@ def test_runs_of_other_programs_equal_the_simulation(domain, tmp_path, changes):
 
 
 def test_no_state_is_sent_before_every_node_is_ready(domain, short_scene, tmp_path):
-    """The drive waits for a recorder that starts late, then publishes all states."""
+    """The drive waits for a recorder that starts late, and then sends all states."""
     bag = tmp_path / "bag"
     with OneProcess(patient(short_scene, bag), late=["recorder"]) as here:
         wait_until(lambda: here.nodes["cam_drive"]._not_ready == {"recorder"})
@@ -97,9 +100,9 @@ MOUNTED = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
 
 
 def test_a_subscriber_receives_the_messages_of_the_bag(user, short_scene, undisturbed, tmp_path):
-    """From discovery on it receives each message once and in order.
+    """A subscriber receives each message of the bag once and in order.
 
-    The bag equals that of an undisturbed run.
+    This applies from its discovery on. The bag equals that of an undisturbed run.
     """
     bag, received = tmp_path / "bag", {topic: [] for topic in (*MOVING, *MOUNTED)}
     latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -146,10 +149,7 @@ KEEPS_ALL = QoSProfile(
 def test_endpoints_of_other_programs_do_not_affect_a_run(
     user, domain, short_scene, undisturbed, tmp_path
 ):
-    """The drive does not wait for a reader that never reads.
-
-    DDS does not match endpoints of different types.
-    """
+    """Readers that never read, and writers of other types, do not affect the bag."""
     published = [topic for topic in topics.RECORDING if not topic.type.startswith("tf2_msgs")]
     for topic in published:
         user.node.create_subscription(message_class(topic), topic.name, print, KEEPS_ALL)
@@ -206,7 +206,7 @@ def follow(node, payloads):
 
 
 def test_no_tick_is_lost_if_the_writer_is_blocked(make, block_writer, undisturbed):
-    """The samples of every tick are published if half of the attempts fail."""
+    """The samples of each tick are published although half of the attempts fail."""
     random = Random(0)
     published = block_writer(topics.FOLLOWER_SAMPLES, lambda: random.random() < 0.5)
     follow(make("follower"), undisturbed)
@@ -216,7 +216,10 @@ def test_no_tick_is_lost_if_the_writer_is_blocked(make, block_writer, undisturbe
 
 
 def test_blocked_motion_is_skipped_for_a_tick(make, block_writer, undisturbed, monkeypatch, capfd):
-    """The rig does not wait for displays, and names the topic."""
+    """If its writer is blocked, a motion topic is skipped for a tick with a warning.
+
+    The rig does not wait for displays.
+    """
     monkeypatch.setattr(RigPublisher, "get_subscription_count", lambda _self: 1)
     attempts = []
     published = block_writer(topics.JOINT_STATES, lambda: attempts.append(1) or len(attempts) == 5)
@@ -229,7 +232,7 @@ def test_blocked_motion_is_skipped_for_a_tick(make, block_writer, undisturbed, m
 
 
 def test_a_writer_that_stays_blocked_ends_the_run(make, block_writer, monkeypatch):
-    """The error names the topic."""
+    """A writer of states that stays blocked raises RunError with the topic."""
     monkeypatch.setattr(rig_node, "MAX_BLOCKED_S", 0.05)
     block_writer(topics.CAM_STATE, lambda: True)
     drive = make("cam_drive")
@@ -238,7 +241,10 @@ def test_a_writer_that_stays_blocked_ends_the_run(make, block_writer, monkeypatc
 
 
 def test_weightings_can_be_changed_live(make):
-    """A weighting that is not in the standard is rejected."""
+    """The weightings of the microphone can be changed in a run.
+
+    A weighting that is not in the standard is rejected.
+    """
     microphone = make("microphone")
     names = ("frequency_weighting", "time_weighting")
     assert [microphone.get_parameter(name).value for name in names] == ["Z", "F"]

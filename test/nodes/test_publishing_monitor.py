@@ -12,7 +12,10 @@ pytestmark = pytest.mark.ros
 
 
 def test_a_slow_subscriber_is_named_with_its_topic_and_factor(make, user, capfd):
-    """There is a warning per check, except if publishing takes little time."""
+    """A slow subscriber causes one warning per check, with topic and factor.
+
+    There is no warning if publishing takes little time.
+    """
     drive = make("cam_drive")
     monitor, publisher = drive.publishing_monitor, drive._state_publisher
     user.node.create_subscription(JointState, "/cam/state", lambda _: None, 10)
@@ -32,7 +35,7 @@ def test_a_slow_subscriber_is_named_with_its_topic_and_factor(make, user, capfd)
 
 
 def test_publishing_is_timed(make):
-    """The time of every attempt is added."""
+    """The duration of each attempt to publish is added to that of its topic."""
     drive = make("cam_drive")
     before = drive._clock_publisher.publishing_s
     drive.publish_time(1)

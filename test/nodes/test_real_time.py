@@ -105,9 +105,10 @@ class Watcher:
 def test_a_paced_run_has_constant_rates_and_the_bag_of_a_free_run(
     user, short_scene, undisturbed, tmp_path, factor, rate
 ):
-    """The motion is at most one tick and 50 ms behind the drive.
+    """In a paced run motion and /clock are published at constant rates.
 
-    Its values are samples of the bag. /clock advances between the states.
+    The motion is at most one tick and 50 ms behind the drive, and its values are samples of the
+    bag. /clock advances between the states. The bag equals that of a free run.
     """
     bag, watcher = tmp_path / "bag", Watcher(user, rate)
     nodes = patient(short_scene, bag, autostart=False, pacing=f"{factor}x")

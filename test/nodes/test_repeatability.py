@@ -36,7 +36,10 @@ NODES = ("follower", "microphone", "law_server", "cam_drive", "recorder")
 def test_a_stalled_consumer_stops_the_drive_and_no_message_is_lost(
     short_scene, undisturbed, tmp_path
 ):
-    """Queues do not grow, because the number of ticks in flight is limited."""
+    """The drive stops after 4 ticks while a consumer is stalled, then continues.
+
+    The bag equals that of an undisturbed run.
+    """
     stalled, resume = threading.Event(), threading.Event()
     with OneProcess(patient(short_scene, tmp_path / "bag", autostart=False)) as here:
         microphone, drive = here.nodes["microphone"], here.nodes["cam_drive"]
@@ -68,7 +71,10 @@ def resident_mb(process):
 
 @pytest.mark.long
 def test_memory_does_not_grow_while_a_consumer_is_suspended(short_scene, undisturbed, tmp_path):
-    """The microphone is suspended for 5 s by SIGSTOP."""
+    """While the microphone is suspended, no other node grows by over 5 MB.
+
+    The bag equals that of an undisturbed run.
+    """
     with Graph(patient(short_scene, tmp_path / "bag"), log=print) as graph:
         for report in graph.progress():
             if report["tick"] == 30:
@@ -90,7 +96,7 @@ def test_memory_does_not_grow_while_a_consumer_is_suspended(short_scene, undistu
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("victim", NODES)
 def test_a_killed_node_ends_the_run_and_is_named(short_scene, tmp_path, victim):
-    """The error names the last tick.
+    """A killed node ends the run with an error that names node and last tick.
 
     The bag is closed and readable, and no temporary file remains.
     """
@@ -111,7 +117,7 @@ def test_a_killed_node_ends_the_run_and_is_named(short_scene, tmp_path, victim):
 
 @pytest.mark.long
 def test_a_recorder_killed_at_the_end_of_the_run_is_named(short_scene, tmp_path, monkeypatch):
-    """The run has code 1, and the bag, which was not closed, is recovered."""
+    """If the recorder is killed at its end, the run has code 1 and a recovered bag."""
 
     def kill_recorder(nodes):
         for node in nodes:
@@ -131,7 +137,10 @@ def test_a_recorder_killed_at_the_end_of_the_run_is_named(short_scene, tmp_path,
 
 @pytest.mark.long
 def test_a_full_disk_ends_the_run_with_an_error(short_scene, tmp_path):
-    """Files are limited to 50 kB, and the error of the recorder states the cause."""
+    """A run whose recorder cannot write ends with code 1 and the cause.
+
+    A limit of the file size of 50 kB acts like a full disk. No process remains.
+    """
     limit = "import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (50_000, 50_000))"
     # otherwise incomplete .pyc files would remain
     no_bytecode = "import os; os.environ['PYTHONDONTWRITEBYTECODE'] = '1'"

@@ -68,7 +68,10 @@ def listen(user, kind, topic):
 def test_nodes_end_with_the_run_and_leave_a_closed_bag(
     user, parameters, undisturbed, tmp_path, capfd
 ):
-    """The bag equals that of `cam-rig run`, and each node logs its progress."""
+    """Nodes that are started one by one end with the run and code 0.
+
+    The closed bag equals that of `cam-rig run`, and each node logs its progress.
+    """
     finished = listen(user, DiagnosticStatus, "/rig/finished")
     with OneProcess(parameters(*NODES)) as here:
         wait_until(lambda: user.spin(0.1) or not any(map(here.is_running, NODES)))
@@ -90,7 +93,10 @@ def test_nodes_end_with_the_run_and_leave_a_closed_bag(
 def test_nodes_that_stay_make_another_run_with_another_bag(
     user, start, undisturbed, tmp_path, drive
 ):
-    """The bags are equal byte by byte: no node keeps state of the first run."""
+    """Nodes that stay make a second run, whose bag equals the first byte by byte.
+
+    No node keeps state of the first run.
+    """
     nodes = list(start(*NODES[:-1], on_finish="stay"))
     first = start(DRIVE, on_finish="stay" if drive == "that stays" else "end")[-1]
     if drive == "that stays":
@@ -111,7 +117,10 @@ def test_nodes_that_stay_make_another_run_with_another_bag(
 
 
 def test_waiting_nodes_publish_heartbeats(user, parameters):
-    """They name the missing nodes once per second of wall-clock time, at rig time 0."""
+    """A waiting node publishes diagnostics that name the missing nodes.
+
+    They come once per second of wall-clock time, at rig time 0.
+    """
     diagnostics = listen(user, DiagnosticArray, "/diagnostics")
 
     def heartbeats(name, missing):
@@ -141,7 +150,10 @@ def test_waiting_nodes_publish_heartbeats(user, parameters):
 
 @pytest.mark.parametrize("reason", ["stopped", "no answer"])
 def test_a_drive_that_ends_early_publishes_the_reason(user, parameters, tmp_path, reason, capfd):
-    """After a signal or a timeout the other nodes end in order, and the bag is closed."""
+    """A drive that ends after a signal or timeout publishes the reason.
+
+    The other nodes then end with code 0, and the bag is closed.
+    """
     pressures = listen(user, FluidPressure, "/microphone/pressure")
     finished = listen(user, DiagnosticStatus, "/rig/finished")
     nodes = parameters(*NODES)
@@ -183,7 +195,10 @@ def test_a_drive_that_ends_early_publishes_the_reason(user, parameters, tmp_path
     ],
 )
 def test_messages_in_transit_are_received_for_a_limited_time(monkeypatch, writes, written, seconds):
-    """A node does not wait for an endless publisher, because the runner would kill it."""
+    """At its end a node receives messages in transit, but for a limited time.
+
+    The runner would kill a node that waits for an endless publisher.
+    """
     time, writes = SimpleNamespace(s=0.0, monotonic=lambda: time.s), iter(writes)
     node = SimpleNamespace(received=0)
     monkeypatch.setattr(rig_node, "time", time)
@@ -197,7 +212,7 @@ def test_messages_in_transit_are_received_for_a_limited_time(monkeypatch, writes
 
 
 def test_a_second_recorder_is_rejected(domain, short_scene, undisturbed, tmp_path):
-    """The bag of the first recorder equals that of an undisturbed run."""
+    """A second recorder is refused, and the run of the first is undisturbed."""
     text = "this rig has a recorder already, in ROS domain"
     with OneProcess(patient(short_scene, tmp_path / "bag", pacing=SLOW)) as here:
         reports = here.progress()
@@ -236,7 +251,7 @@ def poll(make, monkeypatch):
 
 
 def test_a_node_ends_if_the_drive_is_lost(poll, capfd):
-    """A drive was killed, or left while the node was suspended.
+    """A node ends if the drive has left without publishing the end of the run.
 
     A drive that has never been present, or is discovered again, does not count as lost.
     """

@@ -80,7 +80,7 @@ OPEN = ("/cam/rpm", "/parameter_events")
 
 
 def test_invalid_messages_do_not_end_a_node(user, short_scene, tmp_path, capfd):
-    """The node logs a warning, continues and ends in order.
+    """A node that receives an invalid message logs a warning and continues.
 
     The messages are malformed, impossible, huge or from the past.
     """
@@ -125,10 +125,11 @@ def open_topics():
 def test_impossible_messages_on_open_topics_do_not_affect_the_run(
     user, short_scene, undisturbed, tmp_path, capfd
 ):
-    """The bag equals that of an undisturbed run, byte by byte.
+    """Impossible messages on open topics do not change the bag of a run.
 
-    The messages are impossible speeds, parameter events that the law server does not confirm and
-    diagnostics of other robots. Each message is published 100 times.
+    Any program may publish on these topics. The messages are impossible speeds, parameter
+    events that the law server does not confirm and diagnostics of other robots. Each is
+    published 100 times.
     """
     bag, publishers = tmp_path / "bag", {}
     with OneProcess(patient(short_scene, bag, pacing=SLOW)) as here:
@@ -153,7 +154,7 @@ def test_impossible_messages_on_open_topics_do_not_affect_the_run(
     ("topic", "message"), [("/cam/state", JointState()), ("/recorder/ack", Header())]
 )
 def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, message):
-    """The error names the topic and the other node."""
+    """A second publisher of a topic of the rig ends the run with topic and node."""
     text = rf"{topic}: has a second publisher, /user; only this rig's "
     here = OneProcess(patient(short_scene, tmp_path / "bag", pacing=SLOW))
     with pytest.raises(RunError, match=text), here:
@@ -165,10 +166,7 @@ def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, mes
 
 
 def test_a_law_that_was_forged_before_the_start_ends_the_run(user, short_scene, tmp_path):
-    """It is latched before the law server starts.
-
-    The error names the topic.
-    """
+    """A law that another program latched before the start ends the run with its topic."""
     law = [("tm21", 2), (PIECE_LABEL, 4)]
     forged = array_message(law, [0.0, 0.0, 1e-3, 0.0, 3.0, 0.0, 1e-3, 0.0])
     publisher = user.node.create_publisher(type(forged), "/cam/law_coefficients", LATCHED)
@@ -180,7 +178,10 @@ def test_a_law_that_was_forged_before_the_start_ends_the_run(user, short_scene, 
 
 
 def test_a_message_that_is_too_long_for_its_topic_is_rejected():
-    """A law of 64 MB is rejected by its length, before it is read."""
+    """A message that is too long for its topic is refused by its length, unread.
+
+    Here it is a law of 64 MB.
+    """
     huge = bytes(64 << 20)
     with pytest.raises(RefusedError, match="at most 1048576 bytes, got 67108864"):
         require_length(topics.LAW_COEFFICIENTS, huge)

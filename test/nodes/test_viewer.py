@@ -47,9 +47,10 @@ def complete_curves(file, recorded):
 
 
 def test_live_curves_equal_those_of_the_bag(domain, tmp_path):
-    """No tick is missing in bag and live view, and the values are equal.
+    """Curves of the live view have the values of the view of the bag.
 
-    Live curves have at least half of the samples, with the smallest and the largest value.
+    No tick is missing. Live curves have at least half of the samples, with the smallest and the
+    largest value.
     """
     bag, folder = tmp_path / "bag", tmp_path / "page"
     folder.mkdir()
@@ -75,7 +76,7 @@ def test_live_curves_equal_those_of_the_bag(domain, tmp_path):
     ids=["invalid address", "killed repeatedly"],
 )
 def test_a_run_continues_without_a_failed_viewer(forked, domain, tmp_path, address, pacing):
-    """The drive stops waiting for it, and the bag is complete."""
+    """If the viewer fails, the run continues and its bag is complete."""
     bag, logged = tmp_path / "bag", []
     with Graph(patient(QUICK, bag, address, pacing=pacing), log=logged.append) as graph:
         for report in graph.progress():

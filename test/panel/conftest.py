@@ -80,7 +80,7 @@ def blocks_of(data):
 
 
 class ServedPages(Visitor):
-    """Visitor of a panel with board, bench and lab but without nodes."""
+    """Client of a served panel with board, bench and lab but without nodes."""
 
     def __init__(self, board, bench, lab, address):
         super().__init__(address)
@@ -109,7 +109,7 @@ def served(tmp_path_factory):
 
 
 class ServedLab(Visitor):
-    """Lab sheet as its page requests it."""
+    """Client of a served lab sheet that sends the requests of its page."""
 
     def __init__(self, pages, address):
         super().__init__(address)

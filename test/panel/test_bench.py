@@ -31,7 +31,10 @@ SPEED, TICKS = 300.0, 12
 
 
 def test_a_set_up_is_written_as_a_scene(tmp_path):
-    """Write the chosen numbers. Other numbers are those of the file."""
+    """A set-up is written as a scene with its mass, preload, model and speed.
+
+    All other numbers of the follower are those of the rig's file.
+    """
     runner.add_cam(cam_rig.load_cam("poly345"), tmp_path / "cams")
     for model in runner.available_models(RIG):
         changes = {"model": model, "added_mass": 0.5, "preload": 45, "rpm": 321.0}
@@ -46,9 +49,9 @@ def test_a_set_up_is_written_as_a_scene(tmp_path):
 
 
 def test_the_bench_starts_with_the_follower_of_the_board():
-    """Start with two masses if the rig splits its mass.
+    """The bench starts with two masses if the rig splits its mass, else with one.
 
-    A model is allowed if the rig has its numbers.
+    Only models are offered whose numbers the rig has.
     """
     for path in (config_root() / "rigs").glob("*.yaml"):
         rig = cam_rig.load_rig(path)
@@ -62,7 +65,10 @@ def test_the_bench_starts_with_the_follower_of_the_board():
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("name", CAM_NAMES)
 def test_every_cam_can_be_added_to_the_bench(name, tmp_path):
-    """Preserve every number of the law, also for a law from a table."""
+    """A cam that is added to the bench keeps every number of its law.
+
+    A cam with a desmodromic follower is not offered, because no model turns it.
+    """
     cam = cam_rig.load_cam(name)
     runner.add_cam(cam, tmp_path)
     added_law, law = (
@@ -77,7 +83,7 @@ def test_every_cam_can_be_added_to_the_bench(name, tmp_path):
 
 
 def test_an_invalid_set_up_is_refused():
-    """Name the rule in one line."""
+    """An invalid value of a set-up is refused with one line that states the rule."""
     for changes, text in (
         ({"model": "soft"}, "model: is 'soft'; allowed on this rig"),
         ({"added_mass": -1}, "added mass: is -1 kg"),
@@ -121,9 +127,9 @@ def turn(live, first, count):
 
 
 def test_a_loss_of_contact_within_the_averaged_time_is_noted(live):
-    """Note a loss of contact even if the last tick was in contact.
+    """A reading is noted as "contact lost" if contact was lost in the averaged time.
 
-    Long afterwards the contact is noted as kept.
+    This is so even if the last tick was in contact. A later reading is noted as in contact.
     """
     live.on_node_message({"health": ["follower", 0, {}]})
     turn(live, 0, 150)
@@ -139,7 +145,11 @@ def test_a_loss_of_contact_within_the_averaged_time_is_noted(live):
 
 
 def test_the_drive_has_its_reported_state(live):
-    """Follow the drive: stopped, waiting, turning, emergency until it turns again."""
+    """The displayed state of the drive follows its messages and ticks.
+
+    The states are stopped, waiting and turning. After an emergency stop it is emergency until
+    the drive reports otherwise.
+    """
     assert (live.graph, live.drive) == ("running", "stopped")
     live.on_node_message(
         {"health": [f"cam_drive{HEARTBEAT}", 0, {"state": "waiting", "waits_for": "viewer"}]}
@@ -159,9 +169,9 @@ def test_the_drive_has_its_reported_state(live):
 
 
 def test_ticks_in_flight_after_a_stop_do_not_count_as_turning(live):
-    """Ignore four ticks after a stop.
+    """After a stop the bench ignores four ticks in flight and displays "stopped".
 
-    More ticks mean that another program has started the drive.
+    Further ticks mean that another program has started the drive, so it displays "turning".
     """
     turn(live, 0, 150)
     live.on_service("stop")
@@ -174,7 +184,10 @@ def test_ticks_in_flight_after_a_stop_do_not_count_as_turning(live):
 
 
 def test_a_new_set_up_or_weighting_clears_the_meter_and_keeps_readings(live):
-    """Keep cam and speed for the next run, but not contact and level."""
+    """A new weighting or run clears the level, but not the noted readings.
+
+    The next run has the same cam, speed and settings.
+    """
     live.on_node_message({"node": "cam_drive", "values": {"rpm": 280.0, "pacing": "5x"}})
     live.on_node_message({"node": "cam_drive", "values": {"scene": "/no/setting.yaml"}})
     turn(live, 0, 150)
@@ -191,7 +204,7 @@ def test_a_new_set_up_or_weighting_clears_the_meter_and_keeps_readings(live):
 
 
 def test_the_number_of_readings_is_bounded(live, monkeypatch):
-    """Refuse a reading above the limit, so that the memory stays bounded."""
+    """A reading above the maximum number is refused until the readings are cleared."""
     monkeypatch.setattr(live_state, "MAX_READINGS", 2)
     turn(live, 0, 150)
     live.note()
@@ -206,7 +219,10 @@ def test_the_number_of_readings_is_bounded(live, monkeypatch):
 
 
 def turned(meter, rpm, seconds, level, start=0.0):
-    """Add 12 ticks per turn of a constant speed and level, and return the end (s)."""
+    """Add 12 ticks per turn of a constant speed and level to a meter.
+
+    Returns the end (s).
+    """
     tick = 60.0 / rpm / 12
     count = round(seconds / tick)
     for k in range(count):
@@ -216,9 +232,9 @@ def turned(meter, rpm, seconds, level, start=0.0):
 
 
 def test_a_steady_level_is_the_mean_square_of_whole_turns():
-    """Read a level after as many turns to settle, or after 8 time constants.
+    """The steady level is the energy mean over whole turns at the present speed.
 
-    The mean of half 80 dB and half 90 dB is that of their energy.
+    It is available after the turns to settle, or after 8 time constants.
     """
     for rpm in (20.0, 97.0, 300.0, 3000.0):
         meter = Meter()
@@ -234,9 +250,9 @@ def test_a_steady_level_is_the_mean_square_of_whole_turns():
 
 
 def test_no_level_is_read_after_a_change_or_at_standstill():
-    """Report the time to wait after a change of speed.
+    """A reading soon after a change of speed is refused with the time to wait.
 
-    Refuse a reading before the first tick and at 0 rpm.
+    It is also refused before the first tick and while the cam is stopped.
     """
     meter = Meter()
     meter.add_level(1000, 80.0)
@@ -255,7 +271,7 @@ def test_no_level_is_read_after_a_change_or_at_standstill():
 
 
 def test_readings_are_written_as_csv():
-    """Write one row per reading, units in the headings, and quoted names."""
+    """Readings are written as CSV with units in the headings and quoted names."""
     reading = NotedReading("a,b", "one_mass", 300.0, 83.25, "LAF", "in contact", 0.5, 4030.0, 30.6)
     (row,) = csv.DictReader(to_csv([reading]).splitlines())
     assert row["cam"] == "a,b" and float(row["level_db"]) == 83.25
@@ -269,15 +285,16 @@ CAMS = ("poly345", "flat", "inclined_flat", "oscillating_roller", "oscillating_f
 
 
 def law_of(name):
+    """Return a shipped cam and its law."""
     cam = cam_rig.load_cam(name)
     return cam, cam_rig.build_law(cam)
 
 
 @pytest.mark.parametrize("name", CAMS)
 def test_the_drawn_follower_is_that_of_the_profile(name):
-    """Draw the follower's position as a linear function of the lift.
+    """The picture has the follower of the profile at each lift.
 
-    The contact point lies on the contour.
+    Position and rotation are linear in the lift, and the contact point lies on the contour.
     """
     cam, law = law_of(name)
     shape, picture = follower_shape(cam, law), drawing.cam_picture(cam, law)
@@ -298,9 +315,9 @@ def test_the_drawn_follower_is_that_of_the_profile(name):
     ("model", "above"), [("one_mass", 480.0), ("two_mass", 430.0), ("kinetostatic", 480.0)]
 )
 def test_the_predicted_turn_is_that_of_a_long_run(model, above):
-    """Compare lift, force and contact with the last turn of a run of 30 turns.
+    """The predicted turn agrees with the last turn of a simulation of 30 turns.
 
-    One speed is below the jump speed and one above.
+    Lift, force and contact agree below and above the jump speed.
     """
     law, setup = law_of("poly345")[1], DEFAULT_SETUP.with_changes({"model": model}, RIG)
     for rpm in (250.0, above):
@@ -319,9 +336,9 @@ def test_the_predicted_turn_is_that_of_a_long_run(model, above):
 
 
 def test_the_marks_of_the_knob_are_the_jump_speeds():
-    """List the jump speed of the set-up's model first.
+    """The knob has marks at the jump speeds, first that of the set-up's model.
 
-    A rig without two masses has only that of one mass.
+    A rig without two masses has only the mark of one mass.
     """
     law = law_of("poly345")[1]
     two_masses, one_mass = drawing.jump_speeds(law, RIG, "two_mass")
@@ -334,7 +351,10 @@ def test_the_marks_of_the_knob_are_the_jump_speeds():
 
 @pytest.mark.parametrize("rpm", [20.0, 333.3, 1000.0])
 def test_a_block_contains_angle_and_gap_of_its_samples(tmp_path, rpm):
-    """Send about one sample per degree, and no block without a cam state."""
+    """A block for the page has about one sample per degree, with angle and gap.
+
+    There is no block without a cam state or for an unknown cam.
+    """
     law, rig = law_of("poly345")[1], cam_rig.load_rig("tm21")
     run = cam_rig.simulate(law, rig, rpm=rpm, turns=1, sample_rate=4000)
     live = LiveMotion(Cams(tmp_path))

@@ -53,9 +53,9 @@ class Bench(BrowserPage):
 
 @pytest.mark.parametrize("language", ["es", pytest.param("en", marks=pytest.mark.long)])
 def test_no_element_overlaps_and_the_emergency_stop_is_visible(chromium, served, language):
-    """Compare the boxes of all elements that are read or operated.
+    """No element of the bench overlaps another, and the emergency stop is visible.
 
-    The heading names the model.
+    This applies to each window size and language. The heading names the model.
     """
     with in_browser(chromium, Bench) as bench:
         bench.open_bench(served.address, language)
@@ -71,7 +71,7 @@ def test_no_element_overlaps_and_the_emergency_stop_is_visible(chromium, served,
 
 
 def require_apart(bench, width):
-    """Check that no element overlaps another or sticks out of its column or the page."""
+    """Check that no element overlaps another, and that each is within its column."""
     boxes = bench.boxes()
     assert len(boxes) > 25
     for (name, a), (other, b) in itertools.combinations(boxes.items(), 2):
@@ -86,9 +86,9 @@ def require_apart(bench, width):
 
 
 def test_the_rig_and_its_prediction_are_drawn_before_it_turns(chromium, served):
-    """Draw cam, follower and curves by the exact model.
+    """Before the cam turns, the bench displays the rig and the predicted contact.
 
-    The pointer on a curve turns the cam.
+    The prediction follows changes of speed and preload. The pointer on a curve turns the cam.
     """
     with in_browser(chromium, Bench) as bench:
         bench.open_bench(served.address, "en")
@@ -133,16 +133,18 @@ class LabPage(BrowserPage):
         self.settle()
 
     def lost(self):
+        """Return True if the page displays that contact is lost."""
         return self.text("contact") == "contact lost"
 
     def press_until(self, key, condition):
+        """Press a key on the knob until a condition is true."""
         until(condition, step=lambda: self.press(key), wait=TIMEOUT_S)
 
 
 def test_a_reading_by_keyboard_is_within_1_rpm_of_the_true_value(chromium, tmp_path):
-    """Step up by tens and down by ones.
+    """A jump speed that is found with the knob's keys is within 1 rpm of the truth.
 
-    A reading in contact is recorded only after a confirmation.
+    A reading in contact is recorded only after a confirmation. Readings remain after a reload.
     """
     pages, questions, answers = (
         LabPages(sheet_of(seed="group-3"), tmp_path),
@@ -199,7 +201,7 @@ def test_a_reading_by_keyboard_is_within_1_rpm_of_the_true_value(chromium, tmp_p
 
 
 def test_the_theory_is_displayed_on_request(chromium, tmp_path):
-    """Switch the line of theory on and off, on a sheet without a seed.
+    """On a sheet without a seed, a button displays and hides the line of theory.
 
     The page links only to pages that are served.
     """
@@ -222,7 +224,10 @@ def test_the_theory_is_displayed_on_request(chromium, tmp_path):
 
 @pytest.mark.parametrize("lab", ["noise", pytest.param("vibration", marks=pytest.mark.long)])
 def test_readings_and_an_answer_are_recorded_by_keyboard(chromium, tmp_path, lab):
-    """Record the displayed reading, and an answer with a decimal comma in Spanish."""
+    """The keyboard records the displayed reading and an answer, in Spanish too.
+
+    The answer has a decimal comma.
+    """
     pages = LabPages(sheet_of(seed="group-3", lab=lab), tmp_path)
     with serve(pages, home="/lab", language="es") as panel, in_browser(chromium, LabPage) as page:
         page.open(panel.address)

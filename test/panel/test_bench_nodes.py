@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory):
-    """Run one panel in its ROS domain for the tests of this file."""
+    """Panel in its ROS domain for the tests of this file."""
     out = tmp_path_factory.mktemp("bench") / "out"
     with isolated_domain() as domain, panel_process(out) as panel:
         yield panel, domain
@@ -34,22 +34,23 @@ def shared(tmp_path_factory):
 
 @pytest.fixture
 def running_panel(ros_domain, tmp_path):
-    """Run a panel for a single test."""
+    """Panel for a single test."""
     with panel_process(tmp_path / "out") as panel:
         yield panel
 
 
 def contiguous(bag):
-    """Return the rig time (s) of a bag's samples, whose ticks must join without a gap."""
+    """Return the duration (s) of a bag's ticks, which must join without a gap."""
     ticks = [tick.interval for tick in read_ticks(bag)]
     assert all(tick.stop_ns == following.start_ns for tick, following in pairwise(ticks))
     return (ticks[-1].stop_ns - ticks[0].start_ns) / NS
 
 
 def test_one_page_has_the_controls(shared):
-    """Let another page call an emergency stop and take over, but nothing else.
+    """Only the page with the controls operates the rig.
 
-    A bag is kept on request, and a new run follows.
+    Another page may call an emergency stop or take over the controls. A bag is kept on request,
+    and a new run follows.
     """
     with shared[0].page() as first, shared[0].page() as second:
         first.running()
@@ -76,9 +77,9 @@ def test_one_page_has_the_controls(shared):
 
 
 def test_a_watching_page_receives_every_tick_and_another_none(shared):
-    """Send blocks that join without a gap at the commanded speed.
+    """A watching page receives the samples of all ticks without a gap.
 
-    A page that does not watch receives no blocks.
+    They turn at the commanded speed. A page that does not watch receives no samples.
     """
     panel, _ = shared
     with panel.page() as page, panel.page() as other:
@@ -124,7 +125,7 @@ class BenchInBrowser(BrowserPage):
         self.until(lambda: self.text("speed") == str(rpm))
 
     def note(self, rpm):
-        """Press the button, and return True if a reading at the speed (rpm) is noted."""
+        """Press the button of a reading, and return True if it is noted at a speed (rpm)."""
         self.page.locator("#note").click()
         self.page.wait_for_timeout(200)
         return f" {rpm} rpm, " in self.text("noted") and "dB" in self.text("noted")
@@ -135,9 +136,9 @@ class BenchInBrowser(BrowserPage):
 
 
 def test_the_knob_sets_and_follows_the_speed(chromium, shared):
-    """Set the speed by keys and by the pointer.
+    """The knob sets the speed by keys and by the pointer.
 
-    The knob follows a speed that another program sets.
+    It also displays a speed that another program sets.
     """
     panel, domain = shared
     with in_browser(chromium, BenchInBrowser) as bench:
@@ -186,7 +187,7 @@ CHANGES = """() => new Promise((done) => {
 
 
 def test_controls_do_not_change_while_the_cam_turns(chromium, shared):
-    """Write no attribute of a control whose value has not changed.
+    """While the cam turns, the page changes no attribute of a control.
 
     A page that rewrote them with every message would be laid out again each time.
     """
@@ -202,7 +203,7 @@ def test_controls_do_not_change_while_the_cam_turns(chromium, shared):
 
 
 def test_a_killed_panel_leaves_no_process_and_a_closed_bag(shared):
-    """End the nodes, and close a bag without a gap."""
+    """After a panel is killed, its nodes end and its bag is closed without a gap."""
     panel, _ = shared
     with panel.page() as page:
         page.running()
@@ -219,9 +220,9 @@ def test_a_killed_panel_leaves_no_process_and_a_closed_bag(shared):
 
 @pytest.mark.long
 def test_a_page_and_another_program_control_the_rig(running_panel, ros_domain):
-    """Set the nodes' parameters from a page and from another program.
+    """A page and another program both set parameters of the nodes.
 
-    The page displays a value that was set outside. The cam keeps turning after a reload.
+    The page displays values that were set outside. The cam keeps turning after a reload.
     """
     with running_panel.page() as page:
         live = page.running()
@@ -253,7 +254,7 @@ def test_a_page_and_another_program_control_the_rig(running_panel, ros_domain):
 
 @pytest.mark.long
 def test_a_noted_level_is_that_of_the_exact_model(running_panel):
-    """Note the level of the exact model within 0.2 dB.
+    """A noted level agrees with the level of the exact model to 0.2 dB.
 
     Sample rate and background of the bench cause the difference.
     """
@@ -279,7 +280,10 @@ def test_a_noted_level_is_that_of_the_exact_model(running_panel):
 
 @pytest.mark.long
 def test_another_set_up_starts_another_run_and_a_bag_can_be_kept(running_panel):
-    """Record the chosen numbers and every tick up to the end of the run."""
+    """A new set-up starts a new run, whose kept bag has the chosen numbers.
+
+    The bag has every tick up to the end of the run. The weighting is kept.
+    """
     with running_panel.page() as page:
         page.running()
         page.do("set", name="time_weighting", value="S")
@@ -304,7 +308,7 @@ def test_another_set_up_starts_another_run_and_a_bag_can_be_kept(running_panel):
 @pytest.mark.long
 @pytest.mark.parametrize("wait", [0.1, 0.4, 1.0])
 def test_a_signal_while_the_rig_is_set_up_ends_the_panel(running_panel, wait):
-    """End the panel while nodes are ended or started."""
+    """A signal ends panel and nodes, also while a new set-up starts or ends nodes."""
     with running_panel.page() as page:
         page.running()
         page.do("set_up", value={"preload": 40})
@@ -316,7 +320,10 @@ def test_a_signal_while_the_rig_is_set_up_ends_the_panel(running_panel, wait):
 
 @pytest.mark.long
 def test_a_drawn_law_is_mounted_on_the_bench(running_panel):
-    """Turn the law of the handles. A law that is drawn again is another cam."""
+    """A law that is drawn on the board turns on the bench.
+
+    A law that is mounted again is another cam.
+    """
     board = json.loads(running_panel.get("/board"))
     ordinates = list(board["ordinates"])
     ordinates[board["handles"][10]["index"]] += 0.01
@@ -334,7 +341,10 @@ def test_a_drawn_law_is_mounted_on_the_bench(running_panel):
 
 @pytest.mark.long
 def test_a_run_that_fails_leaves_its_bag(running_panel, ros_domain):
-    """Name the second publisher that ended the run, and keep the bag."""
+    """A run that fails reports the reason and keeps its bag.
+
+    The reason here is a second publisher. A new set-up starts the next run.
+    """
     with running_panel.page() as page:
         page.running()
         page.turned(1.0)
@@ -351,7 +361,10 @@ def test_a_run_that_fails_leaves_its_bag(running_panel, ros_domain):
 
 @pytest.mark.long
 def test_noted_levels_are_drawn(chromium, running_panel):
-    """Draw levels above the jump speed with full markers, and record the contact."""
+    """Noted levels are drawn, with full markers if contact was lost.
+
+    The CSV file of the readings contains the contact.
+    """
     law, rig = cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("paper_table2")
     jump = find_jump(law, follower_of(rig), None).rpm  # the model with which the bench starts
     with in_browser(chromium, BenchInBrowser) as bench:

@@ -22,7 +22,7 @@ from .conftest import with_moved_ordinate
 
 
 def test_the_middle_of_the_start_can_be_moved_by_a_twentieth_of_its_lift(board):
-    """Move it up and down without undercut."""
+    """A move of the start law's middle by 5 % of the lift causes no fault."""
     law, handle = board.drawn.start.law, board.drawn.handles[7]
     unit = board.drawn.ordinates.copy()
     unit[handle.index] += 1.0
@@ -34,7 +34,10 @@ def test_the_middle_of_the_start_can_be_moved_by_a_twentieth_of_its_lift(board):
 
 
 def test_a_change_moves_free_ordinates_alone(board):
-    """Keep the ordinates at the ends of segments, whatever a page sends."""
+    """A change from a page moves only free ordinates.
+
+    The ordinates at the ends of segments are kept, whatever the page sends.
+    """
     start = board.ordinates
     board.update([x + 0.01 for x in start.tolist()], 450)
     free = [handle.index for handle in board.drawn.handles]
@@ -44,7 +47,10 @@ def test_a_change_moves_free_ordinates_alone(board):
 
 
 def test_invalid_values_are_refused_and_change_nothing(board):
-    """Require one finite number per ordinate, and a speed from 1 to 1e5 rpm."""
+    """Invalid ordinates or speeds are refused, and the board does not change.
+
+    Each ordinate must be a finite number, and the speed from 1 to 1e5 rpm.
+    """
     before, version, count = board.ordinates, board.version, board.ordinates.size
     assert count == 42
     for invalid in ([0.0] * 41, ["0"] * 42, [True] * 42, [math.nan] * 42, [101.0] * 42, [], None):
@@ -57,7 +63,7 @@ def test_invalid_values_are_refused_and_change_nothing(board):
 
 
 def test_fast_results_are_those_of_the_library(board):
-    """Compare rigid jump speed and contour with those of the saved file's law."""
+    """Fast results equal the library's rigid jump speed and contour of the saved cam."""
     board.update(with_moved_ordinate(board, 0.01), 300)
     law = cam_rig.build_law(cam_rig.load_cam(board.save("moved", board.ordinates.tolist())))
     kinds = ("mass", "spring_stiffness", "damping", "preload", "stem_stiffness")
@@ -75,10 +81,7 @@ def test_fast_results_are_those_of_the_library(board):
 
 
 def test_full_results_are_those_of_the_library(board):
-    """Compare jump speed and level with those of the library's functions.
-
-    The residual vibration is positive, and no check fails.
-    """
+    """Full results equal the jump speed and level of the library's functions."""
     law = board.law()
     results = evaluate_full(board.cam, law, board.rig, 300.0)
     assert results["jump"]["value"] == pytest.approx(cam_rig.jump_speed(law, board.rig).rpm)
@@ -91,7 +94,7 @@ def test_full_results_are_those_of_the_library(board):
 
 
 def test_the_level_above_the_jump_speed_is_simulated(board):
-    """Include the noise of the landings above the jump speed."""
+    """Above the jump speed the level includes the noise of the landings."""
     rpm = 1.1 * board.evaluate_fast()["jump_rigid"]["value"]
     jumping_run = cam_rig.simulate(board.law(), board.rig, rpm=rpm, turns=6)
     contact_run = cam_rig.simulate(board.law(), board.rig, model="kinetostatic", rpm=rpm, turns=6)
@@ -101,7 +104,10 @@ def test_the_level_above_the_jump_speed_is_simulated(board):
 
 
 def test_an_undercut_law_is_reported_as_a_fault(board, monkeypatch):
-    """Name the failed check with its angle on the page, in the file, and for a DXF."""
+    """An undercut law is a fault with its angle, and its DXF is refused.
+
+    A saved cam file states why the cam cannot be made.
+    """
     ordinates = with_moved_ordinate(board, 0.5)
     saved = board.save_for_page("undercut", ordinates)
     assert cam_rig.load_cam(saved["path"]).cannot_be_made == saved["cannot_be_made"]
@@ -125,7 +131,10 @@ def test_an_undercut_law_is_reported_as_a_fault(board, monkeypatch):
 
 
 def test_a_follower_out_of_reach_is_a_fault_without_a_contour(tmp_path):
-    """Report the reason if there is no contour."""
+    """A follower that does not reach the cam is reported as a fault.
+
+    There is no contour.
+    """
     cam = cam_rig.load_cam("oscillating_roller")
     short = cam.follower.model_copy(update={"arm": cam.lift})  # 20 mm, and the pivot is 90 mm away
     board = Board(cam.model_copy(update={"follower": short}), cam_rig.load_rig("tm21"), tmp_path)
@@ -136,7 +145,7 @@ def test_a_follower_out_of_reach_is_a_fault_without_a_contour(tmp_path):
 
 
 def test_another_law_is_that_of_a_shipped_cam(board):
-    """Find a shipped cam by its name, and refuse a path."""
+    """The law for comparison is found by the name of a shipped cam. A path is refused."""
     assert board.shipped_law("cycloidal")["name"] == "cycloidal"
     for name in ("nobody", "../rigs/tm21", ""):
         with pytest.raises((ConfigError, cam_rig.errors.LawError)):
@@ -146,7 +155,7 @@ def test_another_law_is_that_of_a_shipped_cam(board):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("name", ["bezier15", "poly345", "flat", "oscillating_point", "conjugate"])
 def test_any_law_that_a_page_may_draw_has_results(tmp_path, name):
-    """Return values or reasons that JSON can contain for any ordinates."""
+    """Any ordinates have results or faults that JSON can contain."""
     board = Board(cam_rig.load_cam(name), cam_rig.load_rig("tm21"), tmp_path)
     random = np.random.default_rng(5)
     for size in (1e-9, 1e-3, 0.1, 1.0, 10.0, 90.0):
@@ -159,9 +168,9 @@ def test_any_law_that_a_page_may_draw_has_results(tmp_path, name):
 
 
 def test_extreme_speeds_and_a_velocity_jump_have_results(board, tmp_path):
-    """Return results at both ends of the knob.
+    """Full results exist at the lowest and the highest speed of the knob.
 
-    A law with a velocity jump has a contour but no jump speed.
+    A law with a velocity jump has a contour, and a reason instead of a jump speed.
     """
     for rpm in (1.0, MAX_RPM):
         results = evaluate_full(board.cam, board.law(), board.rig, rpm)
@@ -177,7 +186,7 @@ def test_extreme_speeds_and_a_velocity_jump_have_results(board, tmp_path):
 
 
 def test_a_saved_file_contains_the_displayed_law(tmp_path):
-    """Reproduce ordinates, follower and spans by `build_law` of the file."""
+    """The law of a saved file equals the displayed law, and its follower is unchanged."""
     for name in ("poly345", "bezier15", "tm21", "measured", "conjugate"):
         cam = cam_rig.load_cam(name)
         board = Board(cam, cam_rig.load_rig("tm21"), tmp_path / name)
@@ -192,7 +201,7 @@ def test_a_saved_file_contains_the_displayed_law(tmp_path):
 
 
 def test_a_file_is_never_overwritten(board):
-    """Refuse a second file of a name, and leave the first unchanged."""
+    """A save under an existing name is refused, and the file is not changed."""
     path = board.save("mine", board.ordinates.tolist())
     before = path.read_bytes()
     with pytest.raises(OutputError, match="exists already"):
@@ -201,7 +210,10 @@ def test_a_file_is_never_overwritten(board):
 
 
 def test_a_cam_with_a_large_pressure_angle_can_be_made(tmp_path):
-    """Report a failed check that is not fatal without `cannot_be_made`."""
+    """A cam that only exceeds its pressure angle counts as a cam that can be made.
+
+    The failed check is reported.
+    """
     cam = cam_rig.load_cam("poly345")
     strict = Quantity(given=1.0, unit="deg", source="test")
     follower = cam.follower.model_copy(update={"most_pressure_angle": strict})
@@ -212,7 +224,7 @@ def test_a_cam_with_a_large_pressure_angle_can_be_made(tmp_path):
 
 
 def test_the_dxf_is_the_contour_in_mm(board, tmp_path):
-    """Write all points of the contour within the chord error and the rounding."""
+    """The DXF contains the displayed contour in mm, within chord error and rounding."""
     ordinates = with_moved_ordinate(board, 0.05)
     path = tmp_path / "cam.dxf"
     path.write_text(board.dxf(ordinates), encoding="utf-8")
@@ -227,9 +239,9 @@ def test_the_dxf_is_the_contour_in_mm(board, tmp_path):
 
 @pytest.mark.long
 def test_the_design_command_can_be_run(tmp_path):
-    """Quote the command for a shell, also in a folder with a space.
+    """The displayed design command runs in a shell and increases the jump speed.
 
-    Start and rig are those of the board.
+    It has the start and rig of the board, and quotes a folder with a space.
     """
     rig = "config/rigs/paper_table2.yaml"
     out = tmp_path / "my cams"
@@ -246,7 +258,7 @@ def test_the_design_command_can_be_run(tmp_path):
 
 
 def test_an_invalid_cam_name_is_refused(board):
-    """Write nothing, neither inside the folder nor outside."""
+    """A save under an invalid name is refused, and no file is written."""
     for name in ("", "../x", "A", "a/b", "a.yaml", "a" * 101, None, 3, "cam"):
         with pytest.raises(ConfigError, match="name"):
             board.save(name, board.ordinates.tolist())
@@ -254,9 +266,9 @@ def test_an_invalid_cam_name_is_refused(board):
 
 
 def test_an_opened_file_is_the_loaded_file(board):
-    """Open shipped cams without a table as `load_cam` loads them.
+    """A cam file that is opened on a page gives the board of the loaded cam.
 
-    Refuse a text that is not a cam file, and change nothing.
+    A text that is not a cam file is refused, and the board does not change.
     """
     paths = sorted((config_root() / "cams").glob("*.yaml"))
     opened = 0

@@ -104,13 +104,13 @@ def page(window, served, tmp_path):
 
 
 def in_page(page, ordinates, rpm):
-    """Return s to s''' and force of ordinates by the page's modules, ``(5, n)``."""
+    """Return s to s''' and force of ordinates, computed by the page, ``(5, n)``."""
     data = page.page.evaluate(LAW_IN_PAGE, [ordinates, rpm])
     return np.frombuffer(base64.b64decode(data), dtype="<f8").reshape(ORDERS + 1, MOTION_POINTS)
 
 
 def library_curves(board, ordinates, rpm):
-    """Return s to s''' and force of the board's law, ``(5, n)``."""
+    """Return s to s''' and force of ordinates by the library, ``(5, n)``."""
     law, rig = board.law(np.array(ordinates)), FollowerParameters.from_rig(board.rig)
     rows = [law(table_angles(), order) for order in range(ORDERS)]
     force = rig.mass * rows[2] * (rpm * RPM) ** 2 + rig.damping * rows[1] * (rpm * RPM)
@@ -119,9 +119,9 @@ def library_curves(board, ordinates, rpm):
 
 
 def test_law_force_and_spectrum_of_the_page_are_those_of_the_library(page, board):
-    """Compare the page's curves within 1e-12 of the largest value.
+    """Law and force that the page computes agree with the library to 1e-12.
 
-    A change of 1e-6 of an ordinate is detected. The spectrum is that of numpy.
+    The spectrum agrees with numpy. A change of 1e-6 of an ordinate is detected.
     """
     ordinates = board.ordinates.tolist()
     for i, handle in enumerate(board.drawn.handles):
@@ -142,9 +142,9 @@ def test_law_force_and_spectrum_of_the_page_are_those_of_the_library(page, board
 
 
 def test_a_dragged_handle_changes_the_law_and_its_results(page, board):
-    """Display the numbers of `jump_speed` after a drag.
+    """A dragged handle changes its ordinate on page and server, and all results.
 
-    The handle follows the pointer, and the server has the displayed ordinates.
+    The jump speeds are those of the library. The handle follows the pointer.
     """
     charts = ("chart0", "chart1", "chart2", "chart3", "force", "spectrum")
     before = [page.path(chart) for chart in charts]
@@ -190,7 +190,7 @@ def handle_error_mm(page, board, i):
 
 @pytest.mark.long
 def test_all_pages_display_the_same_board_and_a_reload_keeps_it(chromium, page, board, served):
-    """Apply the last change on all pages.
+    """A change on one page appears on all pages and remains after a reload.
 
     A browser in Spanish has Spanish pages.
     """
@@ -215,9 +215,9 @@ def test_all_pages_display_the_same_board_and_a_reload_keeps_it(chromium, page, 
 
 
 def test_the_keyboard_moves_undoes_and_resets(page, board):
-    """Keep the focus with Tab, arrows, Ctrl-Z, Ctrl-Y and Home.
+    """Keys move a handle, undo, redo and reset, and keep its focus.
 
-    The keys of the knob change only the force.
+    Keys of the knob change only speed and force.
     """
     index = board.drawn.handles[5].index
     page.page.locator("#link").focus()
@@ -253,9 +253,9 @@ def test_the_keyboard_moves_undoes_and_resets(page, board):
 
 
 def test_a_law_that_cannot_be_made_is_reported_and_the_last_good_force_stays(page, board):
-    """Display an undercut in red with its angle, and refuse a DXF.
+    """An undercut law is reported, and its DXF refused.
 
-    After an undo the page has no faults.
+    The force remains that of the last law that can be made. After undo no fault is displayed.
     """
     force = page.path("force")
     page.page.locator(".handle").nth(7).focus()
@@ -278,7 +278,10 @@ def test_a_law_that_cannot_be_made_is_reported_and_the_last_good_force_stays(pag
 
 
 def test_the_drawn_law_can_be_saved_copied_and_downloaded(page, board, tmp_path):
-    """Save a file without overwriting, copy the design command, download a DXF."""
+    """The page saves the law as a file, copies its design command and loads a DXF.
+
+    A second save under the same name is refused.
+    """
     assert page.page.locator("#design").is_hidden()
     page.drag(16, 3.0)
     page.settled()
@@ -303,7 +306,10 @@ def test_the_drawn_law_can_be_saved_copied_and_downloaded(page, board, tmp_path)
 
 @pytest.mark.long
 def test_the_start_another_law_and_a_design_are_displayed_for_comparison(page, board):
-    """Draw each as a separate curve. The board stays responsive during its design."""
+    """The start law, another law and a finished design are drawn as further curves.
+
+    The board can be changed during the design.
+    """
     assert page.path("chart2", "ghost") != ""
     page.page.locator("#second").select_option("cycloidal")
     page.until(lambda: page.page.locator("#chart2 .second").count() == 1)
@@ -325,9 +331,9 @@ def test_the_start_another_law_and_a_design_are_displayed_for_comparison(page, b
 
 
 def test_no_element_sticks_out_and_the_chosen_language_stays(page):
-    """Keep each handle within its chart at any width.
+    """The page fits windows of 400 to 1600 px, with each handle within its chart.
 
-    Numbers have a decimal comma in Spanish.
+    The chosen language remains after a reload. Spanish numbers have a decimal comma.
     """
     page.page.locator("#languages [lang=es]").click()
     page.until(lambda: "Velocidad de la leva" in page.page.locator("#controls").inner_text())
@@ -355,7 +361,7 @@ def test_no_element_sticks_out_and_the_chosen_language_stays(page):
     "cams", [["trigonometric"], pytest.param(["bezier15", "conjugate"], marks=pytest.mark.long)]
 )
 def test_any_cam_and_rig_can_be_drawn(chromium, tmp_path, cams):
-    """Draw the handles, the contour and the results of a cam.
+    """The page draws contour and handles of each kind of law.
 
     The token disappears from the address after the redirection from a file.
     """
@@ -377,7 +383,10 @@ def test_any_cam_and_rig_can_be_drawn(chromium, tmp_path, cams):
 
 @pytest.mark.long
 def test_a_start_that_cannot_be_made_displays_the_force_of_its_motion(chromium, tmp_path):
-    """Do not mention a last good law if there is none."""
+    """If the start law cannot be made, the force of its motion is displayed.
+
+    The page states this, because there is no last law that can be made.
+    """
     good = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), tmp_path)
     cam = cam_rig.load_cam(good.save("undercut", with_moved_ordinate(good, 0.5)))
     board = BoardPages(Board(cam, good.rig, tmp_path))
@@ -388,9 +397,9 @@ def test_a_start_that_cannot_be_made_displays_the_force_of_its_motion(chromium, 
 
 
 def test_a_wide_pull_moves_the_neighbouring_ordinates(page, board):
-    """Move the neighbours by a raised cosine of the cam angle.
+    """A wide pull moves neighbouring ordinates by a raised cosine of the cam angle.
 
-    The pull is shorter next to a dwell, and the joint stays as smooth.
+    Next to a dwell the pull is shorter, so that the joint stays as smooth.
     """
     page.page.locator("#width").select_option("20")
     page.page.locator(".handle").nth(7).focus()
@@ -423,7 +432,7 @@ def test_a_wide_pull_moves_the_neighbouring_ordinates(page, board):
 
 
 def test_a_lost_connection_during_a_drag_loses_no_change(chromium, served, board):
-    """Send the changes after the connection is restored.
+    """A drag continues over a lost connection, and its changes reach the server.
 
     The server's older state does not replace them.
     """
@@ -455,9 +464,10 @@ def test_a_lost_connection_during_a_drag_loses_no_change(chromium, served, board
 
 
 def test_the_cam_turns_to_the_cursor_under_its_follower(page, board):
-    """Compare s, v, a and F at the cursor with those of the library.
+    """The cam is drawn at the angle of the cursor, with the follower at its lift.
 
-    The cursor follows the pointer on any chart, or a slider.
+    The displayed s, v, a and F are those of the library. The pointer on a chart or a slider
+    moves the cursor.
     """
     for move in ("chart2", "force", "slider"):
         if move == "slider":
@@ -487,9 +497,9 @@ def test_the_cam_turns_to_the_cursor_under_its_follower(page, board):
 
 
 def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromium):
-    """Draw the ordinates of an opened file on every page.
+    """A saved file that is opened on one page is drawn on every page.
 
-    A file that is not a cam is reported, and changes nothing.
+    A file that is not a cam is reported.
     """
     page.drag(7, -12.0)
     page.settled()
@@ -519,7 +529,7 @@ def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromiu
 
 
 def test_a_link_opens_the_same_law(page, board, served, chromium):
-    """Restore speed and ordinates, which one undo reverts.
+    """A link restores speed and ordinates of its law, and one undo reverts both.
 
     A link of another cam is refused.
     """
@@ -543,5 +553,5 @@ def test_a_link_opens_the_same_law(page, board, served, chromium):
 
 
 def clear_refusals(page):
-    """Remove the browser's messages about refused requests from the errors."""
+    """Remove the browser's messages on refused requests from the errors of a page."""
     page.errors[:] = [error for error in page.errors if REFUSED not in error]

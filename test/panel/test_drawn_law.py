@@ -28,7 +28,7 @@ def moved(drawn, amount=0.05):
 
 
 def from_table(drawn, ordinates):
-    """Return s to s''' ``(4, n)`` as a page computes them from the table."""
+    """Return s to s''' ``(4, n)`` by the page's table, as a page computes them."""
     table = drawn.table
     columns = table.first[:, None].astype(int) + np.arange(table.table.shape[2])
     return table.constant + np.einsum("okw,kw->ok", table.table, ordinates[columns])
@@ -37,9 +37,10 @@ def from_table(drawn, ordinates):
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("name", CAM_NAMES)
 def test_any_ordinates_give_the_law_of_the_library(name):
-    """Compare s to s''' of the page's table with those of the law.
+    """The page's table gives the law of the library for any ordinates.
 
-    No handle makes a joint less smooth. Each has at least half its largest effect at its angle.
+    No handle makes a joint less smooth than it was, or than C3. Each has at least half of its
+    largest effect at its angle.
     """
     drawn = DrawnLaw.of(load_cam(name))
     law = build_law(drawn.start.cam)
@@ -71,9 +72,10 @@ def test_any_ordinates_give_the_law_of_the_library(name):
 
 
 def test_a_law_keeps_its_ordinates_if_some_may_be_moved():
-    """Use B-splines if no ordinate of the file may be moved.
+    """A law of ordinates that may be moved is drawn with the ordinates of its file.
 
-    A segment of eight ordinates has none if four are fixed at each end.
+    If none may be moved, B-splines replace them, as with four ordinates fixed at each end of
+    eight.
     """
     for name in ("bezier15", "designed"):
         config = load_cam(name)
@@ -87,7 +89,7 @@ def test_a_law_keeps_its_ordinates_if_some_may_be_moved():
 
 
 def test_a_law_of_polynomials_is_drawn_exactly():
-    """Reproduce the law and its derivatives within rounding after knot insertion."""
+    """A law of polynomials is drawn as B-splines with equal derivatives, to rounding."""
     angles, count = np.linspace(0.0, 2.0 * np.pi, 1801), 0
     for name in CAM_NAMES[::3]:
         law = build_law(load_cam(name))
@@ -102,7 +104,7 @@ def test_a_law_of_polynomials_is_drawn_exactly():
 
 
 def test_any_other_law_is_drawn_as_the_nearest_b_spline():
-    """Report the distance from the file's law, which is small relative to the lift."""
+    """Another law is drawn as a near B-spline, and its distance from it is reported."""
     for name, limit in (("cycloidal", 1e-6), ("tm21", 1e-6), ("trigonometric", 2e-5)):
         start, law = DrawnLaw.of(load_cam(name)).start, build_law(load_cam(name))
         angles = np.linspace(0.0, 2.0 * np.pi, 1000)
@@ -113,7 +115,10 @@ def test_any_other_law_is_drawn_as_the_nearest_b_spline():
 
 
 def test_the_drawn_law_has_the_jump_speed_of_the_files_law():
-    """Preserve the jerk at the ends of an event, to which two masses are sensitive."""
+    """The jump speed of the drawn law is that of the file's law, to 1e-4.
+
+    Two masses are sensitive to the jerk at the ends of an event.
+    """
     rig = cam_rig.load_rig("paper_table2")
     for name in ("poly345", "cycloidal", "tm21", "modified_trapezoid"):
         drawn_rpm = cam_rig.jump_speed(DrawnLaw.of(load_cam(name)).start.law, rig).rpm
@@ -122,9 +127,9 @@ def test_the_drawn_law_has_the_jump_speed_of_the_files_law():
 
 
 def test_the_drawn_law_has_the_joints_of_the_files_law():
-    """Preserve the continuity of each joint, corners included.
+    """Each joint of the file's law has the same continuity in the drawn law.
 
-    All other joints are smooth.
+    All further joints are C4.
     """
     corners = "worked_example_constant_velocity"
     for name in ("poly345", "cycloidal", "measured", "half_rises", corners):
@@ -137,7 +142,7 @@ def test_the_drawn_law_has_the_joints_of_the_files_law():
 
 
 def test_a_law_with_too_many_pieces_is_refused():
-    """Report the limit of ordinates in a file, and the remedy."""
+    """A law that needs over 500 ordinates is refused with this limit."""
     angles = np.linspace(0.0, 2.0 * np.pi, 601)
     rises = 1e-3 * (1.0 - np.cos(angles)) * (1.0 + 0.1 * np.cos(angles))
     law = Law("many", angles, np.stack([rises[:-1], rises[1:]]))

@@ -30,14 +30,17 @@ ALPHA_MASS = 1.0175396720583243
 
 
 def test_a_seed_gives_the_same_rig_on_every_machine():
-    """Reproduce numbers that were computed once on another machine."""
+    """A seed gives the hidden factor and jump speed that another machine computed."""
     assert hidden_factor("jump", "alpha", "mass 0", 0.04) == pytest.approx(ALPHA_MASS, rel=1e-15)
     sheet = sheet_of(seed="alpha")
     assert sheet.true(LabSetup(4030.0, 0.0, 30.6)) == pytest.approx(408.900, abs=0.01)
 
 
 def test_every_hidden_factor_is_uniform_within_its_tolerance():
-    """Reach both ends of the tolerance in 2000 names, with the mean of the sheet."""
+    """Hidden factors of 2000 seeds are within the tolerance and reach both its ends.
+
+    Their mean is 1 within its error.
+    """
     for kind, tolerance in TOLERANCES.items():
         factors = np.array([hidden_factor("jump", f"n{i}", kind, tolerance) for i in range(2000)])
         assert np.abs(factors - 1.0).max() <= tolerance and factors.max() > 1.0 + 0.98 * tolerance
@@ -47,7 +50,10 @@ def test_every_hidden_factor_is_uniform_within_its_tolerance():
 
 
 def test_a_spring_is_the_same_in_every_set_up_and_two_springs_differ():
-    """Hide the numbers of a rig, and not add noise to the readings."""
+    """The hidden factor of a spring is equal in every set-up.
+
+    Two springs have different factors. Without a seed the numbers are those of the set-up.
+    """
     sheet = sheet_of()
 
     def factor(setup):
@@ -62,7 +68,10 @@ def test_a_spring_is_the_same_in_every_set_up_and_two_springs_differ():
 
 
 def test_a_seed_cam_or_rig_without_a_sheet_is_refused(tmp_path):
-    """Refuse a seed that is not a name, and cams and rigs that a lab cannot measure."""
+    """A seed that is not a name is refused.
+
+    A cam or rig that a lab cannot measure is refused too.
+    """
     for seed in ("", "a b", "../x", "é", "x" * 41):
         with pytest.raises(ConfigError, match=r"--seed: is .*; allowed: a name"):
             sheet_of(seed=seed)
@@ -89,7 +98,10 @@ def test_a_seed_cam_or_rig_without_a_sheet_is_refused(tmp_path):
 
 
 def test_the_line_of_theory_is_the_jump_speed_of_a_rigid_follower():
-    """Check n² = (k s + preload) / (m |s''|) for the sheet's set-up without damping."""
+    """The line of theory, n² = (k s + preload) / (m |s''|), is the rigid jump speed.
+
+    It has no damping.
+    """
     rig = cam_rig.load_rig("tm21").with_follower(damping=0.0)
     sheet = lab_sheet("jump", [cam_rig.load_cam("poly345")], rig)
     setup = LabSetup(rig.follower.spring_stiffness.si, 0.0, rig.follower.preload.si)
@@ -107,7 +119,7 @@ SPEED_RTOL = 2e-5
 @pytest.mark.parametrize("seed", [None, "Z9", "group-3", "alpha"])
 @pytest.mark.parametrize("rig", ["paper_table2", "tm21"])
 def test_contact_is_lost_exactly_above_the_true_speed(rig, seed):
-    """Check the steady state of one and two masses with each third set-up."""
+    """A turn just below the true speed keeps contact, and a turn just above loses it."""
     sheet = sheet_of(rig, seed)
     for setup in sheet.setups[::3]:
         jump = sheet.true(setup)
@@ -116,7 +128,10 @@ def test_contact_is_lost_exactly_above_the_true_speed(rig, seed):
 
 
 def test_a_turn_in_contact_is_the_kinetostatic_force_of_one_mass():
-    """Check m s'' Ω² + c s' Ω + k s + preload within the resolution of the sensor."""
+    """The displayed force of one mass is m s'' Ω² + c s' Ω + k s + preload.
+
+    It agrees within the resolution of the sensor.
+    """
     sheet = sheet_of("tm21")
     rpm = 300.0
     follower, speed = follower_of(sheet.true_rig(sheet.setups[0], None)), rpm * RPM
@@ -141,14 +156,14 @@ def test_a_turn_in_contact_is_the_kinetostatic_force_of_one_mass():
 
 @pytest.fixture(scope="module")
 def hidden(tmp_path_factory):
-    """Serve a sheet with a seed."""
+    """Served sheet with a seed."""
     with served_lab(sheet_of(seed="group-3"), tmp_path_factory.mktemp("lab")) as lab:
         yield lab
 
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
-    """Serve a sheet of the rig's numbers."""
+    """Served sheet of the rig's numbers, without a seed."""
     with served_lab(sheet_of("tm21"), tmp_path_factory.mktemp("lab")) as lab:
         yield lab
 
@@ -165,7 +180,7 @@ def numbers(value):
 
 
 def test_no_response_contains_a_hidden_number(hidden):
-    """Send no number within 1e-4 of a true number, which would reveal it.
+    """No response to a page contains a number within 1e-4 of a hidden number.
 
     The force is rounded to the resolution of the sensor.
     """
@@ -192,7 +207,10 @@ def test_no_response_contains_a_hidden_number(hidden):
 
 
 def test_theory_is_available_only_without_a_seed(hidden, plain):
-    """Refuse the theory with a seed, because it is not that of the hidden rig."""
+    """The theory is refused on a sheet with a seed, whose hidden rig differs from it.
+
+    Without a seed its slope gives the true speeds up to damping.
+    """
     status, _, body = ask(hidden.address, "/lab/theory", Cookie=hidden.cookie)
     assert status == 409 and "without a seed" in json.loads(body)["message"]
     sheet = plain.pages.notebook.sheet
@@ -204,9 +222,10 @@ def test_theory_is_available_only_without_a_seed(hidden, plain):
 
 
 def test_the_lamp_lights_above_the_jump_speed_and_stays_on(hidden):
-    """Keep the lamp on between two resonances, at which contact is regained.
+    """The lamp is on at every speed above the jump speed.
 
-    Contact was lost at the first resonance on the way up.
+    It stays on between two resonances, where contact is regained, because contact was lost on
+    the way up.
     """
     sheet, regained = hidden.pages.notebook.sheet, 0
     for i, setup in enumerate(sheet.setups):
@@ -221,7 +240,7 @@ def test_the_lamp_lights_above_the_jump_speed_and_stays_on(hidden):
 
 
 def test_every_reading_is_written_at_once_and_no_file_is_overwritten(tmp_path):
-    """Lose no reading if the panel is killed.
+    """Each reading is in the file of the sheet when its request is answered.
 
     The next panel with the same sheet writes another file.
     """
@@ -244,7 +263,10 @@ def test_every_reading_is_written_at_once_and_no_file_is_overwritten(tmp_path):
 
 
 def test_invalid_data_and_an_unwritable_folder_are_refused_and_not_recorded(plain, tmp_path):
-    """Name the invalid value. The displayed readings are the recorded ones."""
+    """Invalid data of a page are refused with the wrong value, and not recorded.
+
+    A reading that cannot be written is not recorded either.
+    """
     for change, text in (
         ({"rpm": "fast"}, "rpm: is 'fast'; allowed: "),
         ({"rpm": 1e9}, "rpm: is '1000000000.0'; allowed: "),
@@ -277,16 +299,16 @@ def mark(*arguments):
 
 
 def error(text, *arguments):
-    """Check that sheets are refused in one line, and return it."""
+    """Check that `--grade` refuses its arguments in one line, and return the line."""
     code, _, err = mark(*arguments)
     assert (code, err.count("\n"), text in err) == (2, 1, True), err
     return err
 
 
 def test_marks_are_the_difference_to_find_jump(tmp_path):
-    """Mark a sheet of a hidden rig and a sheet of the rig's numbers.
+    """A mark is the relative difference of an answer to the exact jump speed.
 
-    The CSV file has one row per answer.
+    JSON, CSV and text contain the answers of sheets with and without a seed.
     """
     right = filled(sheet_of(seed="alpha"), tmp_path)
     wrong, target = filled(sheet_of(), tmp_path, off=0.02), tmp_path / "marks.csv"
@@ -314,7 +336,10 @@ def test_marks_are_the_difference_to_find_jump(tmp_path):
 
 
 def test_a_sheet_that_a_spreadsheet_saved_is_read(tmp_path):
-    """Ignore added commas, a byte order mark, quotation marks and empty lines."""
+    """A sheet that a spreadsheet saved is read like the original.
+
+    Added commas, a byte order mark, quotation marks and empty lines are ignored.
+    """
     path = filled(sheet_of(seed="alpha"), tmp_path)
     before = read_sheet(path)
     text = path.read_text("utf-8")
@@ -340,7 +365,7 @@ DAMAGED = (
 
 
 def test_a_damaged_sheet_is_refused_in_one_line(tmp_path):
-    """Name file, fault and rule. A sheet without readings cannot be marked."""
+    """A damaged sheet, or one without readings, is refused with file, fault and rule."""
     path = filled(sheet_of(seed="alpha"), tmp_path)
     text = path.read_text("utf-8")
     for old, new, message in DAMAGED:
@@ -355,7 +380,10 @@ def test_a_damaged_sheet_is_refused_in_one_line(tmp_path):
 
 
 def test_no_name_becomes_a_formula_or_a_terminal_command(tmp_path):
-    """Escape names in the sheet, in the CSV of the marks, and on a terminal."""
+    """Names of students are escaped in the sheet, in the CSV and on a terminal.
+
+    A spreadsheet would run a name that starts with = or @ as a formula.
+    """
     sheet = read_sheet(filled(sheet_of(seed="alpha"), tmp_path))
     path, target = tmp_path / "hostile.csv", tmp_path / "marks.csv"
     name, title = "=1+1, =2+2\x1b[31m", "@SUM(1), =3+3"
@@ -371,7 +399,10 @@ def test_no_name_becomes_a_formula_or_a_terminal_command(tmp_path):
 
 
 def test_another_cam_or_rig_is_refused_in_one_line(tmp_path):
-    """Refuse another cam or rig than that on the sheet, and a missing file."""
+    """`--grade` refuses a cam or rig that is not that of the sheet, in one line.
+
+    It also refuses a missing file and options of other commands.
+    """
     path = filled(sheet_of("tm21"), tmp_path)
     assert mark(path)[0] == 0
     assert mark("poly345", path, "--rig", "tm21")[0] == 0

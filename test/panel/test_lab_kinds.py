@@ -28,7 +28,7 @@ pytestmark = pytest.mark.variants(2)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("lab", LABS)
 def test_answers_are_correct_within_the_tolerance_only(lab, seed, tmp_path):
-    """Accept answers within the tolerance of the lab or of the option, and no others."""
+    """Answers are correct within the tolerance of the lab or of the option only."""
     sheet = sheet_of(seed=seed, lab=lab)
     for off, right in ((0.0, 1), (0.1, 0), (-0.1, 0), (0.0099 * sheet.default_tolerance, 1)):
         (marked,) = mark_sheets([filled(sheet, tmp_path, off)], [], None, None).sheets
@@ -39,9 +39,10 @@ def test_answers_are_correct_within_the_tolerance_only(lab, seed, tmp_path):
 
 
 def test_the_figure_of_a_class_has_every_sheet_and_answer(tmp_path):
-    """Draw one row per sheet, sorted by the largest difference, without answers last.
+    """The figure of a class has one row per sheet and one point per answer.
 
-    Each answer is a point, which is filled if it is beyond the tolerance.
+    Rows are in the order of their largest difference, those without answers last. Points beyond
+    the tolerance are filled.
     """
     for lab in LABS:
         sheet = sheet_of(lab=lab)
@@ -71,7 +72,7 @@ def test_the_figure_of_a_class_has_every_sheet_and_answer(tmp_path):
 @pytest.mark.parametrize("seed", [*SEEDS, "x1", "x2"])
 @pytest.mark.parametrize("cam", ["poly345", "bezier15"])
 def test_the_peaks_of_residual_vibration_give_the_frequency(cam, seed):
-    """Find the frequency to 0.5 % from readings every 0.5 rpm.
+    """Readings every 0.5 rpm give the natural frequency to 0.5 %.
 
     The waves of a turn give the approximate number of periods, and the peaks the exact one.
     """
@@ -95,7 +96,7 @@ def test_the_peaks_of_residual_vibration_give_the_frequency(cam, seed):
 
 
 def test_no_reading_is_recorded_without_contact(tmp_path):
-    """Report the loss of contact, and refuse a reading."""
+    """In the lab of vibration a reading at a speed without contact is refused."""
     sheet = sheet_of(lab="vibration")
     heavy = sheet.setups[-1]
     rpm = 1.01 * sheet.contact_lost_rpm[heavy]
@@ -111,7 +112,7 @@ def test_no_reading_is_recorded_without_contact(tmp_path):
 @pytest.mark.parametrize("seed", [*SEEDS, "x1", "x2"])
 @pytest.mark.parametrize("rig", ["tm21", "paper_table2"])
 def test_the_readings_give_the_crossing_of_two_cams(rig, seed):
-    """Fit a line to each cam's readings near the crossing.
+    """Lines through the readings of two cams cross at the true speed.
 
     Below the crossing, the same cam is louder at all speeds.
     """
@@ -132,9 +133,9 @@ def test_the_readings_give_the_crossing_of_two_cams(rig, seed):
 
 
 def test_readings_scatter_normally_and_reproducibly():
-    """Distribute the readings normally about the true level.
+    """Readings of a level scatter about the true level with the stated deviation.
 
-    The scatter depends on the number of the reading, so that a repeated look gives the same value.
+    The scatter depends on the number of the reading, so that a repeated reading is equal.
     """
     sheet = sheet_of("tm21", lab="noise")
     setup, rpm = sheet.setups[0], 250.0
@@ -151,9 +152,9 @@ def test_readings_scatter_normally_and_reproducibly():
 
 @pytest.mark.parametrize("lab", ["vibration", "noise"])
 def test_a_page_sends_an_answer_and_receives_no_true_number(lab, tmp_path):
-    """Read an answer with a comma, and send neither true numbers nor true answers.
+    """An answer with a decimal comma is recorded, and invalid answers are refused.
 
-    The theory is that of the sheet's numbers, and only without a seed.
+    No response contains a true answer. The theory is served on a sheet without a seed.
     """
     sheet = sheet_of(seed="group-3", lab=lab)
     setup = vars(sheet.setups[0])
@@ -195,13 +196,16 @@ def class_server(out, groups):
 
 
 def page_of(addresses, group):
-    """Return a group's visitor and the sheet that its page displays."""
+    """Return a group's client and the sheet that its page displays."""
     page = Visitor(addresses[group])
     return page, json.loads(page.get(f"/lab/{group}/sheet"))
 
 
 def record_until_killed(addresses, group, on_recorded):
-    """Return the confirmed speeds, and the speed whose request was not answered."""
+    """Record readings of a group until its server is killed.
+
+    Returns the confirmed speeds, and the speed whose request was not answered or None.
+    """
     (page, sheet), confirmed = page_of(addresses, group), []
     setup = {name: values[0] for name, values in sheet["options"].items()}
     for rpm in range(400, 400 + READINGS_PER_GROUP):
@@ -218,9 +222,9 @@ def record_until_killed(addresses, group, on_recorded):
 @pytest.mark.slow
 @pytest.mark.parametrize("many", [6, pytest.param(30, marks=pytest.mark.long)])
 def test_simultaneous_groups_lose_no_reading_if_the_server_is_killed(many, tmp_path):
-    """Find every confirmed reading in its group's file.
+    """After the server is killed, each group's file has every confirmed reading.
 
-    A restarted server continues the file.
+    A restarted server continues the files.
     """
     groups = [f"group-{number}" for number in range(many)]
     with class_server(tmp_path, groups) as (server, addresses), ThreadPoolExecutor(many) as pool:
@@ -248,7 +252,10 @@ def test_simultaneous_groups_lose_no_reading_if_the_server_is_killed(many, tmp_p
 
 
 def test_each_group_has_a_separate_rig_and_page(tmp_path):
-    """Serve one seed at /lab, several at separate paths, and refuse a repeated name."""
+    """Each of several seeds has a page at its own path. A single seed is at /lab.
+
+    A repeated seed is refused.
+    """
     cams, rig = sheet_of().cams.values(), sheet_of().rig
     room = ClassRoom("jump", ("one", "two"), None)
     pages = room.pages([*cams], rig, tmp_path)
@@ -263,7 +270,7 @@ def test_each_group_has_a_separate_rig_and_page(tmp_path):
 
 
 def test_a_sheet_of_another_rig_is_not_continued(tmp_path):
-    """Leave the file of another rig unchanged."""
+    """A file of another rig, or one that another panel writes, is not continued."""
     sheet = sheet_of("tm21", seed="one")
     book = Notebook(sheet, tmp_path)
     book.record(vars(sheet.setups[0]) | {"rpm": 300.0})
@@ -277,7 +284,10 @@ def test_a_sheet_of_another_rig_is_not_continued(tmp_path):
 
 
 def test_an_address_of_this_machine_accepts_only_its_name():
-    """Accept only requests to `--host`, and refuse an address of another machine."""
+    """A panel with `--host` is served at that address of this machine.
+
+    The address of another machine is refused.
+    """
     address = "127.0.0.2"  # a loopback address of every machine, other than 127.0.0.1
     with serve(home="/lab", host=address) as served:
         assert served.access.netloc == f"{address}:{served.access.port}"

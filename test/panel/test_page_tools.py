@@ -32,10 +32,7 @@ def tsc(*arguments):
 
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
 def test_the_scripts_satisfy_their_types():
-    """Pass every check of tsc.
-
-    tsc must check every script, because it would not report a script that it does not read.
-    """
+    """tsc checks every script of the pages and finds no error."""
     result = tsc("--listFiles")
     assert result.returncode == 0, result.stdout
     checked = {Path(line).resolve() for line in result.stdout.splitlines()}
@@ -43,7 +40,7 @@ def test_the_scripts_satisfy_their_types():
 
 
 def test_no_script_disables_the_type_check():
-    """Find no comment that excludes a file or a line from the check."""
+    """No script contains a comment that excludes a file or line from the type check."""
     suppression = re.compile(r"@ts-(nocheck|ignore|expect-error)")
     assert [path.name for path in SCRIPTS if suppression.search(path.read_text("utf-8"))] == []
 
@@ -64,7 +61,10 @@ def wrong_types(folder, messages):
 
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
 def test_every_sent_message_has_its_declared_type(served, tmp_path):
-    """Find no field that is missing, undeclared or of another type."""
+    """Each message that the server sends has the type that messages.d.ts declares.
+
+    No field is missing, undeclared or of another type.
+    """
     sent = {
         "board": ("Board", json.loads(served.get("/board"))),
         "cam": ("CamPicture", json.loads(served.get("/bench/cam/poly345"))),
@@ -122,7 +122,10 @@ CASES = [
 @pytest.mark.skipif(not AXE.exists(), reason="no axe-core: make check-pages")
 @pytest.mark.parametrize(("path", "language", "scheme"), CASES)
 def test_axe_finds_no_violation(chromium, served, path, language, scheme):
-    """Check names, roles, contrast and order once the page has its numbers."""
+    """axe-core finds no violation of accessibility on a page with its numbers.
+
+    This includes hidden elements, in both languages and colour schemes.
+    """
     looks = {"color_scheme": scheme, "viewport": {"width": 1280, "height": 800}}
     with in_browser(chromium, BrowserPage, bypass_csp=True, **looks) as shown:
         chosen = f"sessionStorage.setItem('language', '{language}')"

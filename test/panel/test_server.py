@@ -48,9 +48,9 @@ def panel(served):
 
 
 def test_every_path_needs_cookie_and_origin(panel):
-    """Refuse a request without the cookie or from another site.
+    """A request without the cookie or from another site is refused with 403.
 
-    A POST request must name its origin.
+    A POST request must also name its origin.
     """
     assert panel.home == "/"
     assert "HttpOnly" in panel.set_cookie and "SameSite=Strict" in panel.set_cookie
@@ -67,7 +67,7 @@ def test_every_path_needs_cookie_and_origin(panel):
 
 
 def test_a_websocket_needs_cookie_and_origin(panel):
-    """Refuse a websocket without the cookie or the origin of the panel."""
+    """A websocket without the cookie or with another origin is refused with 403."""
     url, valid_headers = f"ws://{panel.url.netloc}/changes", panel.headers
     with connect(url, sock=local(panel.url.port), additional_headers=valid_headers, origin=None):
         pass
@@ -81,9 +81,9 @@ def test_a_websocket_needs_cookie_and_origin(panel):
 
 
 def test_only_the_files_of_the_pages_are_served(panel):
-    """Serve each module and style that a file names, and no other file.
+    """Each static file of the pages is served with its media type, and no other file.
 
-    Each has its media type, and the package contains all of them.
+    The package contains all of them.
     """
     for path in STATIC.glob("*/*"):
         text = path.read_text(encoding="utf-8")
@@ -116,7 +116,7 @@ class OnePage(PanelPages):
 
 
 def test_a_request_cancelled_at_shutdown_leaves_no_traceback(caplog):
-    """Cancel a running request at shutdown without an error message."""
+    """A request that is cancelled at shutdown logs no traceback."""
     page = OnePage()
     with ThreadPoolExecutor() as threads:
         with serve(page) as served:
@@ -131,7 +131,10 @@ def test_a_request_cancelled_at_shutdown_leaves_no_traceback(caplog):
 
 
 def test_an_aborted_post_prints_nothing(panel, caplog, capfd):
-    """Print no traceback if a page closes during its request, and continue."""
+    """A page that closes during its request causes no traceback.
+
+    The server answers further requests.
+    """
     page = open_request(panel, "POST /save HTTP/1.1", {"Content-Length": "1000"}, "{")
     page.close()
     assert panel.get("/languages")  # answered after it by the same loop
@@ -140,7 +143,7 @@ def test_an_aborted_post_prints_nothing(panel, caplog, capfd):
 
 
 def test_pages_receive_the_requested_language():
-    """Refuse another language by name before anything is served."""
+    """Pages receive the language of the option. An unknown language is refused."""
     with serve(OnePage(), language="es") as served:
         offers = json.loads(Visitor(served.address).get("/languages"))
     assert offers == {"language": "es", "languages": ["en", "es"], "pages": ["/"]}
@@ -150,7 +153,7 @@ def test_pages_receive_the_requested_language():
 
 
 def test_every_language_has_all_texts_and_no_unused_text():
-    """Require equal keys and placeholders in all languages.
+    """All languages have the same texts with the same placeholders.
 
     A page uses each text, and every text that a page requests exists.
     """
@@ -179,7 +182,7 @@ def test_every_language_has_all_texts_and_no_unused_text():
 
 
 def message_template(node):
-    """Return a message with {1}, {2} for its values, or None if it is not a literal text."""
+    """Return a message with {1}, {2} for its values, or None if it is not literal."""
     if isinstance(node, ast.Constant):
         return node.value
     if not isinstance(node, ast.JoinedStr):
@@ -192,10 +195,7 @@ def message_template(node):
 
 
 def test_every_refusal_is_translated():
-    """Find each message of a RefusedError in the table of every language but English.
-
-    A translation has the values of its message.
-    """
+    """Each message of a RefusedError has a translation with the same placeholders."""
     messages = set()
     for path in STATIC.parent.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -216,7 +216,7 @@ def test_every_refusal_is_translated():
 
 
 def answer_to(page, number):
-    """Return the answer to the message of a number."""
+    """Return the answer to the message with a number."""
     while True:
         message = json.loads(page.recv(timeout=WAIT_S))
         if message["type"] in ("fast", "refused") and message["number"] == number:
@@ -262,7 +262,10 @@ NEARLY += ['{"do": 1}', '{"do": "set"}', '{"do": "set_up", "value": [1]}']
 @pytest.mark.parametrize("path", [BOARD, BENCH])
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_invalid_messages_are_refused_in_one_line_and_the_page_stays(panel, path, seed, caplog):
-    """Answer every invalid text or bytes, change nothing, and accept the next message."""
+    """Each invalid message on a websocket is refused in one line without a change.
+
+    The page accepts the next valid message.
+    """
     rng, count, before = random.Random(seed), panel.board.ordinates.size, panel.board.version
     names = ("number", "ordinates", "rpm") if path == BOARD else ("number", "do", "value", "name")
     texts = NEARLY + [invalid_message(rng, names, count) for _ in range(150 if seed else 60)]
@@ -293,7 +296,10 @@ POSTS = {
 
 
 def test_invalid_requests_are_refused_in_one_line_and_the_connection_stays(panel, caplog):
-    """Answer 400 for a body that is not a JSON object, 409 for a refusal, never 500."""
+    """An invalid POST request is answered with 400 or 409 and one line.
+
+    400 is for a body that is not a JSON object, 409 for a refusal. The connection stays open.
+    """
     connection = HTTPConnection("127.0.0.1", panel.url.port, timeout=WAIT_S)
     connection.connect()
     open_socket = connection.sock
@@ -319,7 +325,7 @@ def test_invalid_requests_are_refused_in_one_line_and_the_connection_stays(panel
 
 
 def test_a_huge_message_closes_only_its_page(panel):
-    """Close the page of a message that is too long. The other page continues."""
+    """A message that is too long closes the connection of its page only."""
     with panel.page(BOARD) as good, panel.page(BOARD) as page:
         page.send("x" * (MAX_MESSAGE + 1))
         with pytest.raises(ConnectionClosed) as closed:
@@ -350,7 +356,7 @@ UPGRADE |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ=="}
 
 @pytest.mark.parametrize("path", [BOARD, BENCH])
 def test_only_a_page_that_reads_nothing_is_dropped(panel, path, monkeypatch):
-    """Answer the other pages while one page reads nothing, then drop that page."""
+    """A page that reads nothing is dropped, and other pages are answered meanwhile."""
     monkeypatch.setattr(server, "MESSAGE_PERIOD_S", 0.0)
     monkeypatch.setattr(server, "SEND_TIMEOUT_S", 1.0)
     pages = panel.pages._pages if path == BOARD else panel.bench._pages
@@ -375,7 +381,7 @@ def test_only_a_page_that_reads_nothing_is_dropped(panel, path, monkeypatch):
 
 
 def test_an_incomplete_request_blocks_no_other(panel):
-    """Answer a page while the request of another is incomplete."""
+    """A page is answered while the request of another page is incomplete."""
     length = {"Content-Length": "100"}
     with open_request(panel, "POST /lab/student HTTP/1.1", length, '{"student"'):
         assert panel.send("/lab/student", {"student": "A"})[0] == 200
@@ -383,7 +389,7 @@ def test_an_incomplete_request_blocks_no_other(panel):
 
 
 def test_only_the_newest_state_is_queued(panel, monkeypatch):
-    """Skip intermediate states for a page that is notified rarely, but not the last."""
+    """A page that is notified rarely receives the last state, not each one before it."""
     monkeypatch.setattr(server, "MESSAGE_PERIOD_S", 0.5)
     with panel.page(BOARD) as first, panel.page(BOARD) as second:
         for number in range(1, 41):
@@ -402,7 +408,7 @@ def test_only_the_newest_state_is_queued(panel, monkeypatch):
 
 
 def test_slow_results_are_those_of_the_last_law_and_a_killed_worker_is_replaced(panel):
-    """Return slow results with the version of the newest change.
+    """Slow results have the version and speed of the newest change.
 
     A killed worker process is reported, and another one starts.
     """
@@ -435,7 +441,10 @@ def design(panel, name):
 
 @pytest.mark.slow
 def test_one_design_runs_at_a_time_and_can_be_stopped(panel):
-    """Refuse a second design. A stopped design leaves no process and no file."""
+    """A second design at the same time is refused.
+
+    A stopped design leaves no process and no file.
+    """
     out = panel.board.out
     for name in ("start", "other"):
         panel.board.save(name, panel.board.drawn.ordinates.tolist())
@@ -452,7 +461,10 @@ def test_one_design_runs_at_a_time_and_can_be_stopped(panel):
 
 @pytest.mark.slow
 def test_a_design_that_fails_reports_the_reason(panel):
-    """Report a start that is not saved, a path as a name, and an unsupported follower."""
+    """A design that cannot run is answered with the reason.
+
+    The reasons are a start that is not saved, an invalid name, and an unsupported follower.
+    """
     status, reply = design(panel, "nothing")
     assert status == 409 and "nothing.yaml" in reply["message"]
     for name in ("../poly345", "", "A"):
@@ -469,9 +481,9 @@ def test_a_design_that_fails_reports_the_reason(panel):
 @pytest.mark.long
 @pytest.mark.slow
 def test_a_design_reports_its_progress_and_is_written(panel):
-    """Find a higher jump speed than that of the start, and write the file once.
+    """A design reports rising jump speeds and writes a cam file with its last law.
 
-    The law in the file is the law that the page receives.
+    The page receives the law of the file. A second design does not overwrite the file.
     """
     board = panel.board
     board.save("begin", board.drawn.ordinates.tolist())

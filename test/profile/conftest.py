@@ -57,15 +57,15 @@ class SampleCam:
 
     @property
     def discs(self) -> tuple[Disc, ...]:
-        """The discs of the cam."""
+        """Discs of the cam with their elements of the follower."""
         return discs(self.cam.follower, self.law)
 
 
 def make(kind: str, segments: Segments = UNEVEN, lift: float = 10.0, **numbers: float) -> SampleCam:
     """Return a cam of a kind of follower.
 
-    `segments` are a law, a span in degrees and the lift at its end, None for a dwell. `lift` is in
-    mm. `numbers` in mm and degrees replace those of `FOLLOWERS`.
+    Each of `segments` is a law, its span in degrees, and the lift at its end (None for a
+    dwell). `lift` is in mm. `numbers` in mm and degrees replace those of `FOLLOWERS`.
     """
     sizes = (FOLLOWERS[kind] | numbers).items()
     sized = {key: assumed(value, "deg" if key in ANGLES else "mm") for key, value in sizes}

@@ -33,7 +33,7 @@ def test_possible_cams_pass(followable_laws, cams, every_kind):
 
 
 def test_extremes_are_those_of_a_dense_contour(every_kind):
-    """Least radius and greatest pressure angle agree with 50 000 points.
+    """Least radius and greatest pressure angle agree with those of 50 000 points.
 
     No point exceeds the extreme value.
     """
@@ -52,10 +52,9 @@ def test_extremes_are_those_of_a_dense_contour(every_kind):
 
 
 def test_concave_radius_is_pitch_radius_plus_roller(cams, laws):
-    """The concave radius of the TM21 cam is the flank's circle.
+    """The concave radius of the TM21 cam is that of its flank plus the roller.
 
-    Its radius on the pitch curve is larger by the radius of the roller. A point follower has no
-    limit of the concave radius.
+    A point follower has no limit of the concave radius.
     """
     cam, law = cams["tm21"], laws["tm21"]
     flank, _ = arc_cam(cam).radii()
@@ -84,7 +83,10 @@ def test_straight_flank_is_not_concave(cams, laws):
 
 
 def test_impossible_cam_is_rejected():
-    """The error names the angle, the value, the limit and a remedy."""
+    """A cam that cannot be made raises ProfileError with angle, value and limit.
+
+    The error is one line with a remedy.
+    """
     thick = {"roller_radius": 60, "base_radius": 2}
     for kind, numbers, lift, text in (
         ("flat", {"base_radius": 5}, 10, "convex radius of curvature is -3.03"),
@@ -104,7 +106,7 @@ def test_impossible_cam_is_rejected():
 
 
 def test_base_circle_out_of_reach():
-    """A cam without a contour is rejected with the cam's name."""
+    """A follower that cannot reach its base circle raises ProfileError with the cam."""
     for kind, numbers, text in (
         ("roller", {"eccentricity": 48}, "eccentricity is 48 mm; allowed: less than base and rol"),
         ("oscillating_roller", {"arm": 30}, "is 48 mm from the cam's axis; allowed: between 60 a"),
@@ -116,9 +118,9 @@ def test_base_circle_out_of_reach():
 
 
 def test_cam_surrounds_its_shaft():
-    """The axis is outside the contour (by shapely) if the check fails.
+    """The check of the distance from the axis fails if the contour excludes the axis.
 
-    It is inside for the base radius that the error names.
+    For the base radius that the error names the contour contains the axis (by shapely).
     """
     down, axis = [("cycloidal", 180, -1), ("cycloidal", 180, 0)], Point(0.0, 0.0)
     far = {"base_radius": 15, "roller_radius": 60, "pivot_distance": 120}
@@ -162,7 +164,7 @@ def test_breadth_condition():
 
 
 def test_corner_is_rejected(make_cam):
-    """A jump of the slope is a is_fatal failure."""
+    """A law whose slope jumps raises ProfileError with the step and its angle."""
     corner = {"law": "bezier", "span": 180, "ordinates": [0.0, 2.0, 0.0]}
     cam = make_cam(dwell(180), corner, lift=0.01)
     with pytest.raises(ProfileError, match=r"step of the slope s' is 12\.732 mm/rad at 0°"):
@@ -170,7 +172,10 @@ def test_corner_is_rejected(make_cam):
 
 
 def test_neck_narrower_than_the_roller():
-    """The contour crosses itself although all radii of curvature are sufficient."""
+    """A contour that crosses itself at a neck is rejected.
+
+    All of its radii of curvature are sufficient.
+    """
     lobe = [("cycloidal", 48, 1), ("dwell", 14, None), ("cycloidal", 48, 0)]
     neck = [("dwell", 125, None), *lobe, ("dwell", 125, None)]
     sample = make("roller", neck, lift=188, base_radius=7, roller_radius=28, eccentricity=0)
@@ -183,7 +188,7 @@ def test_neck_narrower_than_the_roller():
 
 
 def test_no_base_radius_if_the_cam_cuts_the_pivot():
-    """The remedy names no base radius at which the cam cuts the pivot of its arm."""
+    """If the cam would cut the pivot of its arm, the remedy names no base radius."""
     numbers = {"base_radius": 40, "roller_radius": 9, "pivot_distance": 90, "arm": 75}
     far = [("dwell", 90, None), ("cycloidal", 110, 1), ("dwell", 50, None), ("cycloidal", 110, 0)]
     sample = make("oscillating_roller", far, lift=200, **numbers)
@@ -194,9 +199,9 @@ def test_no_base_radius_if_the_cam_cuts_the_pivot():
 
 
 def test_limit_of_the_pressure_angle():
-    """The limit is 30° for a guide, 45° for a pivot, or that of the cam file.
+    """The limit of the pressure angle is 30° for a guide, 45° for a pivot.
 
-    A cam above the limit is poor, but possible.
+    The cam file can state another limit. A cam above the limit is poor, but possible.
     """
     for kind, usual in (("roller", 30.0), ("oscillating_point", 45.0)):
         (check,) = named(make(kind), "pressure angle")
@@ -208,9 +213,9 @@ def test_limit_of_the_pressure_angle():
 
 
 def test_least_base_radius_of_a_face_is_eq_2_42():
-    """The limit is R_b > r_min − min (s + s''), at the exact minimum of the sum.
+    """The minimum base radius of a flat face is r_min − min (s + s'') (eq. 2.42).
 
-    The error names this base radius.
+    The error of a smaller base radius names it.
     """
     sample = make("flat", least_curvature_radius=4)
     angle = np.linspace(0.0, 2.0 * np.pi, 400_001)
@@ -225,9 +230,9 @@ def test_least_base_radius_of_a_face_is_eq_2_42():
 
 @pytest.mark.variants(6)
 def test_least_base_radius_is_at_the_cusp(sample):
-    """No part is undercut at 1.001 of the minimum base radius.
+    """At 1.001 of the minimum base radius no part is undercut, and at 0.999 one is.
 
-    At 0.999 of it a part is undercut, or the follower does not reach.
+    At 0.999 the follower may also not reach the cam.
     """
     kind = sample.cam.follower.type
     least = find_min_base_radius(sample.cam.follower, sample.law)

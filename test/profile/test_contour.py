@@ -29,7 +29,7 @@ def test_uniform_contour_equals_the_contour_at_its_angles(every_kind):
 
 
 def test_rate_tangent_and_curvature_are_derivatives(every_kind, angles):
-    """dP/dθ is the rate times the tangent.
+    """The derivative of the contour by θ is its rate times its tangent.
 
     The radius of curvature is the arc length per rad of the normal.
     """
@@ -44,7 +44,10 @@ def test_rate_tangent_and_curvature_are_derivatives(every_kind, angles):
 
 
 def test_roller_equations(angles):
-    """Eq. 2.19-2.25 give the pitch curve, eq. 2.46 its radius, tan φ = (d' − ε)/d."""
+    """Pitch curve, radius and pressure angle of a roller are those of the equations.
+
+    The equations are eq. 2.19-2.25, eq. 2.46 and tan φ = (d' − ε)/d.
+    """
     prime, roller, sine, cosine = 0.048, 0.008, np.sin(angles), np.cos(angles)
     for eccentricity in (-6.0, 0.0, 9.0):
         sample, e = make("roller", eccentricity=eccentricity), eccentricity * 1e-3
@@ -61,7 +64,7 @@ def test_roller_equations(angles):
 
 
 def test_face_equations(angles):
-    """Eq. 2.17 and 2.40 (corrected) give the contour and its radius.
+    """Contour and radius of a flat face satisfy eq. 2.17 and 2.40 (corrected).
 
     The eccentricity moves the guide along the face and does not change the contour.
     """
@@ -82,9 +85,9 @@ def test_face_equations(angles):
 
 
 def test_conjugate_rollers_keep_their_distance(angles):
-    """The rollers are 2 R_p + s_max apart, with one prime circle (§2.2.2).
+    """The rollers of a conjugate cam are 2 R_p + s_max apart at each angle (§2.2.2).
 
-    The cam file can require another distance.
+    They have one prime circle. The cam file can require another distance.
     """
     for numbers, distance in (({}, 0.126), ({"roller_distance": 140.0}, 0.140)):
         first, second = make("conjugate", eccentricity=0.0, **numbers).contours(angles)
@@ -95,9 +98,9 @@ def test_conjugate_rollers_keep_their_distance(angles):
 
 
 def test_conjugate_arms_are_one_rocker(angles):
-    """The angle between the arms is 2 γ + s_max / arm, with one prime circle.
+    """The angle between conjugate arms is 2 γ + s_max / arm at each cam angle.
 
-    The cam file can require another angle.
+    The rollers have one prime circle. The cam file can require another angle.
     """
     pivot = 0.090 * np.exp(-1j * angles)  # in the cam's frame
     gamma = np.arccos((0.075**2 + 0.090**2 - 0.048**2) / (2 * 0.075 * 0.090))

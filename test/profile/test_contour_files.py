@@ -30,7 +30,7 @@ X, Y = 30.0 * np.cos(CIRCLE), 20.0 * np.sin(CIRCLE)
 
 @pytest.fixture
 def drawing(tmp_path):
-    """A function that saves a drawing and returns its path."""
+    """Function that saves a drawing and returns its path."""
 
     def save(draw, version="R2010", unit=units.MM):
         document = ezdxf.new(version, units=unit)
@@ -47,7 +47,7 @@ def in_space(method, *args, **kwargs):
 
 
 def height(curve):
-    """Lift (m) of a flat face on a contour."""
+    """Return the lift (m) of a flat face on a contour."""
     return rest_on_contour(GuidedFace(0.0, 0.0, 0.0), closed_curve(curve), ANGLES)
 
 
@@ -55,7 +55,10 @@ def height(curve):
 
 
 def test_dxf_of_other_programs(drawing):
-    """Units, old polylines, splines and mirrored entities (extrusion -z) are read."""
+    """Drawings with other units and kinds of entities give their contour in metres.
+
+    They have old polylines, splines and mirrored entities (extrusion -z).
+    """
     circle = np.column_stack([np.cos(CIRCLE), np.sin(CIRCLE)])
 
     def draw(document):
@@ -114,7 +117,10 @@ def stadium_of_blocks(document):
     "draw", [stadium_of_bulges, stadium_of_old_bulges, stadium_of_entities, stadium_of_blocks]
 )
 def test_lines_and_arcs_are_exact_in_each_form(drawing, draw, version):
-    """A flat face on a stadium is at R + |L/2 cos| to 3 nm."""
+    """A stadium of lines and arcs is read to 3 nm, in each form of drawing.
+
+    A flat face on it is at R + |L/2 cos|.
+    """
     if draw is stadium_of_bulges and version == "R12":
         pytest.skip("R12 has no LWPOLYLINE")
     (outline,) = read_dxf(drawing(draw, version), Placement(unit="mm")).curves
@@ -123,7 +129,10 @@ def test_lines_and_arcs_are_exact_in_each_form(drawing, draw, version):
 
 
 def test_circles_and_ellipses_are_exact(drawing):
-    """A flat face is at sqrt((a sin)² + (b cos)²) on an ellipse, at r + e cos on a circle."""
+    """Circles and ellipses are read to 3 nm, as a flat face shows.
+
+    The face is at sqrt((a sin)² + (b cos)²) on an ellipse, at r + e cos on a circle.
+    """
     path = drawing(in_space("add_ellipse", (0, 0), (30.0, 0.0), 2.0 / 3.0))
     expected = np.hypot(0.030 * np.sin(ANGLES), 0.020 * np.cos(ANGLES))
     np.testing.assert_allclose(height(read_dxf(path).curves[0]), expected, atol=3e-9)
@@ -133,7 +142,10 @@ def test_circles_and_ellipses_are_exact(drawing):
 
 
 def test_rational_splines_are_exact(drawing):
-    """A circle of 9 control points, and a spline of degree 1, are read to 5 nm."""
+    """Rational splines are read to 5 nm.
+
+    They are a circle of 9 control points, and a spline of degree 1.
+    """
     corner = math.sqrt(0.5)
     turn = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
 
@@ -154,7 +166,7 @@ def test_rational_splines_are_exact(drawing):
 
 
 def test_lines_alone_are_points_of_a_smooth_curve(drawing):
-    """360 lines give the same contour as one closed polyline, in any order and direction."""
+    """360 lines in any order and direction give the contour of a closed polyline."""
     points = np.column_stack([X, Y])
     path = drawing(in_space("add_lwpolyline", points, close=True))
     (expected,) = read_dxf(path).curves
@@ -171,7 +183,10 @@ def test_lines_alone_are_points_of_a_smooth_curve(drawing):
 
 
 def test_bore_is_left_out_and_layer_selected(drawing):
-    """Curves inside of the outline, frames and dimensions are not contours."""
+    """A bore, a frame and dimensions are left out of the contours of a drawing.
+
+    `layer` selects a layer, and an unknown layer is an error.
+    """
 
     def draw(document):
         space = document.modelspace()
@@ -192,7 +207,10 @@ def test_bore_is_left_out_and_layer_selected(drawing):
 
 @pytest.mark.parametrize("is_ambiguous", [False, True])
 def test_circle_around_a_cam_is_ambiguous(drawing, is_ambiguous):
-    """A circle around the axis is not measured if an eccentric curve in it could be the cam."""
+    """A circle around an eccentric curve that could be the cam is refused.
+
+    A concentric circle or a frame is left out with a note. `layer` selects the cam.
+    """
 
     def draw(document):
         space = document.modelspace()
@@ -216,7 +234,10 @@ def test_circle_around_a_cam_is_ambiguous(drawing, is_ambiguous):
 
 
 def test_contour_inside_of_its_pitch_curve_is_ambiguous(drawing):
-    """The outer of two curves that could be the cam is not measured without notice."""
+    """Two curves that could both be the cam are refused unless `layer` selects one.
+
+    A much smaller inner curve is a bore.
+    """
 
     def draw(document, ratio=0.8):
         space = document.modelspace()
@@ -249,7 +270,10 @@ def test_entities_drawn_twice_count_once(drawing):
 
 
 def test_hidden_entities_are_ignored(drawing):
-    """Invisible entities and layers that are off or frozen are read only with their layer."""
+    """Entities that are invisible or on hidden layers are ignored with a note.
+
+    `layer` reads a hidden layer.
+    """
 
     def draw(document, visible=True):
         document.layers.add("OFF").off()
@@ -274,7 +298,10 @@ def test_hidden_entities_are_ignored(drawing):
 
 
 def test_curves_that_are_not_plane_are_refused(drawing):
-    """Each kind of entity whose z varies is refused by name, unless it is not the contour."""
+    """An entity of the contour whose z varies is refused with its kind and layer.
+
+    Other entities may have any z.
+    """
     turn, lift = np.column_stack([X, Y]), 2.0 * np.cos(CIRCLE)
     points = np.column_stack([turn, lift])
     ends = list(zip(points.tolist(), np.roll(points, -1, axis=0).tolist(), strict=True))
@@ -305,7 +332,7 @@ def test_curves_that_are_not_plane_are_refused(drawing):
 
 
 def test_drawing_without_a_contour(drawing):
-    """The error lists the entities of the drawing."""
+    """A drawing without a closed curve is refused with its kinds of entities."""
 
     def draw(document):
         for i in range(3):
@@ -318,7 +345,7 @@ def test_drawing_without_a_contour(drawing):
 
 
 def test_drawing_without_a_header_has_no_unit(tmp_path):
-    """Entities alone, as OpenSCAD writes them, are not read in metres."""
+    """A drawing without a header, as OpenSCAD writes it, requires a given unit."""
     path = tmp_path / "entities.dxf"
     circle = "0\nCIRCLE\n8\n0\n10\n0.0\n20\n0.0\n40\n2.0\n"
     path.write_text(f"0\nSECTION\n2\nENTITIES\n{circle}0\nENDSEC\n0\nEOF\n")
@@ -329,7 +356,7 @@ def test_drawing_without_a_header_has_no_unit(tmp_path):
 
 
 def test_drawing_without_a_unit(drawing):
-    """A drawing without a unit needs `--unit`, which cannot replace another unit."""
+    """A drawing without a unit requires `--unit`, which cannot replace another unit."""
     circle = in_space("add_circle", (0.0, 0.0), 2.0)
     path = drawing(circle, "R12", unit=0)
     with pytest.raises(ProfileError, match=r"unit .* is not stated; allowed: .* or --unit mm, cm"):
@@ -343,7 +370,7 @@ def test_drawing_without_a_unit(drawing):
 
 
 def test_excessive_files_are_rejected(drawing, tmp_path):
-    """Devices, large numbers and files, and endless or damaged blocks are rejected.
+    """Devices, excessive numbers and files, and damaged blocks are rejected.
 
     Each error is one line.
     """
@@ -393,7 +420,7 @@ def test_excessive_files_are_rejected(drawing, tmp_path):
 @settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_damaged_drawings_are_read_or_refused_in_one_line(tmp_path_factory, data):
-    """Lines of a drawing are cut off, removed, or replaced by other tags."""
+    """A randomly damaged drawing is read with finite points, or refused in one line."""
     path = tmp_path_factory.getbasetemp() / "damaged.dxf"
     document = ezdxf.new("R2010", units=units.MM)
     stadium_of_blocks(document)
@@ -444,14 +471,20 @@ TABLES = {
 
 @pytest.mark.parametrize("text", TABLES.values(), ids=TABLES)
 def test_contour_tables_in_many_forms(tmp_path, text):
-    """Separators, decimal commas, units, factors and polar coordinates give the same points."""
+    """Tables in each of their usual forms give the same points.
+
+    They differ in separator, decimal mark, unit, factor and coordinates.
+    """
     (tmp_path / "a.csv").write_text(text, encoding="utf-8")
     (points,) = read_contour_table(tmp_path / "a.csv").curves
     np.testing.assert_allclose(points, 1e-3 * np.array([X, Y]), rtol=0, atol=3e-8)
 
 
 def test_missing_unit_is_assumed_or_given(tmp_path):
-    """A table without a unit is in mm, which a note states, or in the given unit."""
+    """A table without a unit is in the given unit, or assumed to be in mm with a note.
+
+    A given unit that contradicts the table is refused.
+    """
     (tmp_path / "a.csv").write_text(table("x,y", (X, Y)))
     found = read_contour_table(tmp_path / "a.csv")
     assert "no unit of length in 'y': mm assumed" in found.notes
@@ -465,7 +498,7 @@ def test_missing_unit_is_assumed_or_given(tmp_path):
 
 
 def test_polar_points_are_placed_like_x_and_y(tmp_path):
-    """Axis, zero direction and side apply to polar points, in the frame of the file."""
+    """Axis, zero direction and side place polar points like the same x and y."""
     x, y = X + 5.0, Y - 3.0
     (tmp_path / "xy.csv").write_text(table("x_mm,y_mm", (x, y)))
     polar = (np.degrees(np.arctan2(x, y)) % 360.0, np.hypot(x, y))
@@ -482,12 +515,15 @@ def test_polar_points_are_placed_like_x_and_y(tmp_path):
 
 
 def closest(points, others):
-    """Distances (m) of points from the closest of other points."""
+    """Return the distances (m) of points from the closest of other points."""
     return np.hypot(*(points[:, :, None] - others[:, None])).min(axis=1)
 
 
 def test_polar_rows_are_sorted_and_crank_angles_halved(tmp_path):
-    """Shuffled rows give the contour of sorted rows, and a crank angle is twice the cam angle."""
+    """Shuffled polar rows give the contour of sorted rows, with a note.
+
+    Crank angles are halved.
+    """
     angle, radius = 4.5 * np.arange(80), 30.0 + np.cos(CIRCLE)
     (tmp_path / "a.csv").write_text(table("angle_deg,radius_mm", (angle, radius)))
     (expected,) = read_contour_table(tmp_path / "a.csv").curves
@@ -503,7 +539,7 @@ def test_polar_rows_are_sorted_and_crank_angles_halved(tmp_path):
 
 
 def test_tables_without_a_contour_are_rejected(tmp_path):
-    """The error is one line with the file's name, the fault and the remedy."""
+    """A table without a contour raises one line with the file's name and the fault."""
     turns = "".join(f"{angle},30\n" for angle in range(0, 720, 10))
     for name, text, words in (
         ("a.csv", "", "is empty; allowed: a heading and"),
@@ -550,7 +586,10 @@ def test_placement_restores_the_contour(x, y, zero, is_mirrored):
 
 
 def test_axis_outside_of_the_contour_is_refused():
-    """The error has the axis and the contour in coordinates of the file, and the remedy."""
+    """A contour around which the axis is not is refused with both and the remedy.
+
+    Axis and contour are in coordinates of the file.
+    """
     points = 1e-3 * np.array([X + 120.0, Y + 80.0])
     placement = Placement(None, (0.12, 0.08), 1.0, True)
     require_axis_inside(placement.place(points), placement)
@@ -566,7 +605,7 @@ def test_axis_outside_of_the_contour_is_refused():
 
 @pytest.mark.parametrize("turned", [0.0, 0.3, 123.456, 359.9])
 def test_align_finds_the_rotation(laws, turned):
-    """The rotation of a contour is found to 1e-7 rad from the law alone."""
+    """`find_rotation` finds the rotation of a contour to 1e-7 rad from its law."""
     law, element = laws["poly345"], GuidedCentre(0.0, 0.0, 0.05)
     angle = turn_angles(7200)
     radius = 0.05 + law(angle + math.radians(turned))

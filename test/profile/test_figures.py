@@ -13,17 +13,14 @@ from cam_rig.studies.profile.figures import figure, positions
 
 @pytest.fixture(scope="module")
 def draw(cams, laws):
-    """A function that returns the figure of a shipped cam with a number of positions."""
+    """Function that returns the figure of a shipped cam with a number of positions."""
     return lambda name, *count: figure(
         cams[name], laws[name], check_cam(cams[name], laws[name]), *count
     )
 
 
 def test_positions_touch_the_contour(followable_laws, cams):
-    """Each drawn roller, face and point is on the contour.
-
-    The distance in mm is below that of the drawn chords.
-    """
+    """Each drawn position of the follower touches the contour, to 0.02 mm."""
     for name, law in followable_laws.items():
         for contour in contours(cams[name].follower, law, 7200):
             ring = LinearRing(contour.points.T * 1e3)
@@ -33,14 +30,14 @@ def test_positions_touch_the_contour(followable_laws, cams):
 
 
 def test_discs_of_a_pair_are_distinguishable(draw):
-    """The discs of a pair have two colours, and the second has a hatch."""
+    """The discs of a pair differ in colour, and the second has a hatch."""
     first, second = draw("oscillating_conjugate").axes[0].patches
     assert first.get_facecolor()[:3] != second.get_facecolor()[:3]
     assert not first.get_hatch() and second.get_hatch()
 
 
 def test_number_of_positions(draw):
-    """The graphical method divides the turn into any number of equal steps.
+    """A figure has the requested number of positions at equal steps of the turn.
 
     All of a few positions are labelled.
     """
@@ -54,9 +51,9 @@ def test_number_of_positions(draw):
 
 
 def test_displayed_numbers_are_those_of_the_contour(draw, cams, laws):
-    """Least radius and greatest pressure angle agree with 36 000 points.
+    """The displayed least radius and greatest pressure angle are those of the contour.
 
-    They and their cam angles agree to the displayed digits.
+    They and their cam angles agree with 36 000 points to the displayed digits.
     """
     for name in ("flat", "conjugate", "oscillating_roller"):
         _, curvature, pressure = draw(name).axes
@@ -77,7 +74,10 @@ def test_displayed_numbers_are_those_of_the_contour(draw, cams, laws):
 
 
 def test_straight_flank_is_marked(cams, laws):
-    """A line at the top marks straight parts of a contour, and no others."""
+    """Straight parts of a contour are marked by a line at the top of the curvature.
+
+    Other contours have no such mark.
+    """
     assert not figure(cams["arcs_convex"], laws["arcs_convex"], []).axes[1].texts
     cam, law = cams["arcs_straight"], laws["arcs_straight"]
     (contour,) = contours(cam.follower, law, 3600)

@@ -33,9 +33,9 @@ def farthest(line, path, angle=DENSE):
 
 
 def test_chord_error_is_within_the_tolerance(every_kind, followable_laws, cams):
-    """The chord error is within the tolerance, without an excessive number of points.
+    """The chord error of a polyline is within the tolerance.
 
-    The shipped cams have jumps of curvature.
+    The number of points is not excessive. The shipped cams have jumps of curvature.
     """
     for i, sample in enumerate(every_kind):
         tolerance = (1e-4, 1e-6, 1e-8)[i % 3]
@@ -50,7 +50,7 @@ def test_chord_error_is_within_the_tolerance(every_kind, followable_laws, cams):
 
 
 def test_corner_costs_no_points():
-    """A jump of s' has a vertex on each side.
+    """At a jump of s' the polyline has a vertex on each side, and few other points.
 
     The smooth stretches keep the tolerance.
     """
@@ -102,9 +102,9 @@ def test_cutter_paths(cams, laws):
 
 
 def test_pitch_curve_of_a_face_and_small_tolerance_are_rejected():
-    """A face has no pitch curve.
+    """The pitch curve of a flat face and a tolerance below 1e-5 µm are refused.
 
-    A tolerance below the rounding of a coordinate of 1 m is not allowed.
+    That tolerance is the rounding of a coordinate of 1 m.
     """
     sample = make("flat")
     with pytest.raises(ConfigError, match="a flat follower has no pitch curve; allowed: "):
@@ -120,7 +120,7 @@ def test_pitch_curve_of_a_face_and_small_tolerance_are_rejected():
 
 @pytest.fixture(params=["poly345", "oscillating_flat", "conjugate"])
 def cam(request, cams, laws):
-    """A shipped cam, its law and the paths of its contours."""
+    """Shipped cam, its law and the paths of its contours."""
     cam, law = cams[request.param], laws[request.param]
     return cam, law, contour_paths(cam.follower, law)
 
@@ -131,7 +131,7 @@ def lines_of(paths, tolerance=1e-6):
 
 
 def law_comes_back(cam, outlines, tolerance):
-    """Assert that the follower measures the law on outlines."""
+    """Assert that the follower of a cam measures its law on outlines."""
     plates = discs(cam[0].follower, cam[1])
     for disc, outline in zip(plates, outlines, strict=True):
         lift = rest_on_contour(disc.element, closed_curve(outline), ANGLES)
@@ -139,7 +139,7 @@ def law_comes_back(cam, outlines, tolerance):
 
 
 def test_dxf(cam, tmp_path):
-    """A DXF drawing has layers and millimetres, and passes the audit of ezdxf.
+    """A written DXF has layers and mm, passes the audit of ezdxf and has the law.
 
     The follower measures s(θ) on it within 5 nm.
     """
@@ -157,7 +157,7 @@ def test_dxf(cam, tmp_path):
 
 
 def test_csv(cam, tmp_path):
-    """A table has all digits, and 3600 points give s(θ) to 1e-9 of the lift."""
+    """A written table has all digits, and 3600 points give s(θ) to 1e-9 of the lift."""
     path, has_discs = tmp_path / "a.csv", len(cam[2]) > 1
     files.write_contour(path, cam[2], 100)
     header, *rows = path.read_text().splitlines()
@@ -193,7 +193,7 @@ def read_svg(path):
 
 
 def test_svg_is_true_to_scale_and_within_its_tolerance(cam, tmp_path):
-    """Each path is the polyline to the rounding, on a page with a margin of 5 mm."""
+    """A written SVG has the polylines in mm, on a page with a margin of 5 mm."""
     for tolerance in (1e-4, 1e-6, 1e-8):
         lines, rounding = lines_of(cam[2], tolerance), 0.1 * tolerance
         files.write_svg(tmp_path / "a.svg", lines, rounding)

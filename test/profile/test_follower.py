@@ -37,7 +37,7 @@ def drawn(cams, laws):
 
 
 def test_contact(drawn):
-    """The point of contact is the contour's point.
+    """The drawn point of contact is that of the contour at each cam angle.
 
     At lift 0 it is one base radius from the axis.
     """
@@ -57,7 +57,7 @@ def test_contact(drawn):
 
 
 def test_follower_moves_as_a_rigid_body(drawn):
-    """A small rise moves the reference point along `upward`.
+    """The reference point moves along `upward` in a small rise.
 
     `carried` is a rigid motion.
     """
@@ -72,10 +72,7 @@ def test_follower_moves_as_a_rigid_body(drawn):
 
 
 def test_outline_agrees_with_the_reference_point(drawn):
-    """The middle of the first polyline is at the reference point.
-
-    The polyline is rotated and moved to its origin.
-    """
+    """The drawn outline is at the reference point of the follower at each lift."""
     lift = np.array([LIFT])
     for cam, _, shape in drawn:
         strip = shape.outline()[0]
@@ -92,7 +89,7 @@ def test_outline_agrees_with_the_reference_point(drawn):
 
 
 def test_moving_parts_stay_below_the_bearing(cams, laws):
-    """The head is below the bearing at 1.1 of the greatest lift, as after a lift-off.
+    """The head of the follower stays below the bearing at 1.1 of the greatest lift.
 
     At rest the stem is in the bearing.
     """
@@ -111,9 +108,9 @@ def test_moving_parts_stay_below_the_bearing(cams, laws):
 
 
 def test_dial():
-    """The ring shows the cam angle at the top of the cam.
+    """The number at the top of the ring is the cam angle.
 
-    The arrow is counterclockwise.
+    The arrow of the rotation is counterclockwise.
     """
     for centre, number in zip(*ring_numbers(10.0), strict=True):
         up = rotate(np.array([[0.0, 10.0 * NUMBER_RADIUS]]), np.radians(float(number)))
@@ -125,10 +122,7 @@ def test_dial():
 
 
 def test_body_fills_its_outline(cams, laws):
-    """Each point within the outline is covered by a polyline.
-
-    No polyline protrudes by more than 1/50 of the radius.
-    """
+    """The lines of a cam's body cover its outline and protrude by at most 1/50 radius."""
     fraction = np.linspace(0.0, 1.0, 30)[:, None]
     for name in ("tm21", "flat", "oscillating_roller"):
         contour = contours(cams[name].follower, laws[name], 360)[0].points.T

@@ -21,7 +21,7 @@ BACKLASH_ATOL = 1e-9
 
 
 def is_at(element, expected, rtol=1e-14):
-    """Assert the lift of an element on the circular cam."""
+    """Assert that an element on the circular cam has a lift."""
     lift = measure.rest_on_contour(
         element, lambda parameter: CENTRE + RADIUS * np.exp(1j * parameter), ANGLES
     )
@@ -29,10 +29,10 @@ def is_at(element, expected, rtol=1e-14):
 
 
 def test_on_an_eccentric_circle():
-    """The lift on a circle has closed forms.
+    """The measured lift on an eccentric circle is that of a closed form.
 
-    They are Pythagoras for a roller, one radius above the centre for a face, and the law of cosines
-    for an arm.
+    It is Pythagoras for a roller, one radius above the centre for a face, and the law of
+    cosines for an arm.
     """
     centre = CENTRE * np.exp(1j * ANGLES)
     pivot, arm, offset = 0.060, 0.050, 0.004
@@ -51,7 +51,7 @@ def test_on_an_eccentric_circle():
 
 
 def test_direction_and_first_point_do_not_matter(every_kind):
-    """The result does not depend on direction, first point and repeated points."""
+    """The measured lift does not depend on direction, first point or repeated points."""
     for sample in every_kind:
         cam_contours = contours(sample.cam.follower, sample.law, 2000)
         for disc, contour in zip(sample.discs, cam_contours, strict=True):
@@ -64,10 +64,7 @@ def test_direction_and_first_point_do_not_matter(every_kind):
 
 
 def test_contours_that_cannot_be_measured():
-    """The path of the follower misses a small hole far from the axis.
-
-    A triangle has too few points.
-    """
+    """A contour that the follower's path misses, or of too few points, is refused."""
 
     def hole(parameter):
         return 0.1 + 0.001 * np.exp(1j * parameter)
@@ -101,7 +98,7 @@ def assert_rests_on_the_law(sample, angles):
 
 @pytest.mark.variants(5)
 def test_shipped_cams_have_the_lift_of_their_laws(law, cams, angles):
-    """The contours of shipped cams give s(θ) to 1e-9 of the lift."""
+    """A follower on the contour of a shipped cam measures s(θ) to 1e-9 of the lift."""
     assert_rests_on_the_law(SampleCam(cams[law.name], law), angles[::2])
 
 
@@ -109,7 +106,7 @@ def test_shipped_cams_have_the_lift_of_their_laws(law, cams, angles):
 
 
 def test_contours_have_no_warnings(followable_laws, cams):
-    """Contours of shipped cams have no warnings at 36 points and more.
+    """Contours of shipped cams of 36 or more points cause no warnings.
 
     They are repeated at the end or not, and in both directions.
     """
@@ -122,7 +119,10 @@ def test_contours_have_no_warnings(followable_laws, cams):
 
 
 def test_warnings_of_faulty_contours():
-    """A circle of 360 points and a radius of 40 mm has a step of 0.698 mm."""
+    """A contour that crosses itself, is sparse or has a gap causes a warning.
+
+    A circle of 360 points and a radius of 40 mm has a step of 0.698 mm.
+    """
     angle = np.radians(np.arange(360.0))
     points = 0.040 * np.array([np.cos(angle), np.sin(angle)])
     shuffled = np.random.default_rng(1).permutation(points, axis=1)
@@ -140,9 +140,9 @@ def test_warnings_of_faulty_contours():
 
 
 def test_shipped_cams_have_no_backlash(cams, laws):
-    """Both rollers of a cam touch at all cam angles.
+    """The followers of shipped cams that move both ways have no backlash.
 
-    Both faces do if the fall is the rise turned by 180°.
+    Two faces have none if the fall is the rise turned by 180°.
     """
     for name in ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate"):
         assert np.abs(measure.closure(cams[name].follower, laws[name])).max() < BACKLASH_ATOL
@@ -151,9 +151,9 @@ def test_shipped_cams_have_no_backlash(cams, laws):
 
 
 def test_backlash_of_a_second_cam_for_another_rocker():
-    """An error δ of the angle between the arms gives a backlash of −arm δ.
+    """A second cam for another angle between the arms gives a backlash of −arm δ.
 
-    The backlash is the same at each cam angle.
+    δ is the error of the angle. The backlash is the same at each cam angle.
     """
     for error in (-0.01, 0.02):
         right, wrong = (make("oscillating_conjugate", arms_angle=80.0 + d) for d in (0.0, error))

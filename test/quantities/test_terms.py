@@ -29,7 +29,10 @@ from cam_rig.units import RPM
     ],
 )
 def test_a_limit_is_parsed_in_its_unit(text: str, value: float) -> None:
-    """The number is converted to SI, and the key of the term parses to the term."""
+    """A text such as lift@90deg>=5mm is parsed to a limit in SI.
+
+    The key of its term parses to the same term.
+    """
     limit = parse_limit(text, DESIGN_QUANTITIES)
     assert limit.value == pytest.approx(value, rel=1e-12)
     key = f"{limit.term.key}{limit.sense}{limit.value!r}"
@@ -55,14 +58,14 @@ def test_a_limit_is_parsed_in_its_unit(text: str, value: float) -> None:
     ],
 )
 def test_an_invalid_limit_is_refused_in_one_line(text: str, message: str) -> None:
-    """The error contains the text and the allowed form."""
+    """An invalid text of a limit is refused with the wrong part and the allowed form."""
     with pytest.raises(ConfigError, match=message) as caught:
         parse_limit(text, DESIGN_QUANTITIES)
     assert "\n" not in str(caught.value)
 
 
 def test_a_design_has_exactly_one_goal() -> None:
-    """Two goals, or a limit as a goal, are refused.
+    """A design with two goals, or with a limit as goal, is refused.
 
     The test of the command covers a missing goal and the reverse case.
     """
@@ -73,7 +76,7 @@ def test_a_design_has_exactly_one_goal() -> None:
 
 
 def test_a_name_is_the_same_quantity_in_designs_and_campaigns() -> None:
-    """A name has the same value function in designs and campaigns.
+    """A name means the same quantity in designs and campaigns.
 
     A campaign limits it on both sides, and its title names the model.
     """

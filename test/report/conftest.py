@@ -25,7 +25,7 @@ TEMPLATES = {
 
 @pytest.fixture
 def rendered(tmp_path):
-    """Return a function that renders the page as HTML or Markdown.
+    """Function that renders the page as HTML or Markdown.
 
     The page has sentences, a wide and long table, and a table in the appendix.
     """

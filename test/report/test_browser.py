@@ -27,7 +27,7 @@ CONTRAST = """([first, second]) => {
 
 @pytest.fixture
 def opened(chromium, rendered):
-    """Return a function that opens the page at a width (px) in a colour scheme."""
+    """Function that opens the page at a width (px) in a colour scheme."""
     text = rendered("html")
 
     def of(width, scheme="light"):
@@ -41,7 +41,10 @@ def opened(chromium, rendered):
 
 @pytest.mark.parametrize("width", [400, 1000, 1280])
 def test_nothing_is_cut(opened, width):
-    """The page does not scroll sideways. Captions, notes and sentences end within it."""
+    """The page does not scroll sideways at widths from 400 to 1280 px.
+
+    Captions and sentences end within it. A wide table scrolls within its own box.
+    """
     page = opened(width)
     assert page.evaluate("document.documentElement.scrollWidth") == width
     ends = page.eval_on_selector_all(
@@ -54,7 +57,7 @@ def test_nothing_is_cut(opened, width):
 
 
 def test_contents_are_at_the_side_or_folded(opened):
-    """They are next to the text on a wide screen, and a line that opens on a narrow one."""
+    """The contents are beside the text on a wide screen, and folded on a narrow one."""
     wide, narrow = opened(1280), opened(400)
     link = wide.locator("nav a").last
     assert link.is_visible()
@@ -65,7 +68,7 @@ def test_contents_are_at_the_side_or_folded(opened):
 
 
 def test_appendix_is_folded(opened):
-    """A link to one of its tables opens the part with the table."""
+    """The appendix is folded until a link to one of its tables opens it."""
     page = opened(1280)
     spare = page.locator("#table-2")
     assert not spare.is_visible()
@@ -75,7 +78,7 @@ def test_appendix_is_folded(opened):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_contrast_of_text_is_sufficient(opened, scheme):
-    """Text, names, notes and links have the contrast ratio 4.5 of WCAG in both schemes."""
+    """Text has a contrast ratio above 4.5 (WCAG) in the light and the dark scheme."""
     page = opened(1280, scheme)
     dark = "(prefers-color-scheme: dark)"
     assert page.evaluate(f"matchMedia('{dark}').matches") == (scheme == "dark")
@@ -84,7 +87,10 @@ def test_contrast_of_text_is_sufficient(opened, scheme):
 
 
 def test_printed_page(opened):
-    """It has A4 pages, no contents, and black text on white from a dark screen as well."""
+    """The printed page is black on white without contents, and has the whole appendix.
+
+    This is so also from a dark screen.
+    """
     page = opened(1280, "dark")
     page.emulate_media(media="print")
     assert not page.locator("nav").is_visible()
@@ -117,7 +123,10 @@ def pixels(path: Path) -> np.ndarray:
 
 @pytest.mark.parametrize("rows", [1, 3, 12])
 def test_strips_cover_the_figure(rows: int, tmp_path: Path) -> None:
-    """They are contiguous, contain all ink of the figure, and are cut through white."""
+    """The strips of a tall figure are contiguous and contain all of its ink.
+
+    They are cut through white.
+    """
     figure = stacked(rows)
     parts = strips(figure)
     assert parts[0][1] == figure.get_figheight() and parts[-1][0] == 0.0
@@ -137,7 +146,10 @@ def test_strips_cover_the_figure(rows: int, tmp_path: Path) -> None:
 
 
 def test_file_of_a_strip_contains_only_the_strip(tmp_path: Path) -> None:
-    """The files of all strips together are less than 1.5 times as large as the whole figure."""
+    """The file of a strip does not contain the rest of the figure.
+
+    All files are together less than 1.5 times as large as the file of the figure.
+    """
     figure = stacked(4)
     sizes = []
     for low, high in strips(figure):
@@ -149,7 +161,7 @@ def test_file_of_a_strip_contains_only_the_strip(tmp_path: Path) -> None:
 
 
 def test_page_contains_the_strips_as_svg():
-    """The data URIs are the same in each call."""
+    """`uris` returns the strips of a figure as SVG data, equal in each call."""
     first, second = (uris(stacked(3)) for _ in range(2))
     assert first == second and len(first) == 2
     assert all(uri.startswith("data:image/svg+xml;base64,") for uri in first)

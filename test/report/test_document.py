@@ -65,24 +65,27 @@ HTML = (
 
 
 def test_html():
-    """The page has all parts. Figures and tables are numbered separately."""
+    """The page in HTML has all its parts, with figures and tables numbered separately.
+
+    Text of a user is escaped.
+    """
     page = render("html").replace("&#39;", "'")
     assert [part for part in HTML if part not in page] == []
 
 
 def test_figure_without_data_is_omitted():
-    """It has no element and no number."""
+    """A figure without data has no element on the page."""
     assert "<figure" not in render("html", figures=())
 
 
 def test_reference_to_a_missing_table_is_an_error():
-    """It must not become a reference to Table 0."""
+    """A reference to a table that is not on the page raises KeyError."""
     with pytest.raises(KeyError, match="table"):
         render("html", "{{ page.see_table(table) }}")
 
 
 def test_markdown():
-    """The page has text, lists and numbered tables, but no figures."""
+    """The page in Markdown has text, lists and numbered tables, but no figures."""
     text = render("md", figures=())
     assert "**Table 1. A < table**\n\n| name | value [rpm] |\n| --- | ---: |\n| a & b" in text
     assert "\nMore words, see Table 2 in section 2.\n" in text
@@ -92,13 +95,16 @@ def test_markdown():
 
 @pytest.mark.parametrize("kind", ["html", "md"])
 def test_empty_list_items_are_omitted(kind):
-    """A list has no bullet for an empty item."""
+    """Empty lines of a list give no item."""
     text = "{% call page.points() %}\na\n\n\n\n \n\nb{% endcall %}"
     assert render(kind, text).count("- " if kind == "md" else "<li>") == 2
 
 
 def test_head_and_contents(rendered):
-    """The head has date, command, versions and seeds. Sections are numbered and listed."""
+    """The head of a page has date, command, versions and seeds.
+
+    Sections are numbered and listed.
+    """
     page, text = rendered("html"), rendered("md")
     assert "<dt>Date</dt><dd>2023-11-14</dd>" in page
     assert "<code>cam-rig report a.yaml --out &#39;a b.html&#39;</code>" in page
@@ -112,7 +118,10 @@ def test_head_and_contents(rendered):
 
 
 def test_tables_not_displayed_in_a_section_are_in_the_appendix(rendered):
-    """The section has a link to them. Tables of the main part have the first numbers."""
+    """Tables that a section does not display are in the appendix, with a link to them.
+
+    Tables of the main part have the first numbers.
+    """
     page, text = rendered("html"), rendered("md")
     main, appendix = page.split('<div id="appendix">')
     assert "A table to check" not in main
@@ -123,7 +132,10 @@ def test_tables_not_displayed_in_a_section_are_in_the_appendix(rendered):
 
 
 def test_equations_and_indices():
-    """Equations are MathML in HTML and text in Markdown. Indices are subscripts, names are not."""
+    """Equations are MathML in HTML and text in Markdown.
+
+    Indices in sentences are subscripts, and names with an underscore are not.
+    """
     parts = (
         "{% call page.equation() %}\nF = k_s s\n{% endcall %}"
         "{% call page.words() %}With k_s of paper_table2.{% endcall %}"
@@ -135,7 +147,7 @@ def test_equations_and_indices():
 
 
 def test_numbers_in_sentences():
-    """Percentages and ranges have true minus signs and raised powers."""
+    """Percentages and ranges are typeset with minus signs and raised powers."""
     assert percent(0.7249) == "72 %"
     assert percent(-0.0053, "+.2f") == "−0.53 %"
     assert format_range((0.71, 1.66), ".1f") == "0.7 to 1.7"

@@ -19,18 +19,18 @@ from cam_rig.simulation.simulate import simulate, step_levels
 
 @pytest.fixture
 def quick(config_dir):
-    """Return the scene of the golden bag."""
+    """Scene of the golden bag."""
     return open_scene(config_dir / "scenes" / "quick.yaml")
 
 
 @pytest.fixture
 def golden(config_dir):
-    """Return the golden bag, a recording of that scene."""
+    """Golden bag, a recording of that scene."""
     return config_dir.parent / "bags" / "golden"
 
 
 def test_recorded_levels_equal_simulated_levels(quick, golden):
-    """The node graph and one process compute the same numbers."""
+    """The levels of the golden bag equal those of a simulation to 1e-9 dB."""
     recorded = read_recorded(golden, quick)
     levels = step_levels(simulate(quick), quick.scene.schedule.transient_turns.si)
     assert recorded.level_db.keys() == levels.keys()
@@ -40,14 +40,17 @@ def test_recorded_levels_equal_simulated_levels(quick, golden):
 
 
 def test_bag_of_another_scene_is_refused(golden, config_dir):
-    """The error names both scenes and the remedy."""
+    """A bag of another scene is refused, and the error names both and the remedy."""
     loaded = open_scene(config_dir / "scenes" / "tm21_sweep.yaml")
     with pytest.raises(BagError, match=r"of the scene 'tm21_sweep', got 'quick'; .*cam-rig run"):
         read_recorded(golden, loaded)
 
 
 def test_bag_of_a_changed_rig_is_refused(quick, golden):
-    """The preload of the rig has changed since the recording. A changed title is allowed."""
+    """A bag that was recorded with another preload is refused.
+
+    A changed title of the rig is allowed.
+    """
     other = replace(quick, rig=quick.rig.with_follower(preload=99.0))
     with pytest.raises(BagError, match="recorded with another follower than the files have now"):
         read_recorded(golden, other)
@@ -56,7 +59,7 @@ def test_bag_of_a_changed_rig_is_refused(quick, golden):
 
 
 def test_truncated_bag_is_refused(quick, golden, tmp_path):
-    """The error suggests cam-rig recover."""
+    """A truncated bag is refused, and the error suggests cam-rig recover."""
     bag = shutil.copytree(golden, tmp_path / "golden")
     (file,) = bag.glob("*.mcap")
     file.write_bytes(file.read_bytes()[:60_000])
@@ -78,7 +81,7 @@ def shape(element):
 
 
 def test_products_and_sums():
-    """Letters are variables with dots over and primes after them. Digits are numbers."""
+    """Letters become variables with their dots and primes, and digits numbers."""
     assert shape(tree("m ẍ + 2 c s′ = 0")) == (
         *("mrow", "m", ("mover", "x", "¨"), "+", "2", "c", ("msup", "s", "′"), "=", "0"),
     )
@@ -97,12 +100,15 @@ def test_products_and_sums():
     ("(a)", ("mrow", "(", ("mrow", "a"), ")")),
 ])  # fmt: skip
 def test_parts(text, inside):
-    """Subscripts, superscripts, roots and fractions. Brackets that only group are not drawn."""
+    """Subscripts, superscripts, roots and fractions become elements of MathML.
+
+    Brackets that only group are not drawn.
+    """
     assert shape(tree(text)) == ("mrow", inside)
 
 
 def test_lines_and_signs():
-    """Each line is an equation, and characters of HTML markup are escaped."""
+    """Each line becomes an equation, and characters of HTML markup are escaped."""
     assert mathml("a < b\n\nc & d\n").count("<math ") == 2
     assert tree("a < b")[1].text == "<"
 
@@ -112,7 +118,10 @@ PAPER = Path(__file__).parents[2] / "examples" / "paper" / "templates"
 
 
 def test_equations_of_all_templates_are_well_formed():
-    """Brackets are closed, and fractions and scripts have two parts."""
+    """Each equation of a template has closed brackets and complete fractions.
+
+    Subscripts and superscripts are complete too.
+    """
     count = 0
     templates = environment("html", PAPER)
     for name in templates.list_templates():

@@ -28,7 +28,7 @@ COMMAND = [sys.executable, "-m", "cam_rig.nodes", "follower", "--ros-args"]
 
 @pytest.fixture
 def start(ros_domain, fork_server):
-    """Return a function that forks a node with arguments."""
+    """Function that forks a node with arguments."""
     return lambda *arguments: fork_server.start([*COMMAND, *arguments], environment(), None)
 
 
@@ -38,14 +38,17 @@ def command_line(pid):
 
 
 def test_exit_code_and_output_of_a_forked_node(start, tmp_path):
-    """A node that reports a missing scene file ends with code 2."""
+    """The runner receives exit code and stderr of a forked node."""
     node = start("-p", f"scene:={tmp_path}/none.yaml")
     assert node.wait(timeout=100) == 2 and "none.yaml: no such file" in node.stderr.read()
     assert node.stdout.read() == ""
 
 
 def test_each_forked_node_is_a_separate_process(start):
-    """It has its pid, session and command line, and wait() raises after its timeout."""
+    """A forked node has its pid, session, name and command line.
+
+    wait() raises after its timeout.
+    """
     node, other = start("-p", "scene:=quick"), start()
     assert len({node.pid, other.pid, os.getpid()}) == 3
     assert [os.getsid(process.pid) for process in (node, other)] == [node.pid, other.pid]
@@ -62,7 +65,7 @@ def test_each_forked_node_is_a_separate_process(start):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_a_forked_node_in_order_at_any_time(start, number):
-    """The exit code is 0 without a traceback, immediately after the start as well."""
+    """A signal ends a forked node with code 0 and no traceback, at any time."""
     for pause in (0.0, 0.02, 0.1):
         node = start()
         time.sleep(pause)  # the node must end in order at every time
@@ -71,7 +74,10 @@ def test_signal_ends_a_forked_node_in_order_at_any_time(start, number):
 
 
 def test_adoption_of_orphans_is_restored(start):
-    """The runner adopts orphans while the server forks. Its earlier setting is restored."""
+    """After a fork the earlier setting of the runner for orphans is restored.
+
+    The runner adopts orphans while the server forks.
+    """
     prctl, adopts = ctypes.CDLL(None).prctl, ctypes.c_int()
     for wanted in (1, 0):
         prctl(client.PR_SET_CHILD_SUBREAPER, wanted)
@@ -81,7 +87,7 @@ def test_adoption_of_orphans_is_restored(start):
 
 
 def test_failed_import_ends_only_the_node(ros_domain, fork_server):
-    """The node reports the missing module on stderr, and the server continues."""
+    """A forked node whose import fails reports it, and the server continues."""
     node = fork_server.start([*COMMAND[:3], "nowhere"], environment(), None)
     assert node.wait(timeout=100) == 1
     assert "No module named 'cam_rig.nodes.nowhere'" in node.stderr.read()
@@ -89,7 +95,7 @@ def test_failed_import_ends_only_the_node(ros_domain, fork_server):
 
 
 def test_node_ends_if_its_start_is_interrupted(ros_domain, fork_server, monkeypatch):
-    """A signal arrives after the fork, before the runner has stored the process."""
+    """A node ends if a signal arrives before the runner has stored its process."""
     forked = []
 
     def interrupted(pid, *_):
@@ -103,7 +109,10 @@ def test_node_ends_if_its_start_is_interrupted(ros_domain, fork_server, monkeypa
 
 
 def test_nodes_start_without_a_killed_server(ros_domain):
-    """Forked nodes continue, and the next node is started in a new interpreter."""
+    """After the server is killed, forked nodes continue.
+
+    The next node is started in a new interpreter.
+    """
     with ForkServer() as server:
         node = server.start(COMMAND, environment(), None)
         os.kill(server._process.pid, signal.SIGKILL)
@@ -117,7 +126,7 @@ def test_nodes_start_without_a_killed_server(ros_domain):
 
 
 def test_nodes_start_without_a_server_on_other_systems(ros_domain, monkeypatch):
-    """On a system that is not Linux, a node is started in a new interpreter."""
+    """On a system other than Linux a node is started in a new interpreter."""
     monkeypatch.setattr(client, "sys", SimpleNamespace(platform="another"))
     server = ForkServer()
     node = NodeProcess("follower", {}, False, print, server=server)
@@ -138,7 +147,7 @@ input()
 
 
 def test_server_and_nodes_end_with_a_killed_runner(ros_domain):
-    """The kernel notifies both of its end."""
+    """Server and nodes end if the runner is killed."""
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", RUNNER], text=True, **pipes) as runner:
         server, node, kind = runner.stdout.readline().split()
@@ -161,9 +170,9 @@ print(json.dumps([threads, sorted(before), sorted(set(sys.modules) - before)]))
 
 
 def test_server_has_one_thread_and_the_shared_imports():
-    """A fork of a process with several threads can block, so rclpy is imported in each node.
+    """The server has one thread, and nodes import few modules after the fork.
 
-    Nodes import only rclpy, its dependencies and their own modules after the fork.
+    A fork of a process with several threads can block, so rclpy is imported in each node.
     """
     given = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     done = ended(sys.executable, "-c", PRELOAD, env=given)

@@ -28,7 +28,7 @@ KILLED = -signal.SIGKILL
 
 @pytest.fixture
 def made(monkeypatch, tmp_path):
-    """Return a factory of graphs with fake nodes.
+    """Factory of graphs with fake nodes.
 
     A node has ended with the first of its codes, or ends when it receives a signal.
     """
@@ -83,7 +83,10 @@ FAILED.append(("recorder", 1, r"node recorder ended with code 1 before .*: no sp
 
 @pytest.mark.parametrize(("node", "code", "words"), FAILED)
 def test_failed_node_is_named_even_if_the_drive_has_finished(made, node, code, words):
-    """The error names the node and the last line of its stderr, not the drive, which succeeded."""
+    """A node that fails after the drive has finished is named with its last line.
+
+    The line is the last one of its stderr.
+    """
     graph = made(cam_drive=[0], **{node: [code]})
     graph._start_all()
     graph._progress.put('{"done": true}')
@@ -92,7 +95,7 @@ def test_failed_node_is_named_even_if_the_drive_has_finished(made, node, code, w
 
 
 def test_fatal_error_of_a_node_is_reported_as_its_reason(made):
-    """Later lines on stderr do not replace it."""
+    """The reason of a failed node is its fatal error, not a later line on stderr."""
     graph = made(follower=[1])
     graph._start_all()
     lines = [
@@ -107,7 +110,7 @@ def test_fatal_error_of_a_node_is_reported_as_its_reason(made):
 
 @pytest.mark.parametrize("code", [KILLED, 1, 0])
 def test_run_continues_without_its_viewer(made, code):
-    """A single line reports the end of the viewer, for every exit code."""
+    """A run continues if the viewer ends with any exit code, and one line reports it."""
     graph, logged = made(screen="address", **{VIEWER: [code]}), made.did.logged
     graph._start_all()
     for _ in range(3):
@@ -117,7 +120,7 @@ def test_run_continues_without_its_viewer(made, code):
 
 
 def test_stopped_drive_is_an_error(made):
-    """The run is incomplete, although the drive ended in order with code 0."""
+    """A drive that ends before its last tick is an error, also with code 0."""
     words = "node cam_drive was stopped before the first tick"
     with pytest.raises(RunError, match=words), made(cam_drive=[0]) as graph:
         list(graph.progress())
@@ -125,21 +128,24 @@ def test_stopped_drive_is_an_error(made):
 
 @pytest.mark.parametrize(("code", "cleans"), [(1, True), (KILLED, True), (0, False), (None, False)])
 def test_shared_memory_is_cleaned_after_a_failed_run(made, code, cleans):
-    """A node that could not write, on a full disk, leaves segments like a killed node."""
+    """Shared memory is cleaned after a run in which a node failed, and only then.
+
+    A node on a full disk leaves segments like a killed node.
+    """
     with made(microphone=[code]):
         pass
     assert bool(made.did.cleaned) == cleans
 
 
 def test_interrupt_ends_all_nodes_and_the_recorder_last(made):
-    """An exception in the block of the graph ends all five nodes."""
+    """An interrupt in the block of a graph ends all five nodes, the recorder last."""
     with pytest.raises(KeyboardInterrupt), made():
         raise KeyboardInterrupt
     assert made.did.stopped[-1] == "recorder" and len(made.did.stopped) == 5
 
 
 def test_blocking_node_is_the_first_of_the_chain():
-    """blocking_text() names it first for every set of nodes, in any order of the argument."""
+    """Of several missing nodes the text names the one that blocks the others first."""
     order = ["law_server", "follower", "microphone", "viewer", "recorder"]
     assert [entry.name for entry in reversed(NODES)][1:] == order
     assert blocking_text(["recorder"]) == "recorder"
@@ -160,7 +166,10 @@ def start(report=None):
 
 @pytest.mark.parametrize("reports", [False, True])
 def test_start_without_free_processes_or_memory(monkeypatch, reports):
-    """The error names the missing resource and the remedy, and no file descriptor is left open."""
+    """A node that cannot start for lack of memory or processes raises RunError.
+
+    The error names the resource and the remedy. No file descriptor is left open.
+    """
     for error, reason in (
         (MemoryError(), "no memory"),
         (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), "Resource temporarily"),
@@ -176,7 +185,7 @@ def test_start_without_free_processes_or_memory(monkeypatch, reports):
 
 @pytest.mark.parametrize("which", [1, 2])
 def test_start_without_free_threads_kills_the_node(monkeypatch, which):
-    """A node whose output cannot be read does not continue to run."""
+    """A node whose output cannot be read, for lack of threads, is killed."""
     start_thread, started, count = threading.Thread.start, [], iter(range(1, 9))
     popen = subprocess.Popen
 
@@ -200,7 +209,10 @@ def test_start_without_free_threads_kills_the_node(monkeypatch, which):
 @pytest.mark.long
 @pytest.mark.parametrize("mebibytes", [350, 450, 550, 700, 850, 1000, 1200, 1500])
 def test_run_with_little_memory(tmp_path, mebibytes):
-    """The run is complete, or ends with an error line. It leaves no process in either case."""
+    """A run with little memory is complete, or ends with an error line.
+
+    It leaves no process in either case.
+    """
     bag, limit = tmp_path / "bag", mebibytes * 2**20
     command = [sys.executable, "-m", "cam_rig.cli.main", "run", "quick", "--bag", str(bag)]
     done = ended(
@@ -213,7 +225,10 @@ def test_run_with_little_memory(tmp_path, mebibytes):
 
 
 def test_log_folder_without_home(monkeypatch, tmp_path):
-    """A service or a cron job has no HOME, and ROS would end each node at once without a folder."""
+    """Without HOME the nodes log into the private runtime folder.
+
+    A service or a cron job has no HOME, and ROS would end each node at once without a folder.
+    """
     monkeypatch.delenv("HOME")
     monkeypatch.delenv("ROS_LOG_DIR", raising=False)
     tmp_path.chmod(0o700)
@@ -226,7 +241,10 @@ def test_log_folder_without_home(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("name", ["HOME", "ROS_HOME", "ROS_LOG_DIR"])
 def test_log_folder_that_is_not_writable_is_replaced(monkeypatch, tmp_path, name):
-    """The warning names the folder that is not writable and the private folder used instead."""
+    """A log folder that is not writable is replaced by a private one with a warning.
+
+    The warning names both folders.
+    """
     for other in ("ROS_HOME", "ROS_LOG_DIR"):
         monkeypatch.delenv(other, raising=False)
     (tmp_path / "file").touch()

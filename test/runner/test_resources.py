@@ -1,4 +1,4 @@
-"""Tests of the resources that runs share: ROS domains, namespaces, /dev/shm, lock folders."""
+"""Tests of resources that runs share: ROS domains, namespaces, /dev/shm, locks."""
 
 import ctypes
 import fcntl
@@ -33,7 +33,7 @@ from ..processes import ended
 
 @pytest.fixture
 def temporary(monkeypatch, tmp_path):
-    """Return a temporary folder for this test, without a runtime folder."""
+    """Temporary folder of this test. There is no runtime folder."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
     return tmp_path
@@ -41,7 +41,7 @@ def temporary(monkeypatch, tmp_path):
 
 @pytest.fixture(params=["runtime", "temporary"])
 def place(request, monkeypatch, temporary):
-    """Return the folder of the lock: the runtime folder, or one in the temporary folder."""
+    """Folder of the lock: the runtime folder, or one in the temporary folder."""
     if request.param == "temporary":
         return temporary / f"cam_rig-{os.getuid()}"
     folder = temporary / "run"
@@ -51,13 +51,16 @@ def place(request, monkeypatch, temporary):
 
 
 def check_refused(error, words, namespace=""):
-    """Check that no run can start now in the domain of the environment."""
+    """Check that a run in the domain of the environment is refused with an error."""
     with pytest.raises(error, match=words), reserve_domain(namespace):
         pass
 
 
 def test_domain_is_reserved_by_one_run(monkeypatch, place):
-    """The error of a second run names the domain. Another domain or a later run is allowed."""
+    """A second run in the same ROS domain is refused, and the error names the domain.
+
+    A run in another domain, or after the first, is allowed.
+    """
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     with reserve_domain():
         check_refused(RunError, "another run is active in ROS domain 7")
@@ -75,7 +78,7 @@ def test_domain_is_reserved_by_one_run(monkeypatch, place):
 
 
 def test_different_texts_of_a_number_are_the_same_domain(monkeypatch, place):
-    """ROS reads 030 as 24, so a second run with ROS_DOMAIN_ID=24 is refused."""
+    """Different texts of one number, such as 030 and 24, are one domain."""
     for first, other in (("030", "24"), ("0x10", "16"), ("", "0"), ("+7", "07")):
         monkeypatch.setenv("ROS_DOMAIN_ID", first)
         with reserve_domain():
@@ -92,7 +95,10 @@ NO_DOMAINS = ("-1", "233", "08", "1e2", "٣", "7abc", "0x", "1" * 5000, "2_0")
 )
 @settings(derandomize=True, max_examples=3 * settings.default.max_examples)
 def test_domain_number_is_parsed_like_strtoul(text):
-    """C's strtoul with base 0. Trailing characters and too large numbers raise a short error."""
+    """ROS_DOMAIN_ID is parsed like by C's strtoul with base 0, as ROS does.
+
+    Trailing characters and too large numbers raise a short error.
+    """
     library, end = ctypes.CDLL(None), ctypes.c_char_p()
     library.strtoul.restype = ctypes.c_ulong
     wanted = library.strtoul(text.encode(), ctypes.byref(end), 0)
@@ -107,7 +113,7 @@ def test_domain_number_is_parsed_like_strtoul(text):
 
 @pytest.mark.ros
 def test_domain_number_agrees_with_rclpy(monkeypatch):
-    """rclpy reads the same domain from the environment."""
+    """`domain_number` agrees with the domain that rclpy uses."""
     import rclpy
 
     for text in ("030", "0x10"):
@@ -129,7 +135,10 @@ def open_to_all(folder):
 
 @pytest.mark.parametrize("make_obstacle", [link, os.mkfifo, os.mkdir])
 def test_lock_that_is_not_a_regular_file_is_refused(monkeypatch, place, make_obstacle):
-    """A link is not followed, a pipe does not block, and the obstacle remains."""
+    """A lock that is a link, a pipe or a folder is refused and remains.
+
+    The link is not followed, and the pipe does not block.
+    """
     monkeypatch.setenv("ROS_DOMAIN_ID", "9")
     with reserve_domain():
         pass
@@ -142,7 +151,10 @@ def test_lock_that_is_not_a_regular_file_is_refused(monkeypatch, place, make_obs
 
 @pytest.mark.parametrize("make_obstacle", [link, open_to_all, Path.touch])
 def test_folder_that_is_not_private_is_refused(temporary, make_obstacle):
-    """Another user may have made it first."""
+    """A folder of locks that is not private to the user is refused.
+
+    Another user may have created it.
+    """
     (temporary / "other").mkdir(mode=0o700)
     make_obstacle(temporary / f"cam_rig-{os.getuid()}")
     check_refused(OutputError, "is not private to you; remove it")
@@ -151,7 +163,10 @@ def test_folder_that_is_not_private_is_refused(temporary, make_obstacle):
 
 @pytest.mark.parametrize("folder", ["run", "/nowhere/at/all", "{open}", "\0"])
 def test_unusable_runtime_folder_is_replaced_by_the_temporary_one(monkeypatch, temporary, folder):
-    """It is relative, missing, writable for all users, or not a path."""
+    """A runtime folder that is unusable is replaced by one in the temporary folder.
+
+    It is relative, missing, writable for all users, or not a path.
+    """
     open_to_all(temporary / "open")
     environment = {"XDG_RUNTIME_DIR": folder.format(open=temporary / "open")}
     monkeypatch.setattr("cam_rig.runner.resources.os.environ", environment)
@@ -160,21 +175,21 @@ def test_unusable_runtime_folder_is_replaced_by_the_temporary_one(monkeypatch, t
 
 
 def test_lock_that_cannot_be_written_gives_the_remedy(monkeypatch, temporary):
-    """The error, like that of a full disk, names TMPDIR."""
+    """A lock that cannot be written raises OutputError that names TMPDIR."""
     (temporary / "file").touch()
     monkeypatch.setattr("tempfile.tempdir", str(temporary / "file"))
     check_refused(OutputError, "name a folder with room in TMPDIR")
 
 
 def test_namespace_is_reserved_by_one_run(monkeypatch, place):
-    """Rigs in different namespaces share a domain. A second rig in a namespace is refused."""
+    """Rigs in different namespaces share a domain. A second rig in one is refused."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     with reserve_domain(), reserve_domain("/rig1"), reserve_domain("/lab/rig1"):
         check_refused(RunError, r"domain 7, namespace /rig1; .*--namespace", "/rig1")
 
 
 def test_namespace_with_or_without_its_slash():
-    """The result is the form of `ros2 run -r __ns:=/rig1`. Errors name the limit."""
+    """A namespace is normalised to one leading slash, or refused with the rule."""
     valid = {"": "", "/": "", "rig1": "/rig1", "/lab/rig_1/": "/lab/rig_1"}
     assert {text: resources.parse_namespace(text) for text in valid} == valid
     for text in ("9x", "a b", "a__b", "a//b", "é", "a" * 255, "~x", "a-b", "__a"):
@@ -199,7 +214,10 @@ def make(folder, name, age=5.0):
 
 
 def test_only_unlocked_files_of_this_user_and_run_are_removed(tmp_path):
-    """Locked files, files of another time or name, and ports of other domains remain."""
+    """Only unlocked Fast DDS files of this run and domain are removed.
+
+    Locked files, files of another time or name, and ports of other domains remain.
+    """
     since = time.time() - 60.0
     removable = [DEAD, DEAD + "_el", "fastdds_port7499", "sem.fastdds_port7499_mutex"]
     for name in (*OTHERS, *removable, "other"):
@@ -217,7 +235,10 @@ def test_only_unlocked_files_of_this_user_and_run_are_removed(tmp_path):
 
 
 def test_open_port_is_kept(tmp_path):
-    """The last process to close a port removes its file name, even if the file is a new one."""
+    """The file of a port that a process has open is not removed.
+
+    The last process to close a port removes its file name, even if the file is a new one.
+    """
     port = make(tmp_path, "fastdds_port7500")
     with port.open("rb") as file, mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ):
         assert remove_segments(0.0, tmp_path, domain=0) == []
@@ -227,14 +248,14 @@ def test_open_port_is_kept(tmp_path):
 
 
 def leave(monkeypatch, free):
-    """Replace os.statvfs by a function that reports `free` bytes."""
+    """Simulate a file system with `free` bytes left."""
     monkeypatch.setattr(
         os, "statvfs", lambda _: SimpleNamespace(f_bavail=free // 512, f_frsize=512)
     )
 
 
 def test_full_shared_memory_is_detected_before_a_run(monkeypatch, tmp_path):
-    """The error names the folder, the free space, the limit and the remedy."""
+    """A run with too little shared memory is refused with limit and remedy."""
     leave(monkeypatch, resources.MIN_FREE_BYTES)
     require_shared_memory(tmp_path)
     leave(monkeypatch, resources.MIN_FREE_BYTES - 512)
@@ -243,7 +264,7 @@ def test_full_shared_memory_is_detected_before_a_run(monkeypatch, tmp_path):
 
 
 def test_only_a_bus_error_is_explained(monkeypatch, tmp_path):
-    """The text is empty for every other signal or exit code."""
+    """SIGBUS is explained by full shared memory. Other exit codes give no text."""
     leave(monkeypatch, 4096)
     assert explain_signal(-signal.SIGBUS, tmp_path).startswith(
         f" (SIGBUS: {tmp_path} was full, 4 KiB"
@@ -252,7 +273,7 @@ def test_only_a_bus_error_is_explained(monkeypatch, tmp_path):
 
 
 def test_missing_shared_memory_folder_is_ignored(tmp_path):
-    """Systems other than Linux do not have it."""
+    """On systems without /dev/shm a run is allowed, and no file is removed."""
     assert remove_segments(0.0, tmp_path / "none") == []
     require_shared_memory(tmp_path / "none")
     assert explain_signal(-signal.SIGBUS, tmp_path / "none") == ""
@@ -274,7 +295,10 @@ def run_in_full_memory(*command):
 
 
 def test_run_with_full_shared_memory_is_refused(tmp_path):
-    """The error comes before a node is started, and no bag is written."""
+    """With full shared memory a run ends with one line before a node is started.
+
+    No bag is written.
+    """
     bag = str(tmp_path / "bag")
     done = run_in_full_memory(
         sys.executable, "-m", "cam_rig.cli.main", "run", "quick", "--bag", bag
@@ -294,7 +318,7 @@ print(node.exit_summary())
 
 @pytest.mark.ros
 def test_exit_summary_of_a_node_with_full_shared_memory():
-    """SIGBUS ends the node, and the exit summary names the cause."""
+    """The exit summary of a node that SIGBUS ended names full shared memory."""
     done = run_in_full_memory(sys.executable, "-c", NODE)
     words = "follower was ended by signal 7 (SIGBUS: /dev/shm was full, 0 KiB are free now; remove "
     assert done.stdout.startswith(words), done.stderr

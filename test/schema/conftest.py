@@ -31,7 +31,7 @@ def catch_error(function: Callable[..., object], *args: object, **kwargs: object
 
 @pytest.fixture
 def load_text(tmp_path: Path) -> Callable[[str, str | bytes], str]:
-    """Function that loads a text as a file of a kind, and returns the error message."""
+    """Function that loads a text as a config file of a kind, and returns its error."""
 
     def load(kind: str, text: str | bytes) -> str:
         path = tmp_path / "continuity.yaml"
@@ -47,7 +47,7 @@ def load_text(tmp_path: Path) -> Callable[[str, str | bytes], str]:
 def load_edited(
     config_dir: Path, load_text: Callable[[str, str], str]
 ) -> Callable[[str, str, str], str]:
-    """Function that edits the shipped file of a kind, and returns the error message.
+    """Function that edits the shipped file of a kind, loads it, and returns its error.
 
     It replaces a pattern by a text. The groups of the pattern precede the new text.
     """

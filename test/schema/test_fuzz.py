@@ -54,7 +54,10 @@ def paths_in(data, prefix=()):
 @MANY
 @given(st.data(), st.sampled_from([*LOADERS]))
 def test_a_shipped_file_with_one_changed_or_missing_value(tmp_path, choice, name):
-    """It loads, or raises an error of one line."""
+    """A shipped file with one changed or missing value loads, or raises one line.
+
+    The line names the file.
+    """
     data = copy.deepcopy(SHIPPED[name])
     *parents, last = choice.draw(st.sampled_from([p for p in paths_in(data) if p]))
     node = data
@@ -71,7 +74,7 @@ def test_a_shipped_file_with_one_changed_or_missing_value(tmp_path, choice, name
 
 @given(text=st.text(max_size=30))
 def test_any_text_as_the_name_of_a_cam(tmp_path, text):
-    """A scene with it loads, or raises an error of one line."""
+    """A scene with any text as the name of its cam loads, or raises one line."""
     path = tmp_path / "scenes" / "quick.yaml"
     path.parent.mkdir(exist_ok=True)
     path.write_text(yaml.safe_dump(SHIPPED["scenes/quick.yaml"] | {"cams": [text]}), "utf-8")
@@ -97,6 +100,10 @@ def require_bounded(kind, cases, seed):
 
 
 def test_hostile_files_load_or_raise_an_error_of_one_line():
+    """Each of 20 hostile YAML files loads or raises one line.
+
+    Time and memory are bounded.
+    """
     require_bounded("yaml", 20, 1)
 
 
@@ -104,4 +111,8 @@ def test_hostile_files_load_or_raise_an_error_of_one_line():
 @pytest.mark.parametrize("seed", [2, 3, 4])
 @pytest.mark.parametrize("kind", ["yaml", "csv"])
 def test_many_hostile_files_load_or_raise_an_error_of_one_line(kind, seed):
+    """Each of 400 hostile YAML or CSV files loads or raises one line.
+
+    Time and memory are bounded.
+    """
     require_bounded(kind, 400, seed)

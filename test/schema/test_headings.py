@@ -62,7 +62,10 @@ UNCLEAR = [
     ("quantity", "table"), [("lift", LIFTS), ("angle", ANGLES)], ids=["lift", "angle"]
 )
 def test_headings_have_a_factor_and_a_unit(quantity, table):
-    """Headings contain factors, names of units and other words, in several languages."""
+    """Headings of lift or angle in several languages give their factor to SI.
+
+    They contain factors, names of units and other words.
+    """
     for factor, texts in table.items():
         for text in texts.split("|"):
             heading = parse_heading(text)
@@ -73,6 +76,7 @@ def test_headings_have_a_factor_and_a_unit(quantity, table):
 
 
 def test_degrees_of_the_crank_are_recognised():
+    """A heading of crank degrees gives an angle that is marked as of the crank."""
     for text in CRANK.split("|"):
         heading = parse_heading(text)
         assert (heading.quantity, heading.is_crank, heading.unclear) == ("angle", True, ""), text
@@ -80,7 +84,7 @@ def test_degrees_of_the_crank_are_recognised():
 
 
 def test_other_quantities_are_not_lifts():
-    """A radius, a point of a contour or the error of a lift is not a lift."""
+    """A heading of another quantity, such as a radius or speed, is that quantity."""
     for text, quantity in (
         *((text, "other") for text in NEUTRAL),
         *(("radius_mm", "radius"), ("X (in)", "x"), ("y [mm]", "y"), ("encoder counts", "count")),
@@ -91,7 +95,10 @@ def test_other_quantities_are_not_lifts():
 
 
 def test_headings_of_no_quantity_are_unclear_unless_they_are_neutral():
-    """A unit, a number or a foreign quantity is reported, the foreign quantity first."""
+    """A heading without a known quantity is unclear if it has a unit or foreign word.
+
+    The reason names the foreign quantity first.
+    """
     for text in OTHERS:
         assert parse_heading(text).quantity == "other", text
         assert parse_heading(text).unclear, text
@@ -99,7 +106,10 @@ def test_headings_of_no_quantity_are_unclear_unless_they_are_neutral():
 
 
 def test_unknown_words_factors_and_units_make_a_heading_unclear():
-    """A word, factor or unit that could change the numbers is reported."""
+    """A heading with an unknown word, factor or unit is unclear.
+
+    It could change the numbers.
+    """
     for text in UNCLEAR:
         assert parse_heading(text).unclear, text
 
@@ -117,6 +127,7 @@ def test_a_unit_of_another_dimension_is_named_with_the_allowed_units():
     st.sampled_from(["{} [{} {}]", "{} ({} {})", "{} / {} {}", "{}_{} {}"]),
 )
 def test_every_unit_has_its_factor_in_every_form(word, unit, factor, form):
+    """A heading of lift with any unit, factor and form gives their product to SI."""
     heading = parse_heading(form.format(word, factor, unit))
     assert heading.unclear == ""
     assert heading.factor == pytest.approx(factor * UNITS["length"][unit], rel=1e-12)
@@ -124,6 +135,7 @@ def test_every_unit_has_its_factor_in_every_form(word, unit, factor, form):
 
 @given(st.text(max_size=40))
 def test_any_text_has_a_quantity(text):
+    """Any text as a heading gives a known quantity and a positive factor or None."""
     heading = parse_heading(text)
     assert heading.quantity in QUANTITIES
     assert heading.factor is None or heading.factor > 0.0

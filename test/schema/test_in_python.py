@@ -36,7 +36,10 @@ def spring_of(**numbers):
     ],
 )
 def test_a_number_is_plain_or_a_text_with_its_unit(written, si):
-    """It is an assumed number, unless it is a quantity with another origin."""
+    """A number of a rig may be plain, a text with its unit, or a quantity.
+
+    The first two are assumed. A quantity keeps its origin.
+    """
     stiffness = spring_of(spring=written)
     assert stiffness.si == pytest.approx(si, rel=1e-15)
     assert stiffness.origin == ("given" if isinstance(written, Quantity) else "assumed")
@@ -69,7 +72,10 @@ def test_a_wrong_number_raises_an_error_of_one_line(wrong, message):
 
 @pytest.mark.parametrize("path", [*CAMS, *RIGS], ids=lambda path: path.stem)
 def test_a_shipped_file_is_unchanged_by_saving_and_loading(path, tmp_path):
-    """The points of a table are saved in a second file."""
+    """A shipped cam or rig that is saved and loaded again is equal.
+
+    The points of a table are saved in a second file.
+    """
     load = cam_rig.load_cam if path.parent.name == "cams" else cam_rig.load_rig
     model = load(path)
     model.save(tmp_path / path.name)
@@ -82,6 +88,7 @@ def test_a_shipped_file_is_unchanged_by_saving_and_loading(path, tmp_path):
 
 
 def test_a_saved_rig_has_the_name_of_its_file(tmp_path):
+    """A rig that is saved has the name of its file. An invalid file name is refused."""
     rig = cam_rig.Rig("bench", mass=1.3, spring="3.2 N/mm", preload=30)
     rig.save(str(tmp_path / "other.yaml"))
     assert cam_rig.load_rig(tmp_path / "other.yaml") == rig.replace(name="other")
@@ -94,7 +101,10 @@ def test_a_saved_rig_has_the_name_of_its_file(tmp_path):
 
 
 def test_saving_replaces_an_existing_file_only_with_overwrite(tmp_path):
-    """The same applies to the file of the points of a table."""
+    """save() replaces an existing file only with overwrite=True.
+
+    The same applies to the file of the points of a table.
+    """
     rig, cam = cam_rig.load_rig("tm21"), cam_rig.load_cam("measured")
     for model, suffix in ((rig, "yaml"), (cam, "yaml"), (cam, "csv")):
         folder = tmp_path / f"{model.name}_{suffix}"
@@ -108,6 +118,10 @@ def test_saving_replaces_an_existing_file_only_with_overwrite(tmp_path):
 
 
 def test_another_spring_makes_the_radiation_assumed():
+    """A rig with a replaced spring has assumed radiation constants.
+
+    They were identified with the earlier spring.
+    """
     rig = cam_rig.load_rig("tm21")
     assert rig.replace(name="same").radiation == rig.radiation
     changed = rig.replace(spring="6 N/mm")
@@ -117,6 +131,7 @@ def test_another_spring_makes_the_radiation_assumed():
 
 
 def test_replace_changes_sizes_of_a_cam_and_rejects_wrong_values():
+    """replace() changes sizes of a cam, and refuses wrong values with a reason."""
     cam = cam_rig.Cam("lug", lift="20 mm", segments=SEGMENTS, follower=POINT)
     assert cam.replace(base_radius="50 mm", lift=0.01).numbers()["lift"].si == 0.01
     assert cam.title == "lug"

@@ -28,6 +28,7 @@ from cam_rig.studies.orders.steady_force import BUILDERS
 
 
 def test_a_quantity_has_an_origin_an_si_value_and_is_constant():
+    """A quantity has the origin of its key, is converted to SI, and is immutable."""
     for origin in ORIGINS:
         quantity = Quantity.model_validate({origin: 2.5, "unit": "kg"})
         assert (quantity.origin, quantity.raw) == (origin, 2.5)
@@ -43,7 +44,10 @@ def test_a_quantity_has_an_origin_an_si_value_and_is_constant():
 
 
 def test_every_unit_belongs_to_one_dimension():
-    """Thus the unit determines the factor to SI."""
+    """Each unit belongs to one dimension, and another dimension is refused.
+
+    Thus the unit determines the factor to SI.
+    """
     names = [unit for units in UNITS.values() for unit in units]
     assert len(names) == len(set(names))
     for dimension, units in UNITS.items():
@@ -58,7 +62,10 @@ def test_every_unit_belongs_to_one_dimension():
 
 
 def test_limits_in_si_are_reported_in_the_unit_of_the_number():
-    """Each number of a list is checked."""
+    """A number beyond a limit is refused with the limit in the unit of the number.
+
+    Each number of a list is checked.
+    """
     for limits, inside, outside, message in (
         ({"gt": 0.0}, 1e-9, 0.0, "greater than 0 mm"),
         ({"ge": 0.001}, 1.0, 0.999, "at least 1 mm"),
@@ -80,7 +87,7 @@ NAMES = set(get_args(get_args(Model)[0]))
 
 
 def test_every_table_has_the_same_names_of_models(make_scene):
-    """Scenes, models and panel texts have all names, other tables some of them."""
+    """All tables, scenes and panel texts use the same names of models."""
     assert set(MODELS) == set(setup.MODELS) == NAMES
     assert set(SAMPLED) | set(BUILDERS) | set(FITTED) <= NAMES
     for page in sorted((ROOT / "cam_rig/panel/static/texts").glob("*.json")):
@@ -92,7 +99,10 @@ def test_every_table_has_the_same_names_of_models(make_scene):
 
 @pytest.mark.parametrize(("old", "new"), OLD_MODELS.items())
 def test_an_old_name_is_read_and_the_new_one_written(make_loaded_scene, old, new):
-    """This applies to a scene, a study, an argument and an option."""
+    """An old name of a model is accepted, and all outputs have the new name.
+
+    This applies to a scene, a study, an argument and an option.
+    """
     scene = make_loaded_scene(model=old).scene
     assert scene.model == json.loads(scene.model_dump_json())["model"] == new
     study = yaml.safe_load((config_root() / "campaigns/tolerance_poly345.yaml").read_text())
@@ -110,13 +120,14 @@ def test_an_old_name_is_read_and_the_new_one_written(make_loaded_scene, old, new
 
 
 def test_a_fit_accepts_an_old_name_and_rejects_an_unknown_name():
+    """`fit rig` accepts an old name of a model and refuses an unknown one."""
     for name, message in (("separation", "no such file"), ("two", "must be one_mass or two_mass")):
         done = CliRunner().invoke(app, ["fit", "rig", "none.csv", "tm21", "--model", name])
         assert done.exit_code == 2 and message in " ".join(done.output.replace("│", " ").split())
 
 
 def test_keys_of_earlier_versions_are_read(tmp_path):
-    """A scene and a rig with the earlier keys are equal to those with the present keys."""
+    """A scene and a rig with keys of an earlier version equal those with present keys."""
     root = config_root()
     for path, load, model in (
         (root / "scenes" / "bounce.yaml", load_scene, SceneConfig),
@@ -134,7 +145,10 @@ def test_keys_of_earlier_versions_are_read(tmp_path):
 
 
 def test_an_earlier_and_a_present_key_together_are_an_error(tmp_path):
-    """Neither of two values is ignored."""
+    """A file with an earlier key and its present key is refused.
+
+    Neither of two values is ignored.
+    """
     text = (config_root() / "scenes" / "quick.yaml").read_text(encoding="utf-8")
     file = tmp_path / "two.yaml"
     file.write_text(f"{text}program: {{}}\n", encoding="utf-8")

@@ -52,7 +52,10 @@ def test_missing_files(tmp_path):
 
 
 def test_missing_and_unknown_keys(load_text, load_edited):
-    """The error of an empty mapping names up to four required keys."""
+    """A missing or unknown key of a file is named in an error of one line.
+
+    The error of an empty mapping names up to four required keys.
+    """
     for kind in ("cam", "rig", "scene", "published"):
         message = load_text(kind, "{}")
         assert_matches(message, "name: missing; it is required")
@@ -124,14 +127,17 @@ crossover | {between: [bezier, tm21], rpm: 335} | …bezier…
 
 @pytest.mark.parametrize("kind", ["rig", "scene", "published"])
 def test_wrong_values(load_edited, kind):
-    """A number must have its dimension and be within its limits."""
+    """A number of a wrong dimension or beyond its limits is refused with its key."""
     for key, value, expected in rows(globals()[kind.upper()]):
         line = f"{key}: " + value.replace("\\n", "\n")
         assert_matches(load_edited(kind, rf"(?m)^( *){key}:.*$", line), expected)
 
 
 def test_ticks_and_ramps_need_two_samples(config_dir, load_text):
-    """A tick without samples would be without sound level."""
+    """A scene whose ticks or ramps have less than two samples is refused.
+
+    The error has the allowed sample rate. A tick without samples would have no level.
+    """
     text = (config_dir / "scenes" / "tm21_sweep.yaml").read_text(encoding="utf-8")
     slow = re.sub(r"sample_rate:.*", "sample_rate: {given: 8, unit: kHz}", text)
     message = load_text("scene", re.sub(r"ticks_per_turn:.*", "ticks_per_turn: 1000", slow))
@@ -171,7 +177,10 @@ segments:(?s:.*) | segments: [{law: dwell}] | segments[0].span: …
 
 
 def test_wrong_cams(load_edited):
-    """The error of an unknown law lists the existing laws."""
+    """A wrong value in a cam file is refused with key, value and allowed values.
+
+    The error of an unknown law lists the existing laws.
+    """
     for old, new, expected in rows(CAM):
         assert_matches(load_edited("cam", old.replace("{", r"\{"), new), expected)
     message = load_edited("cam", "poly345, to", "poly346, to")

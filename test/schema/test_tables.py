@@ -51,7 +51,11 @@ def load(config_dir, tmp_path):
 
 
 def test_forms_of_files_of_points(load, tmp_path):
-    """Columns in any order, comments, with or without 360°, BOM, line ends."""
+    """Files of points are read in each allowed form.
+
+    Columns may be in any order, with comments, with or without 360°, with BOM and any line
+    ends.
+    """
     path = tmp_path / "points.csv"
     path.write_text("# gauge 3\n\n lift_in , note, angle_turn\n1,top,0.5\n0.5,,0.75\n")
     angles, lifts = read_points(path)
@@ -64,7 +68,7 @@ def test_forms_of_files_of_points(load, tmp_path):
 
 
 def test_wrong_points_raise_an_error_of_one_line(load, tmp_path):
-    """It names the files of the cam and of the points, and the allowed values."""
+    """Invalid points of a cam raise one line with file, value and allowed values."""
     for text, expected in (
         (None, "measured.csv: no such file"),
         ("", "measured.csv: is empty; allowed: a heading and up to 100000 lines of points"),
@@ -94,7 +98,10 @@ def test_wrong_points_raise_an_error_of_one_line(load, tmp_path):
 
 
 def test_points_are_in_the_folder_of_the_cam(load_edited):
-    """Their file is given by its name. Both files are copied together, as to a bag."""
+    """The file of points must be next to the cam's file, so a path is refused.
+
+    Both files are copied together, as to a bag.
+    """
     for name in ("../points.csv", "/etc/points.csv", "points.txt", "points"):
         message = load_edited("table", "measured.csv", name)
         assert message.startswith("segments[0].file: is ")
@@ -102,7 +109,10 @@ def test_points_are_in_the_folder_of_the_cam(load_edited):
 
 
 def test_dwells_of_a_measured_cam(load):
-    """A dwell may contain a gap. Dwells are in order, with an event between them."""
+    """Stated dwells of a measured cam may contain a gap in the points.
+
+    Dwells that overlap, or have no event between them, are refused.
+    """
     gap = table([*ROWS[:8], *ROWS[13:]])
     assert load(gap, dwells=[(100, 120)]).dwells[0].span.si > 2.0
     load(table(ROWS[4:19]), dwells=[(270, 150)])
@@ -140,7 +150,10 @@ def assert_has_readings(readings):
 
 
 def test_forms_of_one_table(read):
-    """Separators, decimal marks, encodings, quotes, orders, titles and comments."""
+    """A table of a gauge is read in each of its usual forms.
+
+    They differ in separator, decimal mark, encoding, quotes, order, titles and comments.
+    """
     comma, semicolon = "angle_deg,lift_mm\n0,0\n10,0.25\n20,1.5\n", "0;0\n10;0,25\n20;1,5\n"
     for text in (
         comma,
@@ -163,7 +176,10 @@ def test_forms_of_one_table(read):
 
 
 def test_headings_in_several_languages(read):
-    """The encoding of Windows, which lacks Greek letters, is accepted."""
+    """Headings in several languages are read, in UTF-8 and in the encoding of Windows.
+
+    The latter lacks Greek letters.
+    """
     for angle, lift in (
         ("Cam angle [deg]", "Displacement [mm]"),
         ("θ / °", "s / mm"),
@@ -184,7 +200,10 @@ def test_headings_in_several_languages(read):
 
 
 def test_missing_units_are_assumed_and_reported(read):
-    """They are deg and mm. Angles up to one turn in rad are rad."""
+    """Missing units are assumed to be deg and mm, which notes report.
+
+    Angles up to one turn in rad are taken as rad.
+    """
     readings = read("0 0\n90 0.25\n180 1.5\n270 0\n355 0\n")
     assert "no unit of angle in 'column 1': deg assumed" in readings.notes
     assert "no unit of length in 'column 2': mm assumed" in readings.notes
@@ -194,7 +213,10 @@ def test_missing_units_are_assumed_and_reported(read):
 
 
 def test_a_table_with_several_columns_of_lifts(read):
-    """All are read, or the requested column. Texts in other columns are ignored."""
+    """All columns of lifts are read, or only the requested one.
+
+    Texts in other columns are ignored.
+    """
     two = "angle_deg,lift_a_mm,lift_b_mm\n0,0,0.0\n10,1,2\n"
     readings = read(two)
     assert [column.name for column in readings.columns] == ["lift_a_mm", "lift_b_mm"]
@@ -208,7 +230,10 @@ def test_a_table_with_several_columns_of_lifts(read):
 
 
 def test_an_empty_cell_is_a_missing_reading_of_its_column(read):
-    """The notes contain the number of empty cells."""
+    """An empty cell is a missing reading of its column, and a note counts them.
+
+    An empty angle next to a lift is refused.
+    """
     readings = read("angle_deg,lift_a_mm,lift_b_mm\n0,,0.0\n10,1,2\n20,,\n,,\n30,2,3\n")
     assert [math.degrees(angle) for angle in readings.angles] == pytest.approx([0, 10, 20, 30])
     empty = [[math.isnan(lift) for lift in column.lifts] for column in readings.columns]
@@ -220,7 +245,10 @@ def test_an_empty_cell_is_a_missing_reading_of_its_column(read):
 
 
 def test_wrong_tables_raise_an_error_of_one_line(read):
-    """It names file, line, value, allowed values and the detected separator."""
+    """A wrong table raises one line with file, line, value and allowed values.
+
+    It also has the detected separator.
+    """
     comma = "allowed: a number, so correct the line or put # before it (separator seen: comma)"
     four = "winkel,hub\n0,0,0,0\n10,0,0,25\n"
     for text, expected in (
@@ -244,7 +272,10 @@ def test_wrong_tables_raise_an_error_of_one_line(read):
 
 
 def test_numbers_of_lines_are_not_angles(read):
-    """Without a word of an angle, numbers that leave out a part of the turn are refused."""
+    """A column that may be line numbers is refused as angle if it leaves a gap.
+
+    With a heading of an angle it is accepted.
+    """
     lines = "".join(f"{i},{i % 7}.5\n" for i in range(1, 271))
     for heading in ("Nr,lift mm\n", "Index,lift mm\n", ""):
         message = catch_error(read, heading + lines)
@@ -263,7 +294,10 @@ def test_numbers_of_lines_are_not_angles(read):
     ],
 )
 def test_phases(read, heading, last, factor):
-    """Without a unit they go from 0 to about 1, or over 250 or more, which are deg."""
+    """A phase without a unit is a fraction if it ends near 1, and deg above 250.
+
+    Other ranges are refused.
+    """
     text = "{},lift mm\n0,0.0\n{},1.5\n"
     assert math.degrees(read(text.format(heading, last)).angles[1]) == pytest.approx(factor * last)
     for other in (0.5, 99.17, 180.0):
@@ -273,7 +307,10 @@ def test_phases(read, heading, last, factor):
 
 
 def test_only_a_neutral_heading_is_assumed_to_be_the_lift(read):
-    """The unit or the foreign quantity of another heading would be lost."""
+    """A column with a neutral heading is taken as the lift.
+
+    A heading with a unit or foreign quantity that would be lost is refused.
+    """
     assert read("deg,Messuhr\n0,0.5\n9,1.5\n").columns[0].lifts[1] == pytest.approx(1.5e-3)
     for heading in ("Durchmesser (in)", "Diameter mm", "Dial indicator 0.001", "Force [N]"):
         for column in (None, heading):
@@ -283,7 +320,10 @@ def test_only_a_neutral_heading_is_assumed_to_be_the_lift(read):
 
 @pytest.mark.parametrize("mark", [",", "."])
 def test_separators_of_thousands_are_refused(read, mark):
-    """The first such line and its cell are named. Numbers with decimals are read."""
+    """A cell that could have a separator of thousands is refused with its line.
+
+    Columns in which each number has decimals are read.
+    """
     cells = ["0", "84", "486", "1,084", "1,486"]
     text = "Angle;Hub um\n" + "".join(f"{10 * i};{cell}\n" for i, cell in enumerate(cells))
     message = catch_error(read, text.replace(",", mark))
@@ -295,7 +335,10 @@ def test_separators_of_thousands_are_refused(read, mark):
 
 
 def test_files_that_cannot_be_read(read, tmp_path):
-    """The error of a missing file lists the existing files."""
+    """A file that is missing, too long or too wide is refused with the limit.
+
+    The error of a missing file lists the existing files.
+    """
     (tmp_path / "lift.csv").write_text("")
     message = catch_error(read_gauge_table, tmp_path / "lifts.csv")
     assert message.endswith("no such file; there are: lift.csv")
@@ -334,7 +377,10 @@ def read_jumps(tmp_path):
 
 
 def test_jump_speeds_in_units_and_languages(read_jumps):
-    """Forms of the same two readings. A missing unit is assumed and reported."""
+    """Tables of jump speeds in several units and languages give the same readings.
+
+    A missing unit is assumed and reported.
+    """
     for text in (
         "mass_kg,spring_N/m,rpm\n0.5,4030,412.5\n1,4030,380\n",
         "Masse [g];Federrate [N/mm];Drehzahl [1/min]\n500;4,03;412,5\n1000;4,03;380\n",
@@ -352,7 +398,10 @@ def test_jump_speeds_in_units_and_languages(read_jumps):
 
 
 def test_wrong_jump_speeds_raise_an_error_of_one_line(read_jumps):
-    """The error of an unknown unit lists the known units."""
+    """A wrong table of jump speeds raises one line with the reason.
+
+    The error of an unknown unit lists the known units.
+    """
     for text, expected in (
         ("mass_kg,lift_mm\n1,2\n", "jump speed"),
         ("1,2\n3,4\n", "must have a heading"),
@@ -369,7 +418,7 @@ def test_wrong_jump_speeds_raise_an_error_of_one_line(read_jumps):
 
 @pytest.mark.parametrize(("first", "is_noted"), [(332, True), (0, False)])
 def test_degrees_above_one_turn_may_be_of_the_crank(tmp_path, first, is_noted):
-    """They are taken as degrees of the cam, and a note states the remedy."""
+    """Degrees above one turn are taken as of the cam, with a note on crank degrees."""
     path = tmp_path / "event.csv"
     rows = [f"{first + 4 * i},{max(0, 8 - abs(i - 34) / 4)}" for i in range(70)]
     path.write_text("\n".join(["deg,Lift mm", *rows]))
@@ -378,12 +427,13 @@ def test_degrees_above_one_turn_may_be_of_the_crank(tmp_path, first, is_noted):
 
 
 def test_minutes_of_arc_in_their_own_column_are_refused(read):
+    """A column of minutes of arc next to one of degrees is refused."""
     message = catch_error(read, "deg,min,Lift mm\n0,0,0.0\n2,30,1.5\n")
     assert "'min' next to 'deg' looks like minutes of arc" in message
 
 
 def test_a_second_heading_with_another_unit_is_refused(read):
-    """A repeated identical heading is skipped."""
+    """A second heading in a table is skipped if it is identical, else refused."""
     text = "deg,Lift mm\n0,0.0\n9,1.5\ndeg,Lift {}\n18,2.5\n"
     assert len(read(text.format("mm")).angles) == 3
     assert "line 4: a second heading with another unit" in catch_error(read, text.format("in"))
@@ -391,7 +441,10 @@ def test_a_second_heading_with_another_unit_is_refused(read):
 
 @pytest.mark.parametrize("line", ["Base circle dia 50 mm", "# Base radius: 25", "base Ø50"])
 def test_stated_dimensions(read, line):
-    """A diameter is halved, and a number without a unit is in that of the lifts."""
+    """Radii in the titles of a table are read. A diameter is halved.
+
+    A number without a unit is in the unit of the lifts.
+    """
     table = read(f"{line}\n# roller diameter = 16 mm\ndeg,Lift mm\n0,0.0\n9,1.5\n")
     assert table.stated["base radius"][0] == pytest.approx(0.025)
     assert table.stated["roller radius"][0] == pytest.approx(0.008)

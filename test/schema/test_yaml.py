@@ -20,7 +20,7 @@ CONFIG = config_root()
 
 
 def test_scalars_are_those_of_yaml_1_2():
-    """Texts such as yes, on and dates are texts, and 1e3 is a number."""
+    """Scalars are those of YAML 1.2: yes, on and dates are texts, 1e3 is a number."""
     scalars = {
         **{"1e3": 1000.0, "12e03": 12000.0, ".5": 0.5, "1.": 1.0, "1_000": 1000, "010": 10},
         **{"0o17": 15, "0x1F": 31, "0b101": 5, "-0b11": -3, "+.inf": math.inf, "TRUE": True},
@@ -34,7 +34,7 @@ def test_scalars_are_those_of_yaml_1_2():
 
 
 def test_unsupported_yaml_raises_an_error_of_one_line():
-    """It contains the line number and the limit, and only a short part of the text."""
+    """Unsupported YAML raises one short line with the line number and the limit."""
     deep = "\n".join("  " * i + "a:" for i in range(40))
     bomb = "a0: &a0 [1, 1, 1]\n"
     bomb += "".join(f"a{i}: &a{i} [{f'*a{i - 1}, ' * 10}]\n" for i in range(1, 9))
@@ -65,7 +65,7 @@ def test_unsupported_yaml_raises_an_error_of_one_line():
 
 
 def test_a_file_that_is_too_long_is_not_read(tmp_path):
-    """Files are a title of 10 MB, and an endless device."""
+    """A file above 1 MiB, or a device, is refused without reading it."""
     path = tmp_path / "long.yaml"
     path.write_text("title: '" + "word " * 2_000_000 + "'")
     assert "long.yaml: has 9.54 MiB; allowed: 1 MiB" in catch_error(read_yaml, path)
@@ -86,6 +86,7 @@ def read_with_ruamel(text):
 
 
 def test_ruamel_reads_the_same_values_from_the_shipped_files():
+    """`read_yaml` and ruamel.yaml read the same values from each shipped file."""
     for path in CONFIG.rglob("*.yaml"):
         assert repr(read_yaml(path)) == read_with_ruamel(path.read_text(encoding="utf-8"))
 
@@ -103,7 +104,7 @@ LINES = st.tuples(*map(st.sampled_from, (STARTS, VALUES.split(), ENDS))).map("".
 @given(st.lists(LINES, max_size=5).map("\n".join))
 @settings(max_examples=4 * settings.default.max_examples)
 def test_ruamel_reads_the_same_values_from_random_texts(text):
-    """Texts are ignored if one of the parsers raises an error."""
+    """`parse_yaml` and ruamel.yaml agree on random texts that both accept."""
     try:
         actual = repr(parse_yaml(text))
     except ConfigError:
@@ -133,7 +134,10 @@ def quantities(node, key=""):
 
 
 def test_shipped_files_have_their_names_and_every_number_an_origin():
-    """`CamConfig.numbers` contains all numbers of the file, by their paths."""
+    """Each shipped file has its name as key, and each of its numbers has one origin.
+
+    `CamConfig.numbers` contains all numbers of a cam file, by their paths.
+    """
     for folder, load in LOADERS.items():
         for path in sorted((CONFIG / folder).glob("*.yaml")):
             config = load(path)
@@ -148,6 +152,7 @@ def test_shipped_files_have_their_names_and_every_number_an_origin():
 
 
 def test_library_prefers_the_folder_of_the_scene(tmp_path):
+    """A name is found next to the scene first, and then among the shipped files."""
     local = tmp_path / "cams" / "poly345.yaml"
     local.parent.mkdir()
     local.touch()

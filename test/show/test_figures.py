@@ -62,19 +62,19 @@ DURATION, SPEED = 0.5, 460.0
 
 @pytest.fixture(scope="module")
 def cam_set() -> CamSet:
-    """Return two cams of the paper on the rig of its Table 2."""
+    """Two cams of the paper on the rig of its Table 2."""
     return resolve_cams(["bezier15", "poly345"], "paper_table2")
 
 
 @pytest.fixture(scope="module")
 def jumps(cam_set: CamSet) -> JumpResult:
-    """Return their jump speeds in 0.5 s from rest."""
+    """Jump speeds of these cams in 0.5 s from rest."""
     return find_jumps(cam_set, {}, DURATION)
 
 
 @pytest.fixture(scope="module")
 def figures(cam_set: CamSet, jumps: JumpResult) -> dict[str, Figure]:
-    """Return one figure of each kind that is computed quickly."""
+    """One figure of each kind that is computed quickly."""
     cam, curve = cam_set.cams["poly345"], cam_set.laws["poly345"]
     return {
         "law": law.figure(cam, curve),
@@ -86,7 +86,10 @@ def figures(cam_set: CamSet, jumps: JumpResult) -> dict[str, Figure]:
 
 
 def test_every_axis_is_labelled_with_quantity_and_unit(figures: dict[str, Figure]) -> None:
-    """Only inner panels of small multiples and upper x axes are without labels."""
+    """Each axis has a label with quantity and unit.
+
+    Only inner panels of small multiples and upper x axes are without labels.
+    """
     for name, figure in figures.items():
         for axes in figure.axes:
             shared = name == "vibration" and not axes.get_subplotspec().is_first_col()
@@ -95,7 +98,7 @@ def test_every_axis_is_labelled_with_quantity_and_unit(figures: dict[str, Figure
 
 
 def test_a_law_figure_shows_s_and_three_derivatives(figures, cam_set):
-    """Each panel shows a derivative of the law, in mm per power of rad."""
+    """The panels of a law's figure are s and its derivatives, in mm per power of rad."""
     curve = cam_set.laws["poly345"]
     for order, axes in enumerate(figures["law"].axes):
         angle, plotted = axes.lines[0].get_data()
@@ -107,7 +110,7 @@ def test_a_law_figure_shows_s_and_three_derivatives(figures, cam_set):
 
 
 def test_jump_speeds_are_marked_at_zero_force(figures, jumps):
-    """There is one marker per cam on the zero line, at its computed jump speed."""
+    """The figure of jump speeds has one marker per cam at its jump speed and force 0."""
     axes = figures["jump"].axes[0]
     marked = [line.get_xydata() for line in axes.lines if line.get_marker() == "o"]
     expected = [[row.jump.rpm, 0.0] for row in jumps.rows]
@@ -115,7 +118,10 @@ def test_jump_speeds_are_marked_at_zero_force(figures, jumps):
 
 
 def test_the_gap_is_never_negative(figures: dict[str, Figure], cam_set: CamSet) -> None:
-    """A cam whose legend reports lost contact has a gap, and the others do not, to 1e-9 mm."""
+    """In the figure of lift-offs only cams that lose contact have a gap.
+
+    The gap is never negative, to 1e-9 mm.
+    """
     lift, gap = figures["lift-off"].axes
     assert len(gap.lines) == len(cam_set.laws)
     for line, text in zip(gap.lines, lift.get_legend().get_texts(), strict=True):
@@ -125,7 +131,10 @@ def test_the_gap_is_never_negative(figures: dict[str, Figure], cam_set: CamSet) 
 
 
 def test_vibration_is_plotted_at_the_requested_speed(figures: dict[str, Figure]) -> None:
-    """The title contains the speed. Other cams are grey in the column of a cam."""
+    """The figure of vibration has the requested speed in its title.
+
+    In the column of a cam the curves of other cams are grey.
+    """
     figure = figures["vibration"]
     assert figure.get_suptitle().startswith("Steady state at 300 rpm\n")
     assert len(figure.axes) == 4 * 2
@@ -134,7 +143,7 @@ def test_vibration_is_plotted_at_the_requested_speed(figures: dict[str, Figure])
 
 
 def test_a_cam_has_one_look_in_every_figure(figures: dict[str, Figure], cam_set: CamSet) -> None:
-    """The colour depends on the name, not on the order of the cams."""
+    """A cam has the same colour in each figure, for any order of the cams."""
     for ordered in (
         cam_set,
         CamSet(dict(reversed(cam_set.cams.items())), cam_set.laws, cam_set.rig),
@@ -153,7 +162,10 @@ def test_a_cam_has_one_look_in_every_figure(figures: dict[str, Figure], cam_set:
 
 @pytest.mark.parametrize(("count", "curves"), [(5, 0), (6, 1)])
 def test_a_cubic_is_plotted_through_six_speeds_or_more(count: int, curves: int) -> None:
-    """A cubic through fewer points would show features that were not measured."""
+    """Levels are drawn with a cubic only if there are six speeds or more.
+
+    A cubic through fewer points would show features that were not measured.
+    """
     loaded = open_scene(config_root() / "scenes" / "quick.yaml")
     levels = {"tm21": {rpm * RPM: 60.0 + 0.1 * rpm for rpm in np.linspace(200.0, 400.0, count)}}
     (axes,) = motion.noise_figure(compare(levels, {"tm21": "identified"}, None), loaded).axes
@@ -165,7 +177,10 @@ def test_a_cubic_is_plotted_through_six_speeds_or_more(count: int, curves: int) 
 
 
 def test_published_jump_speeds_are_marked_on_the_axis(jumps: JumpResult) -> None:
-    """Each has a marker at the lower edge, and an inset if two are close."""
+    """Each published jump speed has a marker on the axis of the figure.
+
+    Two close speeds have an inset.
+    """
     rows = [replace(row, published_rpm=row.jump.rpm + 5.0) for row in jumps.rows]
     (axes,) = jump.figure(replace(jumps, rows=tuple(rows))).axes
     markers = [x for x in axes.lines if x.get_marker() == CARETUP and len(x.get_xdata())]
@@ -179,14 +194,17 @@ def test_published_jump_speeds_are_marked_on_the_axis(jumps: JumpResult) -> None
 
 
 def test_series_do_not_have_colours_of_cams() -> None:
-    """Their colours differ from each other and from those of cams."""
+    """Seven series have different colours, none of which is that of a cam."""
     styles = [series(i) for i in range(7)]
     assert len({s["color"] for s in styles}) == len({str(s["ls"]) for s in styles}) == 7
     assert not {s["color"] for s in styles} & set(map(web, COLOURS))
 
 
 def test_the_package_does_not_import_pyplot() -> None:
-    """Pyplot would need a screen, and change the global state of matplotlib."""
+    """The modules of cam_rig.show do not import pyplot.
+
+    Pyplot would need a screen, and change the global state of matplotlib.
+    """
     code = (
         "import sys, pkgutil, cam_rig.show as plots\n"
         "for module in pkgutil.iter_modules(plots.__path__, 'cam_rig.show.'):\n"
@@ -201,7 +219,7 @@ def test_the_package_does_not_import_pyplot() -> None:
 
 @pytest.fixture(scope="module")
 def other_figures() -> dict[str, Figure]:
-    """Return figures of the library that the tests of commands do not write."""
+    """Figures of the library that the tests of commands do not write."""
     curve = cam_rig.build_law(cam_rig.load_cam("poly345"))
     rig = load_rig(config_root() / "rigs" / "paper_table2.yaml")
     run = cam_rig.simulate(curve, rig, model="two_mass", rpm=450, turns=2, sample_rate=4800)
@@ -217,7 +235,7 @@ def other_figures() -> dict[str, Figure]:
 
 @pytest.mark.long
 def test_figures_have_no_faults_of_style(other_figures: dict[str, Figure]) -> None:
-    """Texts have 7 points or more, and are typeset, not cut and not overlapping."""
+    """The library's figures have no cut, overlapping, small or untypeset text."""
     assert {name: f for name, figure in other_figures.items() if (f := faults(figure))} == {}
 
 
@@ -234,7 +252,10 @@ def _bad() -> Figure:
 
 
 def test_faults_lists_each_fault() -> None:
-    """Text that is cut, overlaps, is too small or is not typeset gives one line each."""
+    """`faults` returns one line for each fault of a figure.
+
+    The faults are text that is cut, overlaps, is too small or is not typeset.
+    """
     lines = "\n".join(faults(_bad()))
     for fault in (
         ": cut",
@@ -247,13 +268,13 @@ def test_faults_lists_each_fault() -> None:
 
 
 def test_a_png_has_200_dots_per_inch(tmp_path: Path) -> None:
-    """The width is that of the text of a page."""
+    """A PNG has 200 dots per inch at the width of a page's text."""
     write(_bad(), tmp_path / "a.png")
     assert Image.open(tmp_path / "a.png").width >= 200 * WIDTH - 1.0
 
 
 def test_an_svg_is_reproducible_and_contains_no_pixels(tmp_path: Path) -> None:
-    """Two files of one figure are equal, and do not contain an image."""
+    """Two SVG files of one figure are equal, and contain no image."""
     for name in "ab":
         write(_bad(), tmp_path / f"{name}.svg")
     first, second = ((tmp_path / f"{name}.svg").read_text().split("<defs>", 1)[1] for name in "ab")
@@ -262,12 +283,15 @@ def test_an_svg_is_reproducible_and_contains_no_pixels(tmp_path: Path) -> None:
 
 
 def test_the_parameters_of_matplotlib_are_restored() -> None:
-    """The style applies only while a figure is drawn or written."""
+    """The style does not change matplotlib's parameters after a figure is drawn."""
     assert _bad() and mpl.rcParams["pdf.fonttype"] == 3 and not mpl.rcParams["axes.grid"]
 
 
 def test_logarithmic_ticks() -> None:
-    """Ticks are at 1, 3 and 10, or at decades. Powers above 1000 are typeset."""
+    """Ticks of a logarithmic axis are at 1, 3 and 10, or at decades if it is long.
+
+    Large powers of ten are typeset.
+    """
     figure = empty(2.0)
     for top, expected in ((100.0, ["1", "3", "10", "30", "100"]), (1e6, ["1", "100", "10⁴"])):
         axes = figure.add_subplot()
@@ -289,14 +313,17 @@ CONTACT = (*TABLE_2, "flat", "oscillating_flat", "point")
 
 
 def test_every_shipped_cam_and_rise_is_listed_once() -> None:
-    """The look of a shipped name is therefore not hashed."""
+    """Each shipped cam and rise has one entry in the list of looks.
+
+    Its look is therefore not hashed.
+    """
     cams = {path.stem for path in (config_root() / "cams").glob("*.yaml")}
     assert len(LISTED_NAMES) == len(set(LISTED_NAMES))
     assert set(LISTED_NAMES) == (cams | set(NAMED_RISES)) - set(EQUAL_RISES)
 
 
 def test_cams_shown_together_have_different_colours() -> None:
-    """They are in a shipped scene, in Table 2, or in the comparison of contacts."""
+    """Cams of one scene, of Table 2 or of the contact comparison differ in colour."""
     scenes = [load_scene(path).cams for path in (config_root() / "scenes").glob("*.yaml")]
     tables = load_tables(config_root() / "published" / "tables" / "paper.yaml")
     assert list(tables.table_2_jump) == list(TABLE_2)
@@ -305,7 +332,7 @@ def test_cams_shown_together_have_different_colours() -> None:
 
 
 def test_lines_are_distinct_in_grey() -> None:
-    """Every shipped name has another pair of dash and marker, if the marker is drawn."""
+    """No two shipped names have the same pair of dash and drawn marker."""
     listed = [cam_look(name) for name in LISTED_NAMES]
     pairs = {(str(look.dash), look.marker if look.marked else "") for look in listed}
     assert len(pairs) == len(LISTED_NAMES)
@@ -313,7 +340,7 @@ def test_lines_are_distinct_in_grey() -> None:
 
 
 def test_points_are_distinct_in_grey() -> None:
-    """Two cams with one marker differ in luminance by at least 10 % of white."""
+    """Two compared cams with one marker differ in luminance by at least 10 %."""
     compared = [cam_look(name) for name in ("tm21", *CONTACT)]
     for first, second in combinations(compared, 2):
         differ = abs(_luminance(first.colour) - _luminance(second.colour)) >= 0.1
@@ -321,7 +348,10 @@ def test_points_are_distinct_in_grey() -> None:
 
 
 def test_the_look_of_another_name_is_not_that_of_a_shipped_cam() -> None:
-    """Its pair of dash and marker is not listed, and does not depend on the process."""
+    """A name that is not shipped has no pair of dash and marker of a shipped cam.
+
+    Its look does not depend on the process.
+    """
     rng = np.random.default_rng(18)
     listed = {(str(look.dash), look.marker) for look in map(cam_look, LISTED_NAMES)}
     names = ["".join(rng.choice(list("abcdefgh_123"), 8)) for _ in range(300)]
@@ -332,7 +362,7 @@ def test_the_look_of_another_name_is_not_that_of_a_shipped_cam() -> None:
 
 
 def test_equal_rises_have_one_look() -> None:
-    """`EQUAL_RISES` contains all pairs of rises with equal curves, and no others."""
+    """Rises with equal curves have one look, and `EQUAL_RISES` lists exactly these."""
     motions = {name: rise_curves(name).motion for name in NAMED_RISES}
     equal = [
         pair for pair in combinations(motions, 2) if np.array_equal(*(motions[n] for n in pair))
@@ -360,12 +390,15 @@ def test_equal_rises_have_one_look() -> None:
     ],
 )
 def test_texts_of_pictures(text: str, expected: str) -> None:
-    """Colours, titles of names, shortened titles and numbers have the expected form."""
+    """Colours, titles, shortened titles and numbers are formatted as expected."""
     assert text == expected
 
 
 def test_reach_and_distances() -> None:
-    """The reach exceeds a difference, and is 1 for rounding."""
+    """`reach` exceeds a difference, and is 1 for a difference of rounding.
+
+    `distances` are those of points from a line strip.
+    """
     assert (looks.reach(20.0), looks.reach(5e-9)) == (pytest.approx(23.0), 1.0)
     points, strip = np.array([[0.5, 2.0], [4.0, 4.0]]), np.array([[0.0, 0.0], [1.0, 0.0]])
     assert distances(points, strip).tolist() == [2.0, 5.0]

@@ -49,7 +49,10 @@ RESULT = Lifts((Row("a", 300.0, 0.05), Row("b", 200.0, math.nan), Row("b", 300.0
 
 
 def test_tables_have_display_units_and_data_si_units():
-    """One table per speed, in mm and with its footnote. Data are in m, NaN is null."""
+    """Displayed tables have display units and footnotes, and data have SI units.
+
+    There is one table per speed. NaN is null in JSON.
+    """
     slow, fast = RESULT.to_display({"a": "Cam A"})
     assert (slow.caption, fast.caption) == ("At 200 rpm", "At 300 rpm")
     assert fast.text_rows == [["Cam A", "50.0"], ["b †", "40.0"]]
@@ -63,7 +66,7 @@ def test_tables_have_display_units_and_data_si_units():
 
 
 def test_csv_and_pandas_contain_the_keys():
-    """CSV has a line of keys, then rows with all digits. Data frames equal the JSON."""
+    """CSV and data frames of a result have the keys of its JSON and all digits."""
     assert RESULT.tables()[0].to_csv().splitlines()[:2] == [
         "cam,rpm,lift,left",
         "a,300.0,0.05,False",
@@ -75,13 +78,13 @@ def test_csv_and_pandas_contain_the_keys():
 
 
 def test_a_column_follows_a_path():
-    """Column paths accept attributes and indices, and return None behind a None."""
+    """The path of a column accepts attributes and indices, and gives None behind None."""
     values = [Column("a", of=path).value([1j, (None, 2.0)]) for path in ("0.imag", "1.1", "1.0.x")]
     assert values == [1.0, 2.0, None]
 
 
 def run_command(tmp_path, *arguments):
-    """Run a command with arguments, and return its outputs and exit code."""
+    """Run the command of a result with arguments, and return the ended call."""
     app = typer.Typer()
 
     @app.command()
@@ -98,7 +101,11 @@ def run_command(tmp_path, *arguments):
 
 
 def test_a_function_that_returns_a_result_is_a_command(tmp_path):
-    """Tables go to stderr, data to files. Targets are checked first."""
+    """A function that returns a result becomes a command with JSON and CSV outputs.
+
+    Tables go to stderr, and data to files or stdout. Targets are checked before the
+    computation.
+    """
     table = tmp_path / "lifts.csv"
     done = run_command(tmp_path, "--min-lift", 0.045, "--json", "-", "--csv", table)
     assert done.exit_code == 0
@@ -127,7 +134,10 @@ ROWS = (("a", 413.4426), ("b", None))
 
 
 def test_numbers_are_formatted_and_typeset():
-    """Numbers have the shortest form. Typesetting replaces minus signs and exponents."""
+    """Numbers have their shortest form, and typeset minus signs and exponents.
+
+    Plurals agree with their number.
+    """
     values = (1.26e6, 3.3e8, 0.05, 4030.0, 9.8599e-5)
     assert [*map(format_number, values)] == ["1.26e6", "3.3e8", "0.05", "4030", "9.8599e-5"]
     expected = "−0.25 to 3.3·10⁸, 10⁻⁹ on bezier-15"
@@ -137,7 +147,7 @@ def test_numbers_are_formatted_and_typeset():
 
 
 def test_a_table_is_written_as_markdown():
-    """The name precedes the caption, numbers are aligned right, no blank line follows."""
+    """A table in Markdown has name and caption in bold, and numbers aligned right."""
     table = DataTable("Speeds", (Header("cam"), Header("n", "rpm", "d")), (("a", 9),))
     expected = "**Table 3. Speeds**\n\n| cam | n [rpm] |\n| --- | ---: |\n| a | 9 |"
     assert tables.to_markdown(table, "Table 3. ") == expected
@@ -157,12 +167,15 @@ def test_a_table_is_written_as_markdown():
     ],
 )
 def test_decimals_are_limited_to_four_digits_on_a_page(value, number_format, printed):
-    """Decimal formats are limited to four digits, other formats keep all their digits."""
+    """On a page decimal formats have four digits, and other formats all their digits."""
     assert Header("a", "", number_format).typeset(value) == printed
 
 
 def test_cells_are_formatted_by_their_header():
-    """The header sets number format and missing text. Empty columns are dropped."""
+    """The header of a column sets its number format and the text of a missing value.
+
+    Columns without values are dropped.
+    """
     table = tabulate("Speeds", ROWS, FIELDS, "A note.", "")
     assert [column.title for column in table.columns] == ["cam", "speed [rpm]"]
     assert table.text_rows == [["a", "413.4"], ["b", "none"]]
@@ -171,7 +184,7 @@ def test_cells_are_formatted_by_their_header():
 
 
 def test_a_table_without_rows_is_empty():
-    """A table without rows is empty, not an error."""
+    """A table without rows has no columns and no notes, and is not an error."""
     assert tabulate("None", [], FIELDS) == DataTable("None", (), ())
 
 
@@ -190,12 +203,18 @@ TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
     ],
 )
 def test_only_names_are_replaced(text, expected):
-    """A name that may be a word is replaced only if it is the whole text."""
+    """`relabel` replaces names of cams in a text, but not words, rigs and paths.
+
+    A name that may be a word is replaced only if it is the whole text.
+    """
     assert relabel(text, TITLES) == expected and relabel(text, {}) == text
 
 
 def test_a_table_is_relabelled():
-    """Caption, headings, cells and notes are relabelled. Numbers, units and rigs stay."""
+    """Caption, headings, cells and notes of a table get the labels of the cams.
+
+    Numbers, units and rigs stay.
+    """
     heads = Header("level"), Header("rig"), Header("n", "cam_2", "g")
     table = DataTable("Lift of tm21", heads, (("cam_2", "tm21", 1.0),)).relabel(TITLES)
     assert table.caption == "Lift of TM21 cam"

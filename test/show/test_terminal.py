@@ -1,4 +1,4 @@
-"""Text from files never commands the terminal."""
+"""Control characters in texts from files are escaped before they are printed."""
 
 import io
 import random
@@ -19,14 +19,17 @@ BAD = "Be\x1b[31mnch\x9b2J\x07\r\u202e"
 
 @pytest.fixture
 def screen(monkeypatch):
-    """What is printed on a terminal."""
+    """Stream that receives the terminal output of the package."""
     stream = io.StringIO()
     monkeypatch.setattr(terminal, "console", Console(file=stream, highlight=False, width=100))
     return stream
 
 
 def test_lines_and_tables_are_printed_with_escapes(screen):
-    """Captions, headings, units, cells and notes."""
+    """Printed lines and tables contain escapes instead of control characters.
+
+    The tables have control characters in caption, headings, units, cells and notes.
+    """
     terminal.say(f"a\tline {BAD}")
     columns = tuple(Header(f"{BAD}{name}", BAD) for name in "ab")
     terminal.show(DataTable(BAD, columns, ((BAD, "x"), ("y", BAD)), (BAD,)))
@@ -37,7 +40,7 @@ def test_lines_and_tables_are_printed_with_escapes(screen):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_printable_text_has_no_control_and_keeps_the_rest(seed):
-    """Any characters; letters, signs and ends of line are as they were."""
+    """`printable` escapes all control characters of random texts, and no others."""
     chance = random.Random(seed)
     text = "".join(chr(chance.choice((chance.randrange(256), 0x2028, 0xE9))) for _ in range(200))
     found = printable(text)
@@ -47,12 +50,15 @@ def test_printable_text_has_no_control_and_keeps_the_rest(seed):
 
 
 def test_errors_have_escapes():
-    """A topic or a file name in a message."""
+    """The text of a CamRigError contains escapes instead of control characters."""
     assert str(CamRigError(BAD)) == r"Be\x1b[31mnch\x9b2J\x07" + r"\r" + r"\u202e"
 
 
 def test_a_scene_with_such_a_title_is_printed_with_escapes(tmp_path, screen):
-    """Through a whole command."""
+    """`simulate` prints the title of a scene without control characters.
+
+    It prints escapes instead.
+    """
     text = (config_root() / "scenes" / "quick.yaml").read_text(encoding="utf-8")
     lines = [r'title: "Be\e[31mnch\x07"' if "title:" in one else one for one in text.split("\n")]
     folder = tmp_path / "scenes"

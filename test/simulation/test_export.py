@@ -40,7 +40,10 @@ def run():
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".npz"])
 def test_a_file_contains_every_sample_with_all_digits(tmp_path, run, ending):
-    """Other libraries read the samples of the run, and the cam and speed of each."""
+    """A file contains each sample of the run with all digits, its cam and its speed.
+
+    Other libraries read the CSV, Parquet and NumPy files.
+    """
     run.export(tmp_path / f"all{ending}")
     table = read(tmp_path / f"all{ending}")
     ticks = list(run.blocks())
@@ -53,7 +56,10 @@ def test_a_file_contains_every_sample_with_all_digits(tmp_path, run, ending):
 
 
 def test_the_exported_angle_belongs_to_the_exported_lift(tmp_path, run):
-    """In contact the lift is the law at the angle of its row. Both angles agree."""
+    """In contact the lift is the law at the angle of its row.
+
+    angle_rad and angle_in_turn_rad differ by whole turns.
+    """
     run.export(tmp_path / "a.npz")
     table = read(tmp_path / "a.npz")
     for cam, rows in table.groupby("cam"):
@@ -69,7 +75,7 @@ def test_the_exported_angle_belongs_to_the_exported_lift(tmp_path, run):
 
 
 def test_the_parquet_schema_contains_units(tmp_path, run):
-    """It contains the units of the columns, and the sample rate of the run."""
+    """A Parquet file contains the units of its columns and the sample rate."""
     run.export(tmp_path / "a.parquet")
     schema = pq.read_schema(tmp_path / "a.parquet")
     assert schema.field("force_N").metadata[b"unit"] == b"N"
@@ -79,7 +85,10 @@ def test_the_parquet_schema_contains_units(tmp_path, run):
 
 
 def test_a_wav_has_one_channel_per_quantity(tmp_path, run):
-    """SciPy reads 32-bit floats in SI units. The comment names the channels."""
+    """A WAV file has one channel per quantity, in SI as 32-bit floats.
+
+    Its comment names the channels.
+    """
     path = tmp_path / "a.wav"
     run.export(path)
     rate, data = wavfile.read(path)
@@ -92,7 +101,11 @@ def test_a_wav_has_one_channel_per_quantity(tmp_path, run):
 
 
 def test_export_of_one_cam_at_one_speed(tmp_path, run):
-    """Only these rows are written, or an error lists the cams and speeds of the run."""
+    """`export` with cam and speed writes only their samples.
+
+    Cam and speed that are not in the run are an error that lists those of the run. An unknown
+    kind of file is an error too.
+    """
     run.export(tmp_path / "a.csv", cam="tm21", rpm=400)
     table = read(tmp_path / "a.csv")
     assert set(table["cam"]) == {"tm21"} and set(table["rpm"]) == {400.0}
@@ -120,10 +133,11 @@ def lossy(lost):
 
 @pytest.mark.parametrize("ending", FORMATS)
 def test_lost_messages_are_gaps(tmp_path, run, monkeypatch, ending):
-    """Lost samples are missing, and all other samples keep their angle.
+    """Samples of lost messages are missing, and all other samples keep their angle.
 
     A lost state between two states of one speed has no consequence. A lost state at a change of
-    speed removes the ticks before and after it. A WAV file cannot have gaps, and is not written.
+    speed removes the ticks before and after it. A WAV file cannot have gaps, and is not
+    written.
     """
     complete = {tick.time[0]: tick.angle for tick in run.blocks()}
     lost = {(topics.FOLLOWER_SAMPLES, 5), (topics.CAM_STATE, 1), (topics.CAM_STATE, 8)}
@@ -146,7 +160,7 @@ def test_lost_messages_are_gaps(tmp_path, run, monkeypatch, ending):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("ending", FORMATS)
 def test_memory_does_not_grow_with_the_run(tmp_path, make_loaded_scene, monkeypatch, ending):
-    """A run ten times as long needs the same memory, with small chunks in this test."""
+    """The export of a run ten times as long needs the same memory."""
     monkeypatch.setattr(exporting, "CHUNK_ROWS", 1000)
     peaks = []
     for turns in (4, 4, 40):  # the first run imports libraries
@@ -160,7 +174,7 @@ def test_memory_does_not_grow_with_the_run(tmp_path, make_loaded_scene, monkeypa
 
 
 def test_a_wav_larger_than_its_format_is_an_error(tmp_path, run, monkeypatch):
-    """The sizes in a WAV file are 32-bit numbers."""
+    """A WAV file above 4 GiB, the limit of its format, is refused with a remedy."""
     monkeypatch.setattr(exporting, "MAX_BYTES", 10_000)
     with pytest.raises(
         OutputError, match=r"more than 4 GiB; allowed: less in a WAV file, so select"

@@ -56,7 +56,7 @@ def test_the_first_turns_of_each_step_are_left_out():
 
 
 def test_the_level_is_the_energy_mean_over_all_samples():
-    """Ticks are weighted by their number of samples."""
+    """The level of a speed is the energy mean of its ticks, weighted by their samples."""
     state = CamState(0, 0.0, 10.0, "a")
     run = [
         MeasuredTick(state, 2 * NS, 3.0, samples=1),
@@ -68,7 +68,10 @@ def test_the_level_is_the_energy_mean_over_all_samples():
 
 @pytest.mark.parametrize("left_out", range(1, 8))
 def test_an_incomplete_turn_does_not_count(left_out):
-    """If a speed ends within a turn, its level is that of its whole turns."""
+    """If a speed ends within a turn, its level is that of its whole turns.
+
+    After a lost tick a new turn starts.
+    """
     eighth = round(0.25 * np.pi / 10.0 * NS)
     run = [
         MeasuredTick(
@@ -87,7 +90,10 @@ def test_an_incomplete_turn_does_not_count(left_out):
 @pytest.mark.parametrize("stop_ns", [0, NS])
 @pytest.mark.parametrize("speed", [1.05e-3, 10.0, 209.0])
 def test_a_stop_of_the_cam_starts_a_new_step(speed, stop_ns):
-    """Follower and structure start from rest, so turns are left out again."""
+    """After a stop of the cam the first turns are left out of the level again.
+
+    Follower and structure start from rest. Without the stop they are not left out.
+    """
     run = list(ticks([9.0, 1.0, 1.0], speed))
     end = run[-1]
     angle = end.start.unwrapped + 2.0 * np.pi
@@ -98,7 +104,7 @@ def test_a_stop_of_the_cam_starts_a_new_step(speed, stop_ns):
 
 
 def test_crossover_of_two_cubics(published):
-    """It is the root of the difference of the regressions nearest to 335 rpm."""
+    """The crossover is the root of the difference of both cubics nearest to 335 rpm."""
     result = compare(
         {"one": steps_of(ONE), "two": steps_of(TWO)}, {"one": "x", "two": "y"}, published
     )
@@ -110,7 +116,10 @@ def test_crossover_of_two_cubics(published):
 
 
 def test_the_crossover_is_none_without_both_cams(published):
-    """It is also None outside of the speeds, and without published curves."""
+    """The crossover is None without both cams, without a root in the range of speeds.
+
+    It is also None without published curves.
+    """
     apart = {"one": steps_of(ONE), "two": steps_of(ONE + np.array([10.0, 0.0, 0.0, 0.0]))}
     assert compare(apart, {"one": "", "two": ""}, published).crossover_rpm is None
     assert compare({"one": steps_of(ONE)}, {"one": ""}, published).crossover_rpm is None
@@ -119,7 +128,10 @@ def test_the_crossover_is_none_without_both_cams(published):
 
 
 def test_rms_difference_to_the_published_curve(published):
-    """A curve 1.5 dB above the published curve differs by 1.5 dB within its speeds."""
+    """The r.m.s. difference of a curve 1.5 dB above the published curve is 1.5 dB.
+
+    Speeds outside of the published ones do not count. It is None without a published curve.
+    """
     steps = {speed: level + 1.5 for speed, level in steps_of(ONE).items()}
     steps[500.0 * np.pi / 30.0] = 0.0
     levels = {"one": steps, "other": steps_of(ONE)}
@@ -129,12 +141,16 @@ def test_rms_difference_to_the_published_curve(published):
 
 
 def test_a_run_without_settled_turns_is_an_error():
+    """Levels without a settled turn raise CamRigError."""
     with pytest.raises(CamRigError, match="here: no whole settled turn"):
         require_ticks(step_levels(ticks([1.0, 1.0]), transient_turns=5), "here")
 
 
 def test_regression_recovers_a_cubic():
-    """Levels on a cubic give its coefficients (to 1e-9 of each term at 400 rpm)."""
+    """The regression of levels on a cubic returns its coefficients.
+
+    They agree to 1e-9 of each term at 400 rpm.
+    """
     # The higher coefficients of a constant are zero, not missing. Three points give NaN.
     level = np.polynomial.polynomial.polyval(RPM, ONE)
     scale = 400.0 ** np.arange(4)

@@ -16,7 +16,7 @@ def law():
 
 
 def test_a_motion_has_the_level_of_a_scene(law, rig):
-    """The level at the first speed of a scene equals that of the motion, bit for bit."""
+    """`sound_level` of a motion equals the first level of a scene, bit for bit."""
     scene = cam_rig.run_scene("quick")
     motion = cam_rig.simulate(law, rig, rpm=200, turns=2, sample_rate=1000)
     tm21 = cam_rig.build_law(cam_rig.load_cam("tm21"))
@@ -37,7 +37,10 @@ def test_the_kinetostatic_motion_is_the_law(law, rig):
 
 
 def test_a_ramp_brings_the_cam_to_speed(law, rig):
-    """The angle at the end of the ramp is half the last speed times its duration."""
+    """With a ramp the cam starts at rest at angle 0 and reaches the requested speed.
+
+    The angle at the end of the ramp is half the speed times its duration.
+    """
     motion = cam_rig.simulate(law, rig, rpm=300, turns=1, sample_rate=1000, ramp=0.5)
     ramp_end = int(np.searchsorted(motion.time, 0.5))
     assert motion.angle[0] == 0.0
@@ -45,7 +48,7 @@ def test_a_ramp_brings_the_cam_to_speed(law, rig):
 
 
 def test_arrays_are_read_only_views(law, rig):
-    """All samples, turns and named rows share one memory, which is read-only."""
+    """Samples, turns and named rows of a motion share one array, which is read-only."""
     motion = cam_rig.simulate(law, rig, rpm=300, turns=2, sample_rate=1000)
     assert np.shares_memory(motion.force, motion.rows)
     assert np.shares_memory(motion.blocks[1].force, motion.rows)
@@ -71,7 +74,10 @@ def test_the_error_names_a_wrong_argument(law, rig, arguments, message):
 
 
 def test_the_level_leaves_out_the_first_turns(law, rig):
-    """It is the energy mean of the other turns. At least one turn must remain."""
+    """The level is the energy mean of the turns after the first `transient_turns`.
+
+    At least one turn must remain.
+    """
     # At 375 rpm each turn has 640 samples, so all turns have the same weight.
     motion = cam_rig.simulate(law, rig, rpm=375, turns=4, sample_rate=4000)
     result = cam_rig.sound_level(motion, transient_turns=2)
@@ -84,7 +90,10 @@ def test_the_level_leaves_out_the_first_turns(law, rig):
 
 
 def test_a_level_reports_its_calibration(law, rig):
-    """It is calibrated if the constants were fitted to measured levels, else relative."""
+    """A level is calibrated if its constants were fitted to measurements.
+
+    Otherwise it is relative. The text of the level states this.
+    """
     data = rig.model_dump(exclude_none=True)
     data["radiation"]["gain"] = {"assumed": rig.radiation.gain.si, "unit": "Pa*s/N"}
     with_assumption = type(rig).model_validate(data)
@@ -99,7 +108,10 @@ def test_a_level_reports_its_calibration(law, rig):
 
 
 def test_results_have_tables(law, rig):
-    """A table has one column per quantity, and marks the turns that are left out."""
+    """A motion and its level are converted to data frames and plain data.
+
+    There is one column per quantity. Turns that are left out are marked.
+    """
     motion = cam_rig.simulate(law, rig, rpm=300, turns=2, sample_rate=1000)
     table = motion.to_pandas()
     assert list(table)[:3] == ["time", "angle", "lift"]
@@ -112,6 +124,7 @@ def test_results_have_tables(law, rig):
 
 
 def test_results_have_figures(law, rig, figures):
+    """The figures of a motion and a level show lift, force and level by turn."""
     motion = cam_rig.simulate(law, rig, rpm=800, turns=2, sample_rate=4000)
     assert motion.events
     lift, force = motion.plot().axes
@@ -140,14 +153,20 @@ def test_the_error_names_a_missing_library(law, rig, monkeypatch, library, metho
 
 @pytest.mark.parametrize("model", ["one_mass", "kinetostatic"])
 def test_a_law_with_a_jump_of_lift_is_an_error(rig, model):
-    """It is an error even if the slopes on both sides of the jump are equal."""
+    """A law whose lift jumps is refused with the height and angle of the jump.
+
+    This is so even if the slopes on both sides are equal.
+    """
     saw = cam_rig.Law("saw", [0.0, 2.0 * np.pi], [[0.0], [0.1]])
     with pytest.raises(DynamicsError, match=r"law 'saw': lift jumps by 0\.1 m at 0°"):
         cam_rig.simulate(saw, rig, model=model, rpm=300)
 
 
 def test_a_motion_can_be_pickled(law, rig):
-    """A result can be sent to another process, with its law."""
+    """A pickled motion keeps its samples and its law.
+
+    It can thus be sent to another process.
+    """
     motion = cam_rig.simulate(law, rig, rpm=400, turns=1, sample_rate=1000)
     copy = pickle.loads(pickle.dumps(motion))
     np.testing.assert_array_equal(copy.lift, motion.lift)

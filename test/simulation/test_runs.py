@@ -27,7 +27,7 @@ def levels_of(loaded):
 
 
 def test_every_tick_is_measured(make_loaded_scene):
-    """There is one pressure per tick, in order, and each is above the background."""
+    """A simulation yields one pressure per tick in order, above the background."""
     loaded = make_loaded_scene(ticks_per_turn=3)
     ticks = list(simulation.simulate(loaded))
     assert len(ticks) == tick_count(loaded.scene)
@@ -39,7 +39,7 @@ def test_every_tick_is_measured(make_loaded_scene):
 
 
 def test_the_samples_contain_the_impulse_of_every_landing(make_loaded_scene):
-    """The sum of the impulses in the blocks of a scene is that of its events."""
+    """The sum of the impulses in the samples of a scene is that of its landings."""
     # At a change of cam the follower is put on the new cam. An impulse after the last sample on the
     # old cam is added to the next block. At 670 rpm and 100 Hz there is one.
     loaded = make_loaded_scene(speeds=[670], sample_rate=100)
@@ -59,7 +59,10 @@ def test_the_samples_contain_the_impulse_of_every_landing(make_loaded_scene):
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem"])
 def test_levels_along_ramps_are_left_out(make_loaded_scene, model):
-    """Levels exist at constant speeds only, and equal those of the exact response."""
+    """A scene with ramps has levels at its constant speeds only.
+
+    They equal those of the exact steady response.
+    """
     loaded = make_loaded_scene(speeds=[200, 300], ramp=0.4, model=model, sample_rate=24_000)
     ticks = list(simulation.simulate(loaded))
     assert len(ticks) == tick_count(loaded.scene)
@@ -82,7 +85,7 @@ SPEEDS = STEADY_RPM * np.pi / 30.0
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15"])
 def test_levels_in_contact_are_those_of_the_exact_response(make_loaded_scene, cam):
-    """They agree to 2e-3 dB for a cam that keeps contact."""
+    """In contact the levels of sampled turns agree with the exact response to 2e-3 dB."""
     loaded = make_loaded_scene()
     turns = simulate_steady_turns(loaded.laws[cam], "one_mass", loaded.follower, SPEEDS)
     acoustics = simulation.Acoustics(loaded.radiation)
@@ -96,7 +99,7 @@ def test_levels_in_contact_are_those_of_the_exact_response(make_loaded_scene, ca
 
 
 def test_levels_with_landings_are_those_of_the_run(make_loaded_scene):
-    """The levels of settled turns agree to 0.02 dB with the run, for a cam that jumps."""
+    """Levels of a steady turn with landings agree to 0.02 dB with those of a run."""
     loaded = make_loaded_scene(
         cams=["tm21"], speeds=[350, 400], turns=6, transient_turns=2, sample_rate=12000
     )
@@ -108,7 +111,7 @@ def test_levels_with_landings_are_those_of_the_run(make_loaded_scene):
 
 
 def test_the_speed_response_applies_to_the_contact_only(make_loaded_scene):
-    """A response of +3 dB at 400 rpm raises the power of the contact only."""
+    """A speed response of ±3 dB changes the power of the contact, not the background."""
     loaded = make_loaded_scene()
     plain = simulation.Acoustics(loaded.radiation)
     raised = simulation.Acoustics(loaded.radiation, (3.0, 0.0, 0.0))
@@ -149,7 +152,7 @@ def random_scene(seed):
 
 @pytest.fixture
 def divided(make_loaded_scene):
-    """Return a function that loads a scene with a number of ticks per turn."""
+    """Function that loads a scene with a number of ticks per turn."""
     return lambda scene, ticks: make_loaded_scene(**scene, ticks_per_turn=ticks)
 
 
@@ -164,7 +167,7 @@ def assert_equal(levels, expected):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(20))
 def test_levels_do_not_depend_on_the_ticks_per_turn(divided, seed):
-    """Levels of random scenes are equal to 1e-9 dB."""
+    """Levels of random scenes do not depend on the ticks per turn, to 1e-9 dB."""
     # If the ticks would have too few samples, the error contains the largest number of ticks.
     scene = random_scene(seed)
     levels = levels_of(divided(scene, 1))
@@ -198,7 +201,7 @@ def run_of_the_nodes(loaded):
 
 @pytest.mark.parametrize("seed", [1, 6, 11])
 def test_the_nodes_compute_the_levels_of_the_scene(divided, seed):
-    """The classes of the nodes give the same levels as the simulation in one process."""
+    """The classes of the nodes compute the levels of the simulation in one process."""
     scene = random_scene(seed)
     settle = scene["transient_turns"]
     levels = levels_of(divided(scene, 1))
@@ -207,6 +210,7 @@ def test_the_nodes_compute_the_levels_of_the_scene(divided, seed):
 
 
 def rows_of(loaded):
+    """Return the rows of a simulated scene, one per cam and speed."""
     speed_rows = SpeedRows.of(loaded)
     for tick in simulate_ticks(loaded):
         speed_rows.take(tick)
@@ -214,6 +218,7 @@ def rows_of(loaded):
 
 
 def assert_rows(rows, others, rel):
+    """Assert that rows agree in each number to a relative tolerance."""
     for row, other in zip(rows, others, strict=True):
         for name, value in vars(row).items():
             expected = value if isinstance(value, str | None) else pytest.approx(value, rel=rel)
@@ -226,7 +231,7 @@ def on_rig(loaded, **numbers):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_flights_in_the_samples_are_those_of_the_events(make_loaded_scene, seed):
-    """Lift-offs and flights of random followers agree with the events.
+    """Lift-offs, flights and landings in the rows agree with the events of the model.
 
     The longest flight agrees to one sample. The fastest landing agrees to 1e-9 if each sample
     contains at most one landing.
@@ -273,7 +278,10 @@ def test_flights_in_the_samples_are_those_of_the_events(make_loaded_scene, seed)
 
 
 def test_the_mean_torque_is_the_work_of_the_damper(make_loaded_scene):
-    """Its work over a turn is c ∮ ṡ² dt, because spring and mass are conservative."""
+    """The mean torque is the work of the damper per turn, c ∮ ṡ² dt, over 2π.
+
+    Spring and mass are conservative.
+    """
     loaded = make_loaded_scene(model="kinetostatic", speeds=[200], sample_rate=24_000)
     for row in rows_of(loaded):
         law, damping = loaded.laws[row.cam], loaded.follower.damping
@@ -285,7 +293,7 @@ def test_the_mean_torque_is_the_work_of_the_damper(make_loaded_scene):
 
 
 def test_a_follower_at_rest_without_preload_is_not_in_flight(make_loaded_scene):
-    """Its force is zero on the dwell, but it has not left the cam."""
+    """A follower without preload on a dwell has force 0, but counts as in contact."""
     loaded = on_rig(make_loaded_scene(speeds=[60], cams=["poly345"]), preload=0.0)
     (row,) = rows_of(loaded)
     assert row.min_force == 0.0
@@ -293,14 +301,14 @@ def test_a_follower_at_rest_without_preload_is_not_in_flight(make_loaded_scene):
 
 
 def test_a_row_does_not_depend_on_the_ticks_per_turn(make_loaded_scene):
-    """Samples and flights are the same with 1 and 16 ticks per turn."""
+    """The row of a speed is the same with 1 and 16 ticks per turn."""
     one, many = (rows_of(make_loaded_scene(speeds=[420], ticks_per_turn=n)) for n in (1, 16))
     assert_rows(one, many, 1e-6)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_row_contains_whole_turns_only(make_loaded_scene, seed):
-    """If a speed ends within a turn, the row contains the turns before."""
+    """If a speed ends within a turn, its row contains the whole turns before."""
     loaded = make_loaded_scene(speeds=[430], turns=4, cams=["tm21"], ticks_per_turn=16)
     states = list(cam_states(loaded.scene))
 
@@ -320,7 +328,7 @@ def test_a_row_contains_whole_turns_only(make_loaded_scene, seed):
 
 
 def test_a_bag_has_the_rows_of_its_scene():
-    """The rows of a recording equal those of the simulation to 1e-9."""
+    """The rows of a recording equal those of the simulated scene to 1e-9."""
     recorded = cam_rig.read_bag(GOLDEN)
     computed = cam_rig.run_scene(recorded.loaded)
     assert_rows(recorded.by_speed, computed.by_speed, 1e-9)
@@ -333,7 +341,7 @@ def test_a_bag_has_the_rows_of_its_scene():
 
 
 def test_the_rows_of_a_run_are_those_of_a_second_pass():
-    """A run computes its rows while it simulates. They equal those of its samples."""
+    """The rows of a run equal those that are computed from its samples afterwards."""
     run = cam_rig.run_scene("quick")
     rows = [dataclasses.replace(row, level_db=None) for row in run.by_speed]
     assert tuple(rows) == rows_of(run.loaded)

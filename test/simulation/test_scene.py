@@ -54,7 +54,10 @@ KIND = r"{0}\.yaml: follower\.type is '{0}'; allowed on a rig: a follower that o
 def test_a_wrong_name_in_a_scene_is_an_error(
     make_loaded_scene, tmp_path, config_dir, changes, message
 ):
-    """The file is missing, contains another name, or its cam needs a second follower."""
+    """A scene that names an impossible file is refused with the name of the file.
+
+    The file is missing, contains another name, or is of a cam that needs a second follower.
+    """
     write_cam(tmp_path, config_dir, "mine", "name: poly345", "name: yours")
     with pytest.raises(ConfigError, match=message) as caught:
         make_loaded_scene(**changes)
@@ -62,6 +65,7 @@ def test_a_wrong_name_in_a_scene_is_an_error(
 
 
 def test_the_error_of_a_step_of_lift_names_the_file(make_loaded_scene, tmp_path, config_dir):
+    """A cam whose lift has a step raises LawError with file, segment and height."""
     path = write_cam(
         tmp_path,
         config_dir,
@@ -80,13 +84,16 @@ def test_the_error_of_a_step_of_lift_names_the_file(make_loaded_scene, tmp_path,
 
 
 def test_a_scene_accepts_all_followers_with_a_closing_spring(make_loaded_scene):
-    """Flat, oscillating and eccentric followers are accepted."""
+    """A scene accepts flat, oscillating and eccentric followers."""
     cams = ["flat", "inclined_flat", "eccentric_roller", "oscillating_roller", "oscillating_flat"]
     assert list(make_loaded_scene(cams=cams).laws) == cams
 
 
 def test_the_points_of_a_table_are_a_file_of_the_scene(make_loaded_scene, tmp_path):
-    """A bag contains the file of points, so it can be analysed without other files."""
+    """The file of points of a measured cam belongs to the files of a scene.
+
+    A bag contains it, so that the bag can be analysed without other files.
+    """
     from cam_rig.bag.reader import read_scene
     from cam_rig.bag.writer import BagWriter
 
@@ -125,6 +132,7 @@ def rig_of(keys) -> RigConfig:
 
 
 def test_the_list_of_docs_names_every_model():
+    """docs/files.md lists the keys of every model."""
     assert set(NEEDS) == set(MODELS)
 
 
@@ -136,7 +144,10 @@ def simulate(model, keys):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_model_needs_exactly_its_documented_keys(model):
-    """It runs with these keys. The error on each missing key names it in one line."""
+    """A model runs with its documented keys, and each missing key is an error.
+
+    The error is one line that names the key.
+    """
     assert simulate(model, NEEDS[model]).force.size
     for missing in NEEDS[model]:
         with pytest.raises(ConfigError) as caught:
@@ -147,7 +158,7 @@ def test_a_model_needs_exactly_its_documented_keys(model):
 
 
 def test_all_missing_keys_are_named_at_once():
-    """The remedy in Python names all of them too."""
+    """The error of a rig without several keys names them all, also in its remedy."""
     with pytest.raises(ConfigError) as caught:
         simulate("two_mass", [])
     keys = ["restitution", "roller_share", "stem_stiffness", "stem_damping"]
@@ -158,7 +169,10 @@ def test_all_missing_keys_are_named_at_once():
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_level_needs_the_numbers_of_the_sound(model):
-    """It needs ``radiation``, and the stiffness of the stem for a model with landings."""
+    """A level needs `radiation`, and for a model with landings the stem's stiffness.
+
+    Each missing key is an error.
+    """
     base = [*NEEDS[model], "radiation"]
     lands = MODELS[model].lifts_off
     keys = [*base, "stem_stiffness"] if lands and "stem_stiffness" not in base else base
@@ -200,7 +214,7 @@ OTHER = {"mass": {"given": 0.8, "unit": "kg"}}
     ],
 )
 def test_a_calibration_is_valid_for_its_follower(rig, follower, gain, model, calibrated):
-    """A rig with another follower or model is calibrated only if fitted again."""
+    """A rig with another follower or model counts as calibrated only if fitted again."""
     copy = edit_rig(rig, "follower", **follower)
     if gain is not None:
         copy = edit_rig(copy, "radiation", gain={gain: 2e-4, "unit": "Pa*s/N"})
@@ -208,7 +222,10 @@ def test_a_calibration_is_valid_for_its_follower(rig, follower, gain, model, cal
 
 
 def test_all_levels_of_an_uncalibrated_scene_are_relative(rig):
-    """The levels of a calibrated scene are calibrated, predicted or identified."""
+    """The levels of a scene on an uncalibrated rig are all relative.
+
+    On a calibrated rig they are calibrated, predicted or identified.
+    """
     scene = cam_rig.load_scene("tm21_sweep")
     assert {scene.level_origin(cam) for cam in scene.cams} == {
         "calibrated",
@@ -222,7 +239,10 @@ def test_all_levels_of_an_uncalibrated_scene_are_relative(rig):
 
 
 def test_another_cam_with_the_calibrated_name_is_predicted():
-    """The constants were fitted to the shipped cam, not to another cam with its name."""
+    """The level of a changed cam with the calibrated cam's name is predicted.
+
+    The constants were fitted to the shipped cam.
+    """
     scene = cam_rig.load_scene("tm21_sweep")
     lower = scene.cams["poly345"].model_copy(update={"lift": scene.cams["tm21"].lift})
     other = replace(scene, cams=scene.cams | {"poly345": lower})
@@ -236,7 +256,7 @@ def scene(request, make_scene):
 
 
 def test_run_length_is_that_of_the_states(scene, ramped):
-    """It is the last stamp, and the longest tick to 1 ns, also with ramps."""
+    """`run_length` returns last stamp and longest tick of the states, to 1 ns."""
     for program in (scene, ramped):
         times = [state.time_ns for state in cam_states(program)]
         length, longest = run_length(program)
@@ -245,7 +265,10 @@ def test_run_length_is_that_of_the_states(scene, ramped):
 
 
 def test_a_long_scene_starts_without_computing_all_states(make_scene):
-    """Its first states are those of a short scene. It has 1e7 states."""
+    """The first states of a scene of 1e7 states are available at once.
+
+    They are those of a short scene.
+    """
     short = make_scene(ticks_per_turn=64, speeds=[333], turns=5)
     long = make_scene(ticks_per_turn=64, speeds=[333], turns=100_000)
     assert list(islice(cam_states(long), 320)) == list(islice(cam_states(short), 320))
@@ -271,7 +294,10 @@ def test_the_angle_is_exact_after_many_turns(make_scene):
 
 
 def test_order_of_cams_and_speeds(scene):
-    """Cams and speeds are in the order of the scene, with `tick_count` ticks."""
+    """The states have cams and speeds in the order of the scene, and rising times.
+
+    Their number is `tick_count` + 1.
+    """
     states = list(cam_states(scene))
     assert len(states) == tick_count(scene) + 1 == 2 * 4 * 3 * scene.schedule.ticks_per_turn + 1
     assert states[0].time_ns == 0
@@ -284,7 +310,7 @@ def test_order_of_cams_and_speeds(scene):
 
 @pytest.fixture(params=[1, 5])
 def ramped(request, make_scene):
-    """Return a scene with ramps up, up and down, and a repeated speed."""
+    """Scene with ramps up, up and down, and a repeated speed."""
     speeds = [200, 333, 100, 100]
     return make_scene(speeds=speeds, turns=2, ticks_per_turn=request.param, ramp=0.7)
 
@@ -294,7 +320,10 @@ def intervals(scene):
 
 
 def test_angle_and_speed_are_continuous(scene, ramped):
-    """The angle never jumps. With ramps, the speed jumps only at a change of cam."""
+    """The angle is continuous over the ticks of a scene.
+
+    With ramps the speed jumps only at a change of cam.
+    """
     for program in (scene, ramped):
         states = list(cam_states(program))
         for part, (state, following) in zip(intervals(program), pairwise(states), strict=True):
@@ -310,7 +339,10 @@ def test_angle_and_speed_are_continuous(scene, ramped):
 
 
 def test_ticks_of_a_ramp_are_not_longer_than_at_its_higher_speed(ramped):
-    """The blocks of a bag are therefore not larger on a ramp."""
+    """A tick on a ramp is not longer than a tick at the higher speed of the ramp.
+
+    The blocks of a bag are therefore not larger on a ramp.
+    """
     turn = TURN / ramped.schedule.ticks_per_turn
     for part in intervals(ramped):
         if part.acceleration != 0.0:
@@ -331,7 +363,7 @@ def test_ticks_of_a_ramp_are_not_longer_than_at_its_higher_speed(ramped):
     ],
 )
 def test_a_ramp_is_inferred_from_two_states(first, second, turned, acceleration):
-    """The angle between two states distinguishes a ramp from a step of the speed."""
+    """Two states give a ramp if the cam turned by the mean speed, else a step."""
     state = CamState(0, 3.0, first, "poly345")
     part = state.until(CamState(NS, 3.0 + turned, second, "poly345"))
     assert part.acceleration == acceleration

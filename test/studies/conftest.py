@@ -14,7 +14,7 @@ FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 
 @pytest.fixture(scope="session")
 def law(laws):
-    """Law 3-4-5, for studies that need a cam."""
+    """Law of poly345, for studies that need a cam."""
     return laws["poly345"]
 
 

@@ -104,7 +104,10 @@ REFUSED = [
 @pytest.mark.parametrize(("line", "code", "words"), REFUSED, ids=[line for line, *_ in REFUSED])
 @pytest.mark.usefixtures("lift_table")
 def test_an_error_is_one_line_and_writes_no_file(tmp_path, monkeypatch, line, code, words):
-    """The line names the value and the allowed values, with the error's exit code."""
+    """An invalid command line of a study ends with one line and its exit code.
+
+    The line names the value and the allowed values. No file is written.
+    """
     monkeypatch.chdir(tmp_path)
     (tmp_path / "jumps.csv").write_text(TABLE, encoding="utf-8")
     result = call(*(argument.replace("&", " ") for argument in line.split()))

@@ -1,4 +1,7 @@
-"""Tests of `cam_rig.testing` as other packages use it, some of them in a separate pytest run."""
+"""Tests of `cam_rig.testing` as other packages use it.
+
+Some of them run in a separate pytest process.
+"""
 
 import os
 import signal
@@ -26,14 +29,17 @@ PLUGINS = ("-p", "cam_rig.testing", "-p", "no:cacheprovider", "-p", "no:xdist")
 
 
 def test_plugin_is_an_entry_point_of_the_package():
-    """pytest loads it automatically. Its name is that of the module."""
+    """The package declares its pytest plugin, so that pytest loads it."""
     (entry,) = entry_points(group="pytest11", name="cam_rig.testing")
     assert entry.value == entry.name
 
 
 @pytest.mark.usefixtures("forked")
 def test_rig_takes_commands_and_is_independent_of_another(start_rig, monkeypatch):
-    """Commands, messages, the end of the run and the bag, with a second rig running."""
+    """A rig of the fixture runs under commands of the test, next to a second rig.
+
+    It reports ticks and messages, the end of its run, and its bag. The environment is restored.
+    """
     before = dict(os.environ)
     with start_rig("quick", autostart=False) as rig, start_rig("quick") as other:
         assert rig.scene.name == "quick.yaml"
@@ -71,7 +77,10 @@ def says_contact_lost(message):
 
 @pytest.mark.usefixtures("forked")
 def test_failed_node_is_reported_with_its_last_line(start_rig, tmp_path):
-    """A wait raises the error of a recorder whose folder exists."""
+    """If a node fails, a wait of the test raises its error.
+
+    Here the folder of the recorder exists.
+    """
     (tmp_path / "occupied").mkdir()
     rig = start_rig("quick", bag=tmp_path / "occupied")
     with pytest.raises(RunError, match=r"node recorder ended with code \d.*occupied"):
@@ -80,7 +89,7 @@ def test_failed_node_is_reported_with_its_last_line(start_rig, tmp_path):
 
 @pytest.mark.usefixtures("forked")
 def test_failed_program_is_reported_with_its_last_line(start_rig):
-    """A wait raises the error of a program started next to the rig."""
+    """If a program next to the rig fails, a wait of the test raises its last line."""
     rig = start_rig("quick", autostart=False)
     rig.start_program(sys.executable, "-c", "raise SystemExit('no lathe found')")
     with pytest.raises(RunError, match=r"ended with code 1: no lathe found"):
@@ -101,7 +110,7 @@ time.sleep(1000)
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_program_ends_with_a_terminated_pytest(number):
-    """The program and its child end, although no fixture of the process is torn down."""
+    """If pytest is killed, a started program and its child end."""
     command = [sys.executable, "-c", ABANDONED]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as tests:
         pids = [int(pid) for pid in tests.stdout.readline().split()]
@@ -113,7 +122,7 @@ def test_program_ends_with_a_terminated_pytest(number):
 @pytest.mark.long
 @pytest.mark.usefixtures("forked")
 def test_examples_of_the_page_on_nodes_run(start_rig):
-    """The three tests of the page, each with the fixture of the plugin."""
+    """The three tests on the page nodes.md pass."""
     example = next(c for lang, _, c in blocks(DOCS / "nodes.md") if "def test_" in c)
     module = {}
     exec(compile(example, "nodes.md", "exec"), module)
@@ -125,7 +134,7 @@ def test_examples_of_the_page_on_nodes_run(start_rig):
 
 @pytest.mark.long
 def test_failures_are_reported_and_all_processes_end(pytester):
-    """One test fails, in another a node is killed. Both are reported, and no process remains."""
+    """A failed test and a killed node are reported, and no process remains."""
     pytester.makepyfile(
         """
         import os
@@ -176,7 +185,10 @@ class LossyClient:
 
 
 def test_request_is_repeated_after_a_lost_answer(monkeypatch):
-    """A service that has not discovered its client drops its answers."""
+    """A client repeats its request until it receives an answer.
+
+    A service that has not discovered its client drops its answers.
+    """
     monkeypatch.setattr(client, "ANSWER_TIMEOUT_S", 0.05)
     with isolated_domain() as domain, client.RigClient(domain) as rig:
         for lost in (0, 1, 3):

@@ -147,13 +147,13 @@ def play(view, bag):
 
 @pytest.fixture(scope="session")
 def bag(tmp_path_factory, config_dir):
-    """Return a complete small bag."""
+    """Complete small bag."""
     return make_bag(tmp_path_factory.mktemp("whole"), config_dir)
 
 
 @pytest.fixture(scope="session")
 def drawings(bag, tmp_path_factory):
-    """Return a function that records the small bag with options and reads it back."""
+    """Function that records the small bag with options and reads the recording back."""
 
     @cache
     def drawn(*options):
@@ -166,13 +166,13 @@ def drawings(bag, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def picture(drawings):
-    """Return the recording with the default options."""
+    """Recording of the small bag with the default options."""
     return drawings()
 
 
 @pytest.fixture(scope="session", autouse=True)
 def strict():
-    """Make Rerun raise errors instead of warnings."""
+    """Rerun raises errors instead of warnings."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     yield

@@ -59,7 +59,8 @@ UNUSED = {"green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}
 class Visit:
     """Observations of a browser at one address.
 
-    `most` is the largest number of pixels of each colour, `times` the displayed rig times in s.
+    `most` is the largest number of pixels of each colour. `times` are the displayed rig times
+    in s.
     """
 
     most: dict[str, int]
@@ -107,7 +108,7 @@ def look(chromium, address, shown, missing, until=0.0):
 
 @pytest.fixture(scope="module")
 def path(bag, tmp_path_factory):
-    """Return the small run as the command serves it."""
+    """Recording of the small run, as the command serves it."""
     path = tmp_path_factory.mktemp("web") / "small run.rrd"
     save_recording(bag.path, path)
     return path
@@ -115,7 +116,10 @@ def path(bag, tmp_path_factory):
 
 @pytest.mark.long
 def test_every_curve_is_visible_at_the_start_of_the_playback(chromium, bag, path):
-    """The page causes no errors or requests to other hosts."""
+    """Each curve of a served recording is visible, and the playback advances.
+
+    The page causes no errors or requests to other hosts.
+    """
     end = float(bag.samples[0, -1])
     with serve_file(path, BEGIN * end) as address:
         visit = look(chromium, address, SHOWN | UNUSED, set(UNUSED), BEGIN * end)
@@ -125,7 +129,10 @@ def test_every_curve_is_visible_at_the_start_of_the_playback(chromium, bag, path
 
 
 def test_a_photograph_waits_for_every_colour(chromium, tmp_path, monkeypatch):
-    """The photograph shows both boxes of a page whose second box appears later."""
+    """A photograph is taken only when each requested colour is visible.
+
+    The second box of the page appears later than the first.
+    """
     page = tmp_path / "page.html"
     page.write_text(LATE, encoding="utf-8")
     monkeypatch.setattr("tools.docs.browser.open_browser", lambda: nullcontext(chromium))
@@ -135,7 +142,7 @@ def test_a_photograph_waits_for_every_colour(chromium, tmp_path, monkeypatch):
 
 @pytest.mark.long
 def test_an_idle_page_displays_one_run_after_the_other(chromium, bag):
-    """The page is opened before the first run, and receives the name of each run."""
+    """A page that is opened before the first run displays each new run."""
     page, shown = new_page(chromium), re.compile(r"/shown\?ns=\d")
     with serve() as pages:
         page.goto(pages.address)
@@ -154,7 +161,7 @@ def test_an_idle_page_displays_one_run_after_the_other(chromium, bag):
 
 @pytest.mark.long
 def test_a_missing_curve_is_detected(chromium, bag, tmp_path, monkeypatch):
-    """If the run has no velocity, only that curve is missing."""
+    """If a recording has no velocity, only the colour of the velocity is missing."""
     send = TurnChart._strips
 
     def send_others(self, at, entity, strips):
@@ -171,7 +178,10 @@ def test_a_missing_curve_is_detected(chromium, bag, tmp_path, monkeypatch):
 
 
 def test_no_two_curves_have_similar_colours():
-    """Similar colours would let one curve be mistaken for another."""
+    """The colours of any two curves differ by over 28 of 255 in one channel.
+
+    The test of visible curves therefore cannot take one curve for another.
+    """
     for one, other in itertools.combinations(SHOWN.values(), 2):
         channels = [abs((one >> shift & 255) - (other >> shift & 255)) for shift in (24, 16, 8)]
         assert max(channels) > 28

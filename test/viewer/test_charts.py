@@ -37,7 +37,11 @@ def some_ends():
 
 
 def test_an_axis_contains_its_values_with_a_small_margin():
-    """Limits are multiples of a step of 1, 2 or 5, and 2 to 4 numbers include 0."""
+    """An axis contains its values and extends beyond them by less than one step.
+
+    Steps are 1, 2 or 5 times a power of ten. An axis has 2 to 4 numbers, including 0 if it
+    contains 0.
+    """
     for low, high in some_ends():
         left, right, step = round_range(low, high)
         mantissa = step / 10.0 ** np.floor(np.log10(step) + 1e-9)
@@ -69,9 +73,9 @@ def test_an_axis_contains_its_values_with_a_small_margin():
 
 
 def test_a_gap_much_smaller_than_the_greatest_has_an_additional_axis():
-    """The gap fills 15 to 50 % of it.
+    """A cam whose gap is much smaller than the greatest gap has an additional axis.
 
-    Gaps that one axis resolves have no additional axis.
+    The gap fills 15 to 50 % of it. Gaps that one axis resolves have no additional axis.
     """
     for least in (1.5e-6, 16.5e-6, 3e-4):
         (low, high, _) = quantities.close_gap([least, 0.04, 0.0])[quantities.CLOSE_GAP]
@@ -83,9 +87,9 @@ def test_a_gap_much_smaller_than_the_greatest_has_an_additional_axis():
 
 
 def test_minimum_and_maximum_of_every_bucket_are_kept_in_order():
-    """The last bucket may be shorter.
+    """Reduced values contain minimum and maximum of each bucket, in order.
 
-    Buckets of one sample keep all samples.
+    The last bucket may be shorter. Buckets of one sample keep all samples.
     """
     for count, bucket in ((1, 5), (5, 5), (52, 5), (100, 7), (9, 100)):
         values = np.random.default_rng(1).normal(size=count)
@@ -100,7 +104,10 @@ def test_minimum_and_maximum_of_every_bucket_are_kept_in_order():
 
 
 def test_a_row_at_the_end_of_a_turn_is_at_0_degrees_of_the_next():
-    """The times of the drive are whole ns, so the angle may be slightly less."""
+    """A row at the end of a turn is shown at 0° of the next turn.
+
+    The times of the drive are whole ns, so the angle may be slightly less than a turn.
+    """
     turns = np.arange(1, 700)
     for rpm in (60.0, 200.0, 400.0, 3000.0, 10_000.0):
         speed = rpm * np.pi / 30.0
@@ -116,7 +123,10 @@ def test_a_row_at_the_end_of_a_turn_is_at_0_degrees_of_the_next():
 
 @pytest.mark.parametrize("free", [True, False])
 def test_twist_tick_by_tick_is_that_of_the_model(config_dir, free):
-    """Each tick ends with the twist of the model, also behind a free flywheel."""
+    """The displayed twist at the end of each tick is that of the torsional model.
+
+    With a free flywheel the whole turn agrees with the steady state.
+    """
     loaded = open_scene(config_dir / "scenes" / "flywheel.yaml")
     if not free:
         shaft = loaded.rig.shaft
@@ -149,7 +159,10 @@ def radiation(rig):
 
 
 def test_a_tone_has_power_in_its_band_only(radiation):
-    """A force of 1 N at 1 kHz has a pressure of gain · ω_c · ratio in band 30."""
+    """A force of 1 N at 1 kHz has power in the band of 1 kHz only.
+
+    Its pressure is gain · ω_c · ratio, with the ratio of the low-pass at 1 kHz.
+    """
     time = np.arange(12_000) / RATE
     power = level_chart.band_power(radiation, np.cos(2e3 * np.pi * time), np.zeros_like(time), RATE)
     numbers = level_chart.band_numbers(RATE)
@@ -160,9 +173,10 @@ def test_a_tone_has_power_in_its_band_only(radiation):
 
 
 def test_the_bands_sum_to_the_power_at_the_microphone(radiation):
-    """The sum excludes the background.
+    """The powers of the bands add up to the power at the microphone.
 
-    A constant force is 0 dB, and a landing is its energy.
+    The background is excluded. A constant force is 0 dB in each band, and the power of a
+    landing is its energy per turn.
     """
     turn = 2000
     phase = 2.0 * np.pi * np.arange(turn) / turn
@@ -184,7 +198,10 @@ def test_the_bands_sum_to_the_power_at_the_microphone(radiation):
 
 
 def test_each_bar_has_the_position_of_its_band_and_the_height_of_its_level(bag, drawings, picture):
-    """In a run the bars appear at the end of each turn."""
+    """Each bar has the position of its band and the height of its level.
+
+    In a run the bars appear at the end of each turn.
+    """
     shown, rate = drawings(ViewOptions(Layout.COMPARE, 700.0)), bag.loaded.scene.sample_rate.si
     axes, numbers = band_axes(rate), level_chart.band_numbers(rate)
     for i, cam in enumerate(bag.loaded.cams):
@@ -206,7 +223,10 @@ def test_each_bar_has_the_position_of_its_band_and_the_height_of_its_level(bag, 
 
 
 def test_each_cam_is_labelled_next_to_its_last_point(bag, picture):
-    """The labels are right of the axes and do not overlap, and keep their order."""
+    """The titles of the cams are right of the axes and do not overlap.
+
+    Titles that are moved apart keep their order.
+    """
     names = picture.column("noise/names", "Points2D:labels")[-1]
     assert names == [*level_chart.displayed_titles(bag.loaded).values()]
     positions = picture.column("noise/names", POSITIONS)[-1]
@@ -223,7 +243,10 @@ def test_each_cam_is_labelled_next_to_its_last_point(bag, picture):
 
 
 def test_measured_points_are_the_levels_of_the_steps(bag, picture):
-    """The last points are the energy means over the settled ticks of each step."""
+    """The last points over the speed are the levels of the steps of each cam.
+
+    A level is the energy mean over the settled ticks of the step.
+    """
     states, rate = list(cam_states(bag.loaded.scene)), int(bag.loaded.scene.sample_rate.si)
     ticks = [
         MeasuredTick.between(start, end, pressure, rate)
@@ -246,7 +269,10 @@ def test_measured_points_are_the_levels_of_the_steps(bag, picture):
 
 @pytest.mark.parametrize("rpm", [300.0, 700.0])
 def test_the_last_turns_of_all_cams_are_overlaid(bag, drawings, rpm):
-    """The curve has samples of the last turn at their degrees, with the extremes."""
+    """A chart of one speed overlays the lift of the last turn of each cam.
+
+    Each point is a sample at its angle in degrees, and the peak is included.
+    """
     shown = drawings(ViewOptions(Layout.COMPARE, rpm))
     low, high, _ = scene_ranges(bag.loaded).all_cams["lift"]
     for i, cam in enumerate(bag.loaded.cams):
@@ -265,7 +291,10 @@ def test_the_last_turns_of_all_cams_are_overlaid(bag, drawings, rpm):
 
 @pytest.mark.parametrize("layout", [Layout.COMPARE, Layout.REPORT])
 def test_cams_side_by_side_at_one_speed(bag, drawings, layout):
-    """Each cam has a moving picture and bars, and the bar of 100 N has equal length."""
+    """In a comparison at one speed each cam has a moving picture and bars.
+
+    The bar of 100 N has the same length for all cams.
+    """
     shown, lengths = drawings(ViewOptions(layout, 300.0)), []
     assert "/plots/lift/follower" not in shown.entities
     assert 100.0 < force_scale(bag.loaded, 10.0 * np.pi) < 1000.0
@@ -282,7 +311,10 @@ def test_cams_side_by_side_at_one_speed(bag, drawings, layout):
 
 
 def test_results_are_those_of_the_turns(bag, picture):
-    """The table has the cams and speeds in the order of the scene, with four digits."""
+    """The table of results has the peaks and flights of the last turns.
+
+    Cams and speeds are in the order of the scene.
+    """
     words = picture.column("results", "TextDocument:text")[-1][0]
     lines = [[cell.strip() for cell in line.split("|")[1:]] for line in words.splitlines()[4:]]
     assert [line[0] for line in lines] == ["Polynomial 3-4-5", "", "Bézier degree 15", ""]
@@ -299,7 +331,10 @@ def test_results_are_those_of_the_turns(bag, picture):
 
 @pytest.mark.parametrize("layout", list(Layout))
 def test_a_finished_run_has_its_results_at_every_time(bag, picture, drawings, layout):
-    """The table and the points of all steps appear on every timeline."""
+    """The results of a finished run are displayed at every time of every timeline.
+
+    They are the table and the levels of all steps.
+    """
     shown = picture if layout is Layout.RUN else drawings(ViewOptions(layout, 300.0))
     (words,) = shown.column("results", "TextDocument:text")
     assert len([line for line in words[0].splitlines() if line.startswith("|")]) == 2 + 4
@@ -310,7 +345,10 @@ def test_a_finished_run_has_its_results_at_every_time(bag, picture, drawings, la
 
 
 def test_numbers_are_listed_by_origin(bag):
-    """Numbers have units and are listed as given, assumed or identified."""
+    """The text on the run lists numbers with units as given, assumed or identified.
+
+    It states if curves are reduced.
+    """
     words = about(bag.loaded, 1)
     assert words.startswith("# Two cams, two speeds\n")
     assert "## Polynomial 3-4-5" in words

@@ -46,16 +46,16 @@ app.command()(view)
 
 @pytest.fixture
 def no_display(monkeypatch):
-    """Simulate a Linux machine without a display."""
+    """Environment of a Linux machine without a display."""
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
 
 
 def test_the_viewer_opens_the_file_on_loopback_and_reports_no_usage(monkeypatch, tmp_path):
-    """CI is set in its environment.
+    """The viewer is started with the file, on the loopback address and with CI set.
 
-    The error contains its exit code and a remedy.
+    CI disables its reports on usage. If it fails, the error has its exit code and a remedy.
     """
     said = tmp_path / "said"
     monkeypatch.delenv("CI", raising=False)
@@ -74,7 +74,7 @@ def test_the_viewer_opens_the_file_on_loopback_and_reports_no_usage(monkeypatch,
 
 @pytest.mark.usefixtures("no_display")
 def test_a_missing_display_is_reported(bag):
-    """The command exits with code 1 before any computation."""
+    """Without a display the command ends with code 1 and suggests --save."""
     result = CliRunner().invoke(app, [str(bag.path)])
     assert result.exit_code == 1 and "no display to open the viewer on" in result.stderr
     assert "--save FILE.rrd" in result.stderr
@@ -82,9 +82,9 @@ def test_a_missing_display_is_reported(bag):
 
 @pytest.mark.usefixtures("no_display")
 def test_saving_needs_no_display_and_prints_path_and_size(bag, tmp_path):
-    """The folder is created.
+    """--save works without a display, creates the folder, and prints path and size.
 
-    An existing file is only replaced with --force.
+    An existing file is replaced only with --force.
     """
     path = tmp_path / "out" / "a.rrd"
     command = [str(bag.path), "--save", str(path)]
@@ -96,7 +96,10 @@ def test_saving_needs_no_display_and_prints_path_and_size(bag, tmp_path):
 
 
 def test_invalid_options_are_refused(bag, tmp_path):
-    """The message contains the speeds of the run, or the conflicting options."""
+    """Conflicting options or a speed that is not in the run are refused.
+
+    The error names the options, or the speeds of the run. No file is written.
+    """
     save = ["--save", "{tmp}/a.rrd"]
     for options, code, words in (
         ([*save, "--web"], 2, "--save cannot be combined with --web"),
@@ -118,7 +121,7 @@ def test_invalid_options_are_refused(bag, tmp_path):
 
 
 def test_cams_are_compared_at_speeds_of_the_operator(bag, tmp_path):
-    """The speeds are read from the bag instead of the scene."""
+    """A comparison accepts the speeds in the bag, even if its scene has other speeds."""
     path = tmp_path / "scenes" / "other.yaml"
     path.parent.mkdir()
     for part in ("cams", "rigs"):
@@ -135,7 +138,7 @@ def test_cams_are_compared_at_speeds_of_the_operator(bag, tmp_path):
 
 
 def test_an_interrupted_file_is_deleted(bag, tmp_path, monkeypatch):
-    """The interrupt comes while the partial file exists."""
+    """An interrupt while a recording is written deletes the partial file."""
 
     def interrupted(*_):
         assert [path.name for path in tmp_path.iterdir()] == ["a.rrd.drawn.part"]
@@ -156,7 +159,7 @@ UNITS = ("h", "h/β", "h/β²", "h/β³")
 
 
 def test_each_curve_is_the_law(tmp_path):
-    """All laws of a chart have the same scale."""
+    """Each curve of a chart of laws is its law or derivative, on a common scale."""
     curves = [rise_curves(name) for name in ("poly345", "cycloidal", "simple_harmonic")]
     save_laws(curves, "u", UNITS, tmp_path / "a.rrd")
     picture = Picture(tmp_path / "a.rrd")
@@ -176,13 +179,17 @@ def test_each_curve_is_the_law(tmp_path):
 
 @pytest.fixture(scope="module")
 def found():
+    """Orders of 3-4-5 at three speeds."""
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     rig = cam_rig.load_rig("paper_table2")
     return waterfall({"poly345": law}, "elastic_stem", rig, [rpm * RPM for rpm in SPEEDS], 40)
 
 
 def test_bars_are_the_levels_of_the_speed(found, tmp_path):
-    """Bars are to scale, and strokes are within 60 dB of the loudest."""
+    """The bars of a chart of orders are the levels of each speed, to scale.
+
+    Strokes mark the orders within 60 dB of the loudest.
+    """
     path = tmp_path / "a.rrd"
     save_orders(found, path)
     picture, (study,) = Picture(path), found
@@ -202,7 +209,10 @@ def test_bars_are_the_levels_of_the_speed(found, tmp_path):
 
 
 def test_tabs_and_charts_have_titles(found):
-    """A tab has the shortened title of the cam, or its name as text without a title."""
+    """A tab of orders has the shortened title of its cam.
+
+    Without a title it has the name of the cam as text.
+    """
     long = "A cam whose title has about forty letters"
     for titles, name in (({}, "Polynomial 3-4-5"), ({"poly345": long}, short(long))):
         (tab,) = orders_tabs(found, titles)
@@ -227,11 +237,15 @@ def convert(path, *options):
 
 @pytest.fixture(scope="module")
 def imported(tmp_path_factory):
+    """Recording of the golden bag, converted by Rerun with the default options."""
     return convert(tmp_path_factory.mktemp("imported") / "golden.rrd")
 
 
 def test_the_documented_options_give_named_curves_over_rig_time(tmp_path):
-    """The curves have the names of the joints, and times are durations from 0."""
+    """With the documented options Rerun's import names the curves after the joints.
+
+    The times are durations from 0.
+    """
     documented = (config_root().parent / "docs" / "viewing.md").read_text(encoding="utf-8")
     (line,) = re.findall(r"rerun mcap convert (.*?) -o", documented, re.DOTALL)
     options = shlex.split(line.replace("\\\n", " "))[1:]
@@ -246,7 +260,7 @@ def test_the_documented_options_give_named_curves_over_rig_time(tmp_path):
 
 
 def test_joint_states_and_pressure_are_plotted_without_options(imported):
-    """Each field has the values of the bag."""
+    """Rerun's import plots joint states and pressure with the values of the bag."""
     every = ("position", "velocity", "effort")
     for topic, fields in (
         (topics.CAM_STATE, every),
@@ -264,7 +278,7 @@ def test_joint_states_and_pressure_are_plotted_without_options(imported):
 
 
 def test_the_rig_moves_without_options(imported):
-    """Each body of the last URDF is moved by the transforms of the bag."""
+    """Rerun's import has each body of the last URDF and moves it by the transforms."""
     *_, (_, _, last) = messages(GOLDEN, (topics.ROBOT_DESCRIPTION,))
     links = [
         e for e in ElementTree.fromstring(last.data).iter("link") if e.find("visual") is not None
@@ -279,7 +293,10 @@ def test_the_rig_moves_without_options(imported):
 
 
 def test_the_file_contains_the_schemas_of_all_messages():
-    """The encoding is one that Foxglove and PlotJuggler read."""
+    """The golden bag has a schema of each message, in an encoding that viewers read.
+
+    Foxglove and PlotJuggler read it. All messages are standard types of ROS.
+    """
     with bag_file(GOLDEN).open("rb") as stream:
         reader = make_reader(stream)
         assert reader.get_header().profile == "ros2"

@@ -33,7 +33,7 @@ MIN_WINDOW_S = 0.2
 
 
 def show(bag, address, flush=False):
-    """Draw the small run as fast as possible."""
+    """Play the small run into a live view as fast as possible."""
     picture = LiveView(bag.loaded, address)
     for _ in play(picture, bag):
         if flush:
@@ -43,7 +43,7 @@ def show(bag, address, flush=False):
 
 @pytest.fixture(scope="module")
 def arrived(bag, tmp_path_factory):
-    """Return the chunks of a live view in the order of their arrival at a server."""
+    """Chunks of a live view in the order of their arrival at a server."""
     path, port = tmp_path_factory.mktemp("live") / "live.rrd", find_free_port()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "MIN_WINDOW_S", MIN_WINDOW_S)
@@ -67,7 +67,7 @@ def times_of(parts):
 
 
 def test_a_long_recording_is_written_in_parts(bag, tmp_path, monkeypatch):
-    """The parts contain the same data as a recording in one part."""
+    """The parts of a long recording together contain the data of a single file."""
     monkeypatch.setattr(live, "MIN_WINDOW_S", MIN_WINDOW_S)
     monkeypatch.setattr(page_module, "KEPT_PARTS", 10_000)
     folders = []
@@ -85,9 +85,9 @@ def test_a_long_recording_is_written_in_parts(bag, tmp_path, monkeypatch):
 
 
 def written(path, end):
-    """Return the chunks once every curve is at its end (s) and the run is finished.
+    """Return the chunks of a file once each curve is complete and the run is over.
 
-    Returns an empty list before.
+    A curve is complete if it reaches `end` (s). Returns an empty list before.
     """
     try:
         chunks = list(RrdReader(path).stream().to_chunks())
@@ -113,7 +113,10 @@ def newest(chunk):
 
 
 def test_the_cursor_stays_within_the_window_of_the_curves(bag, arrived):
-    """Bars, pictures, texts and points are never ahead of the curves."""
+    """No bar, picture, text or point of a live view is ahead of the curves.
+
+    The cursor is at most one window ahead of the slowest curve.
+    """
     reached, cursor, lead, others = dict.fromkeys(CURVES, 0.0), 0.0, 0.0, 0
     for chunk in arrived:
         if chunk.entity_path in reached:
@@ -131,14 +134,14 @@ def test_the_cursor_stays_within_the_window_of_the_curves(bag, arrived):
 
 
 def test_the_results_report_the_state_of_the_run(arrived):
-    """The headings contain "running" except for the last, which contains "finished"."""
+    """The heading of the results is "running" until the end, and then "finished"."""
     heads = results(arrived)
     assert heads[-1] == "# Results, finished"
     assert set(heads[:-1]) == {"# Results, running"}
 
 
 def test_a_change_of_cam_or_speed_clears_the_chart(bag, arrived):
-    """The first state has the new caption, without old readings or curves."""
+    """At a change of cam or speed the chart has the new caption and no old data."""
     changes = [state.time_ns for state in cam_states(bag.loaded.scene)][::4][:-1]
     captions = rows(arrived, "/turn/caption", "Points2D:labels")
     assert [time for time, _ in captions] == changes
@@ -164,7 +167,7 @@ def rows(chunks, entity, column):
 
 
 def test_a_curve_has_two_points_per_position_of_the_screen():
-    """A window has at most a thousand buckets, and contains two ticks or more."""
+    """A window of a live view has at most a thousand buckets, and at least two ticks."""
     assert live_window(0.1) == live.MIN_WINDOW_S and live_window(2.0) == 4.0
     for rate in (500.0, 12_000.0, 48_000.0):
         bucket = screen_bucket(2.0, rate)
@@ -172,7 +175,10 @@ def test_a_curve_has_two_points_per_position_of_the_screen():
 
 
 def test_pictures_of_a_paced_run_are_sent_evenly_between_its_ticks(bag, monkeypatch):
-    """At half real time 20 pictures per second are at most a tick and 0.35 s late."""
+    """At half real time pictures are sent evenly, 20 per second.
+
+    They are at most a tick and 0.35 s late, and never ahead of the curves.
+    """
     now, factor = [100.0], 0.5
     sent = {}
 
@@ -207,7 +213,7 @@ STEP_S = 0.25
 
 
 class Page:
-    """Page that draws `speed` pictures per second, with a clock and a queue."""
+    """Simulated page that draws `speed` pictures per second, with a clock and a queue."""
 
     def __init__(self, speed):
         self.speed, self.now, self.waiting = speed, 0.0, 0.0
@@ -226,7 +232,10 @@ class Page:
 
 @pytest.mark.parametrize("speed", [1.5, 3.0, 7.0, 20.0])
 def test_a_slow_page_is_never_late_for_long(speed):
-    """Its delay is at most 2 s in 15 minutes, and at least half of its speed is used."""
+    """The delay of a slow page is at most 2 s in 15 minutes.
+
+    On average at least half of the pictures that it can draw are sent.
+    """
     page, late, rates = Page(speed), 0.0, list[float]()
     for _ in range(int(900 / STEP_S)):
         page.advance()
@@ -238,7 +247,10 @@ def test_a_slow_page_is_never_late_for_long(speed):
 
 
 def test_the_rate_follows_a_page_that_is_slow_for_a_while():
-    """For one minute the page draws only two pictures per second."""
+    """The rate of pictures falls while the page is slow, and then rises again.
+
+    For one minute the page draws only two pictures per second.
+    """
     page = Page(60.0)
     slow = dict.fromkeys(range(60, 120), 2.0)
     rates = {}
@@ -252,7 +264,10 @@ def test_the_rate_follows_a_page_that_is_slow_for_a_while():
 
 
 def test_the_rate_is_constant_if_the_delay_is_unknown():
-    """It is also constant if a page is neither late nor in time, and for a window."""
+    """The rate of pictures is constant if the delay is unknown.
+
+    It is also constant for a page that is neither late nor in time, and for a window.
+    """
     now, between = [0.0], 0.5 * (timeline.LATE_S + timeline.IN_TIME_S) + 1.0 / timeline.MIN_RATE
     for behind, rate in (
         (lambda: between, timeline.MIN_RATE),
@@ -267,9 +282,9 @@ def test_the_rate_is_constant_if_the_delay_is_unknown():
 
 
 def test_no_more_pictures_are_sent_than_a_screen_displays():
-    """The number fits the time since the last pictures.
+    """The number of pictures sent is limited by the time since the last ones.
 
-    The newest is always sent.
+    The newest picture is always sent.
     """
     now = iter([0.0, 0.1, 0.1, 10.0])
     pace = FramePace(None, lambda: next(now))

@@ -22,9 +22,9 @@ SCALARS = "Scalars:scalars"
 
 
 def test_every_sample_level_and_speed_of_a_small_bag_is_shown(bag, picture):
-    """Lift is in mm, force in N and speed in rpm.
+    """The recording contains every sample, level and speed of the bag at its time.
 
-    A level is at the end of its tick.
+    Lift is in mm, force in N and speed in rpm. A level is at the end of its tick.
     """
     time, lift, _, _, force, _ = bag.samples
     np.testing.assert_allclose(picture.numbers(LIFT.entity, SCALARS), lift * 1e3, rtol=1e-12)
@@ -42,7 +42,7 @@ def test_every_sample_level_and_speed_of_a_small_bag_is_shown(bag, picture):
 
 
 def test_landings_are_marked(bag, picture):
-    """Every sample with an impulse has a mark on the lift and a line in the events."""
+    """Each sample with an impulse has a mark on the lift and a line in the events."""
     time, lift, _, _, _, impulse = bag.samples
     landed = impulse > 0.0
     assert landed.any()
@@ -54,7 +54,10 @@ def test_landings_are_marked(bag, picture):
 
 
 def test_a_long_run_keeps_its_peaks(bag, tmp_path, monkeypatch):
-    """A reduced run contains the extremes of each tick, and `decimate=False` keeps all."""
+    """The reduced curves of a long run contain the extremes of each tick.
+
+    `decimate=False` keeps all samples.
+    """
     monkeypatch.setattr(recording, "WHOLE_BELOW", 100)
     monkeypatch.setattr(recording, "BUCKETS", 40)
     save_recording(bag.path, tmp_path / "few.rrd")
@@ -72,15 +75,18 @@ def test_a_long_run_keeps_its_peaks(bag, tmp_path, monkeypatch):
 
 
 def test_static_data_are_read_first(picture):
-    """A viewer displays a file while it loads, so colours and axes precede the curves."""
+    """Colours and axes precede the curves in the file.
+
+    A viewer displays a file while it loads.
+    """
     static = [chunk.is_static for chunk in RrdReader(picture.path).stream().to_chunks()]
     assert any(static) and static == sorted(static, reverse=True)
 
 
 def test_an_existing_file_is_not_overwritten(bag, tmp_path):
-    """``overwrite`` replaces it.
+    """An existing recording is replaced only with ``overwrite``.
 
-    A wrong suffix and a file as folder are errors.
+    Another suffix than .rrd, or a file as folder, is an error.
     """
     path = tmp_path / "taken.rrd"
     path.write_text("mine")
@@ -101,7 +107,10 @@ def test_an_existing_file_is_not_overwritten(bag, tmp_path):
 
 
 def test_a_bag_without_a_required_topic_is_refused(tmp_path, config_dir):
-    """The message contains the topic, and no incomplete file remains."""
+    """A bag without the profile of a cam or the samples is refused.
+
+    The error names the topic, and no incomplete file remains.
+    """
     for topic, words in (
         (topics.PROFILE, "'poly345' turns, but its /cam/profile is not in the bag"),
         (topics.FOLLOWER_SAMPLES, "has no messages on /follower/samples to show"),
@@ -141,7 +150,10 @@ class Notes:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_any_order_of_topics_gives_the_ticks_in_order(bag, seed):
-    """Each tick is passed on once, followed by its sound."""
+    """Each tick is passed on once and in order, for any order of the topics.
+
+    Its sound follows it.
+    """
     notes = Notes()
     feed, sounds = RunFeed(notes), zip(bag.levels, bag.pressures, strict=True)
     queues = [

@@ -21,7 +21,10 @@ def gap(point, outline):
 
 
 def test_each_cam_replaces_the_previous_cam(bag, picture):
-    """There is one contour at a time: the recorded /cam/profile in mm, closed."""
+    """The picture has the closed contour of the mounted cam only.
+
+    It is the recorded /cam/profile in mm.
+    """
     strips = picture.column(CONTOUR, "LineStrips2D:strips")
     assert len(strips) == 2
     for strip, profile in zip(strips, bag.profiles.values(), strict=True):
@@ -32,7 +35,7 @@ def test_each_cam_replaces_the_previous_cam(bag, picture):
 
 
 def test_the_picture_turns_the_cam_like_the_drive(bag, picture):
-    """The rotation is the cam angle of the frame, counterclockwise about z."""
+    """The cam is rotated by the cam angle of the frame, counterclockwise."""
     time, quaternion = picture.time(CAM), picture.numbers(CAM, "Transform3D:quaternion")
     x, y, z, w = quaternion.T
     angle = np.interp(time, bag.samples[0], bag.angle)
@@ -42,7 +45,10 @@ def test_the_picture_turns_the_cam_like_the_drive(bag, picture):
 
 
 def test_the_roller_touches_the_turned_contour(bag, picture):
-    """In contact its centre is one roller radius from the contour, in flight more."""
+    """In contact the centre of the roller is one radius from the turned contour.
+
+    In flight it is farther away.
+    """
     time = picture.time(FOLLOWER)
     place = picture.numbers(FOLLOWER, "Transform3D:translation")[:, :2]
     _, _, z, w = picture.numbers(CAM, "Transform3D:quaternion").T
@@ -60,7 +66,7 @@ def test_the_roller_touches_the_turned_contour(bag, picture):
 
 
 def test_frames_come_at_equal_angles_across_blocks():
-    """Each frame has one sample for any division of the samples into blocks."""
+    """Frames are at equal angles, however the samples are divided into blocks."""
     angle = np.linspace(0.0, 4.0 * np.pi, 5000, endpoint=False)
     step = angle[1]
     whole = frame_mask(angle, step)
@@ -71,7 +77,7 @@ def test_frames_come_at_equal_angles_across_blocks():
 
 
 def test_the_gap_is_drawn_in_flight_only(bag, picture):
-    """The line goes straight up from the cam by lift minus law."""
+    """In flight a vertical line of the length lift minus law is drawn, else none."""
     strips = picture.column("scene/rig/gap", "LineStrips2D:strips")
     sample = bag.sample_of(picture, "scene/rig/gap")
     flies = bag.samples[4, sample] == 0.0
@@ -86,7 +92,7 @@ def test_the_gap_is_drawn_in_flight_only(bag, picture):
 
 
 def test_the_arrow_is_the_contact_force(bag, picture):
-    """Its length is the force to scale, along the normal.
+    """The arrow in contact has the contact force to scale, along the common normal.
 
     There is no arrow in flight.
     """
@@ -118,9 +124,9 @@ def test_the_arrow_is_the_contact_force(bag, picture):
 
 
 def test_title_speed_and_force_bar_are_below_the_cam(bag, picture):
-    """The text has the colour of the contour.
+    """Title and speed of a step are displayed in the colour of the cam.
 
-    The bar is a power of ten to the arrow's scale.
+    The bar below is a power of ten of the force, on the scale of the arrow.
     """
     cams = ("poly345", "poly345", "bezier15", "bezier15")
     labels = [row[0] for row in picture.column("scene/rig/label", "Points2D:labels")]
@@ -150,9 +156,9 @@ def test_the_arrow_is_visible_at_every_speed(scene):
 
 @pytest.mark.parametrize("cam", ["oscillating_roller", "oscillating_flat", "flat", "poly345"])
 def test_the_follower_covers_no_number_of_the_ring(make_loaded_scene, cam):
-    """The follower is clear of the visible numbers at every lift.
+    """The follower covers none of the visible numbers of the ring at any lift.
 
-    There are six or more.
+    At least six numbers are visible.
     """
     framing = framings(make_loaded_scene(cams=[cam]))[cam]
     places, numbers = framing.numbers()
@@ -164,7 +170,10 @@ def test_the_follower_covers_no_number_of_the_ring(make_loaded_scene, cam):
 
 
 def test_a_follower_outside_its_view_is_drawn_at_the_edge():
-    """The readings contain its lift and the lift at which it is drawn."""
+    """A follower above its view is drawn at the edge, and the readings state this.
+
+    They contain its lift and the lift at which it is drawn.
+    """
     one = np.ones(1)
     words = readings(one, 5000.0, 0.2 * one, 0.0 * one, 0.1 * one, one, max_lift=0.065)[0]
     assert "lift    200.000 mm" in words and "drawn at 65 mm" in words
@@ -173,7 +182,7 @@ def test_a_follower_outside_its_view_is_drawn_at_the_edge():
 
 
 def test_cam_and_follower_are_completely_visible(bag, picture):
-    """Contour, ring, guide and follower are within the view, also in flight."""
+    """Contour, ring, guide and follower are within the view at the highest lift."""
     (left, right), (top, bottom) = bounds(framings(bag.loaded))
     zoom = picture.numbers("scene/rig", "Transform3D:mat3x3").reshape(-1, 3, 3)
     place = picture.numbers(FOLLOWER, "Transform3D:translation")[:, :2]
@@ -192,7 +201,10 @@ def test_cam_and_follower_are_completely_visible(bag, picture):
 
 
 def test_the_readings_are_those_of_the_frame(bag, picture):
-    """They contain angle, speed, lift, force, and the gap or the pressure angle."""
+    """The readings contain angle, lift and force of their frame.
+
+    In flight they contain the gap, and in contact the pressure angle.
+    """
     words = [row[0] for row in picture.column("scene_readings", "TextDocument:text")]
     sample, gaps = bag.sample_of(picture, "scene_readings"), bag.gap * 1e6
     half = bag.samples.shape[1] // 2

@@ -25,7 +25,7 @@ STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
 
 
 def back(bag, cam, key, strip):
-    """Return the degrees and values from which a strip of the chart was drawn."""
+    """Return degrees and values at the points of a strip of the chart."""
     ranges = scene_ranges(bag.loaded).of(cam)
     low, high, _ = ranges[key]
     top = TurnAxes(plot_rows("one_mass"), ranges).tops[key]
@@ -41,7 +41,10 @@ def rows_of(bag, step, turn):
 
 @pytest.mark.parametrize("scene", ["quick", "torsion"])
 def test_the_axes_contain_the_whole_scene(scene):
-    """Every sample is within the axis of its cam, which has two numbers or more."""
+    """Each sample of a scene is within the axis of its cam.
+
+    Each axis has two numbers or more.
+    """
     loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
     ranges = scene_ranges(loaded)
     for tick in simulate_ticks(loaded):
@@ -56,7 +59,7 @@ def test_the_axes_contain_the_whole_scene(scene):
 
 
 def test_a_curve_shows_the_samples_of_the_turn(bag, picture):
-    """The first turn of each step shows samples from 0 to 360°, with their peaks."""
+    """The curves of a turn are its samples over 0 to 360°, with their peaks."""
     for step, cam in enumerate(("poly345", "poly345", "bezier15", "bezier15")):
         rows, angle = rows_of(bag, step, 0)
         degrees = np.degrees(angle) % 360.0
@@ -75,7 +78,7 @@ def test_a_curve_shows_the_samples_of_the_turn(bag, picture):
 
 
 def test_the_law_is_drawn_over_the_lift(bag, picture):
-    """The second, thinner strip is the law at every degree."""
+    """The law is drawn over the lift as a second, thinner line."""
     for strips in picture.column("turn/lift/follower/0", STRIPS):
         if strips:
             degrees, lift = back(bag, "poly345", "lift", strips[1])
@@ -87,9 +90,9 @@ def test_the_law_is_drawn_over_the_lift(bag, picture):
 
 
 def test_equal_turns_are_sent_once(bag, picture):
-    """In contact from rest the second turn equals the first.
+    """A turn that equals the previous turn is not sent again.
 
-    Each step starts with slot 0.
+    In contact from rest the second turn equals the first.
     """
     sent = [strips for strips in picture.column("turn/force/follower/0", STRIPS) if strips]
     assert len(sent) == 4
@@ -106,7 +109,10 @@ def test_equal_turns_are_sent_once(bag, picture):
 
 
 def test_landings_and_lift_offs_are_marked_and_flights_shaded(bag, picture):
-    """Marks are at the degrees of the samples, and strokes cover each flight."""
+    """Landings and lift-offs are marked at their cam angles.
+
+    Strokes cover each flight, to half a degree.
+    """
     rows, angle = rows_of(bag, 1, 0)
     degrees, off = np.degrees(angle) % 360.0, rows.force == 0.0
     landed, left = degrees[rows.impulse > 0.0], degrees[off & ~np.roll(off, 1)]
@@ -122,21 +128,24 @@ def test_landings_and_lift_offs_are_marked_and_flights_shaded(bag, picture):
 
 
 def test_the_gap_is_lift_minus_law_in_flight(bag, picture):
-    """The gap over time is in µm for each sample, and 0 in contact."""
+    """The gap over time is lift minus law in µm in flight, and 0 in contact."""
     gap = np.where(bag.samples[4] == 0.0, bag.gap, 0.0) * 1e6
     np.testing.assert_allclose(picture.numbers(GAP.entity, "Scalars:scalars"), gap, atol=1e-3)
     assert gap.max() > 1e3
 
 
 def test_the_cursor_is_at_the_cams_angle(bag, picture):
-    """Each frame has the cursor at the angle within the turn."""
+    """In each frame the cursor is at the cam angle within the turn."""
     place = picture.numbers("turn/cursor", STRIPS)[:, 0, 0]
     sample = bag.sample_of(picture, "turn/cursor")
     np.testing.assert_allclose(place / WIDTH, bag.angle[sample] / (2.0 * np.pi) % 1.0, atol=1e-6)
 
 
 def test_values_beyond_their_axis_are_drawn_at_its_edge():
-    """If an operator drives faster than the scene, no curve enters the row above."""
+    """Values beyond their axis are drawn at its edge, not in the next row.
+
+    They occur if an operator drives faster than the scene.
+    """
     (lift, *_) = plot_rows("one_mass")
     axes = TurnAxes([lift], {"lift": (0.0, 10.0, 5.0)})
     angle = np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False)
@@ -155,7 +164,7 @@ TURNS = 6
 
 @pytest.fixture(scope="module", params=[1, 4], ids=["a tick a turn", "four"])
 def bouncing_bag(request, tmp_path_factory, config_dir):
-    """Return a bag with speeds from contact to irregular bouncing."""
+    """Bag with three speeds from contact to irregular bouncing."""
     speeds = sorted(np.random.default_rng(7).uniform(380.0, 560.0, 3).round(2).tolist())
     rig, program = "tm21_bouncing", {"turns": TURNS, "ticks_per_turn": request.param}
     scene = scene_data(cams=["tm21"], rig=rig, speeds=speeds, sample_rate=4000, **program)
@@ -164,6 +173,7 @@ def bouncing_bag(request, tmp_path_factory, config_dir):
 
 @pytest.fixture(scope="module")
 def replayed(bouncing_bag, tmp_path_factory):
+    """Recording of that bag."""
     path = tmp_path_factory.mktemp("replayed") / "small.rrd"
     save_recording(bouncing_bag.path, path)
     return Picture(path)
@@ -194,7 +204,10 @@ def axes_of(bag):
 
 
 def test_points_are_the_states_of_the_exact_map(bouncing_bag, replayed):
-    """Each turn has one row, except for the last turn, which no sample follows."""
+    """Each turn has a point at its speed and its gap by the exact map.
+
+    The last turn has no point, because no sample follows it.
+    """
     rows = replayed.column(f"{GAPS}/tm21", POSITIONS)
     assert all(len(points) == 1 for points in rows)
     rpm, gap = np.array([*exact(bouncing_bag.loaded)])[:-1].T
@@ -206,7 +219,7 @@ def test_points_are_the_states_of_the_exact_map(bouncing_bag, replayed):
 
 
 def test_a_turn_is_shown_once_it_is_over(bouncing_bag, replayed):
-    """Its row has the time of the tick in which the cam passes angle 0."""
+    """The point of a turn appears within one tick after the cam passes angle 0."""
     time = replayed.time(f"{GAPS}/tm21")
     scene = bouncing_bag.loaded.scene
     ticks = scene.schedule.ticks_per_turn
@@ -217,7 +230,7 @@ def test_a_turn_is_shown_once_it_is_over(bouncing_bag, replayed):
 
 
 def test_landings_are_those_of_the_samples(bouncing_bag, replayed):
-    """Each sample with an impulse is drawn at its cam angle within the turn."""
+    """Each sample with an impulse has a point at its cam angle within the turn."""
     points = [p for row in replayed.column(f"{LANDINGS}/tm21", POSITIONS) for p in row]
     _, degrees = placed_from(axes_of(bouncing_bag)[1], points)
     landed = bouncing_bag.samples[5] > 0.0
@@ -227,7 +240,7 @@ def test_landings_are_those_of_the_samples(bouncing_bag, replayed):
 
 
 def test_only_a_follower_that_rebounds_has_the_chart(picture):
-    """Only the shipped scene `bounce` has the chart of bounces."""
+    """Of the shipped scenes only `bounce` has the chart of bounces."""
     scenes = (config_root() / "scenes").glob("*.yaml")
     assert [path.stem for path in scenes if can_rebound(open_scene(path))] == ["bounce"]
     assert not [entity for entity in picture.entities if entity.startswith(f"/{GAPS}")]

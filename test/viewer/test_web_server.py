@@ -53,7 +53,10 @@ COOKIES = {
 
 
 def test_host_origin_and_cookie_must_all_be_right():
-    """A wrong host, origin or cookie refuses a request with a one-line reason."""
+    """A request with a wrong host, origin or cookie is refused.
+
+    The reason is one line, which does not contain the token.
+    """
     for host, origin, cookie, needed in itertools.product(HOSTS, ORIGINS, COOKIES, (False, True)):
         given = {"host": host, "origin": origin, "cookie": cookie}
         headers = {name: value for name, value in given.items() if value is not None}
@@ -66,7 +69,7 @@ def test_host_origin_and_cookie_must_all_be_right():
 
 
 def test_a_token_in_the_address_takes_precedence_and_is_unique():
-    """A wrong token is refused even with the right cookie.
+    """A wrong token in the address is refused even with the right cookie.
 
     Tokens are long and unique.
     """
@@ -83,6 +86,7 @@ def test_a_token_in_the_address_takes_precedence_and_is_unique():
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
+    """Client of a server that serves one recording."""
     path = tmp_path_factory.mktemp("web") / "a run.rrd"
     path.write_bytes(RECORDED)
     with serve_file(path) as address:
@@ -90,9 +94,9 @@ def page(tmp_path_factory):
 
 
 def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page):
-    """The token is removed from the address.
+    """The printed address leads to the viewer, which loads the recording.
 
-    The page gets its recording from this server.
+    The token is removed from the address. No part comes from another host.
     """
     assert "token" not in page.home and "HttpOnly; Path=/; SameSite=Strict" in page.set_cookie
     status, headers, body = ask(page.address, page.home, Cookie=page.cookie)
@@ -113,7 +117,10 @@ def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page):
 
 
 def test_the_cookie_belongs_to_a_host_that_no_other_server_knows(page):
-    """Each process has a random host, because a cookie is valid for all ports."""
+    """Each process has a random host name, to which its cookie belongs.
+
+    Otherwise the cookie would be sent to the servers at all ports of the host.
+    """
     assert page.url.hostname == LOCAL_HOST and "Domain" not in page.set_cookie
     code = "from cam_rig.viewer.web_server import LOCAL_HOST; print(LOCAL_HOST)"
     names = {ended(sys.executable, "-c", code).stdout.strip() for _ in range(2)}
@@ -122,13 +129,16 @@ def test_the_cookie_belongs_to_a_host_that_no_other_server_knows(page):
 
 @pytest.mark.skipif(not _has_ipv6_loopback(), reason="this machine has no IPv6 loopback")
 def test_no_other_server_can_take_the_same_port_of_ipv6(page):
-    """The server listens on both loopback addresses, because a browser tries both."""
+    """No other process can listen at the port of the server on IPv6.
+
+    A browser tries both loopback addresses.
+    """
     with socket.socket(socket.AF_INET6) as other, pytest.raises(OSError, match="in use"):
         other.bind(("::1", page.url.port))
 
 
 def test_the_entry_page_leads_to_no_other_host(page):
-    """The page that sets the cookie leads to this server for any requested path."""
+    """The page that sets the cookie leads only to this server, for any requested path."""
     for path in ("/%2Fevil.example", "/%5Cevil.example", "/%22%3E%3Cscript%3E"):
         status, _, body = ask(page.address, f"{path}?{page.url.query}")
         led = re.search(rb'0; url=([^"]*)"', body)[1]
@@ -136,7 +146,10 @@ def test_the_entry_page_leads_to_no_other_host(page):
 
 
 def test_requests_without_the_cookie_are_refused(page):
-    """Recording and viewer need the cookie, and no origin of another site."""
+    """A request without the cookie, or from another site, is answered with 403.
+
+    The answer contains neither recording nor cookie.
+    """
     cookie = {"Cookie": page.cookie}
     for path in ("/", "/a%20run.rrd", "/re_viewer.js", "/shown?ns=1", "/nothing"):
         assert ask(page.address, path, **cookie)[0] != 403
@@ -159,7 +172,7 @@ INVALID_PATHS = [
 
 
 def test_invalid_paths_are_refused(page, capfd, monkeypatch):
-    """An invalid path causes no name lookup and no traceback."""
+    """An invalid path is answered with 400, without a name lookup and a traceback."""
     resolved = []
     original = socket.getaddrinfo
 
@@ -187,7 +200,7 @@ def listening_ports(pids):
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="reads Linux's own tables")
 def test_every_open_port_requires_the_token(tmp_path):
-    """A process that serves a file and a live run has no other open port."""
+    """Each port of a process that serves a file and a live run requires the token."""
     (tmp_path / "a.rrd").write_bytes(RECORDED)
     script = (
         "import sys, time; from pathlib import Path\n"
@@ -214,20 +227,21 @@ def test_every_open_port_requires_the_token(tmp_path):
 
 @pytest.fixture(scope="module")
 def served():
+    """Pages of live runs and their client."""
     with serve() as pages:
         yield pages, Visitor(pages.address)
 
 
 @pytest.fixture
 def live(served):
-    """Return the page of a run that has not started."""
+    """Pages and client of a run that has not started."""
     for recording in served[0].folder.iterdir():
         recording.unlink()
     return served
 
 
 def test_a_live_run_is_sent_while_it_is_written(live):
-    """New data arrive immediately.
+    """Data of a live run are sent while the run writes them.
 
     A new run ends the response of the previous run.
     """
@@ -251,7 +265,7 @@ def test_a_live_run_is_sent_while_it_is_written(live):
 
 
 def test_a_page_that_does_not_read_blocks_no_other_page(live):
-    """The run is written, and another page receives all of it."""
+    """A page that does not read blocks neither the run nor another page."""
     pages, reader = live
     recording = new_recording(pages.folder)
     with recording.open("wb", buffering=0) as node:
@@ -266,9 +280,9 @@ def test_a_page_that_does_not_read_blocks_no_other_page(live):
 
 
 def test_a_long_run_is_sent_part_by_part(live, monkeypatch):
-    """One response contains all parts.
+    """One response contains all parts of a long run.
 
-    A later page receives the first and the newest parts.
+    A page that is opened later receives the first and the newest parts.
     """
     pages, reader = live
     monkeypatch.setattr(page_module, "MAX_PART", 1)
@@ -290,7 +304,7 @@ def test_a_long_run_is_sent_part_by_part(live, monkeypatch):
 
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="reads Linux's own tables")
 def test_the_recording_is_closed_after_its_page(live):
-    """The server closes the file even if the run writes no more data."""
+    """The server closes the recording if its page is closed, even without new data."""
     pages, reader = live
     recording = new_recording(pages.folder)
     recording.write_bytes(b"begin")
@@ -310,9 +324,9 @@ def test_the_recording_is_closed_after_its_page(live):
 
 
 def test_the_page_reports_its_rig_time(live):
-    """The served page contains the script.
+    """The page reports its rig time to the server, which computes the delay.
 
-    Its report ends `until_open` and sets the delay.
+    The first report ends `until_open`.
     """
     pages, reader = live
     assert b"/shown?ns=" in reader.get(reader.home)
@@ -330,7 +344,10 @@ def test_the_page_reports_its_rig_time(live):
 
 
 def test_a_long_run_keeps_its_first_and_newest_parts(tmp_path, monkeypatch):
-    """The parts in between are deleted, and a new recording deletes the old one."""
+    """Of a long run the first and the newest parts are kept, the others deleted.
+
+    A new recording deletes the old one.
+    """
     monkeypatch.setattr(page_module, "MAX_PART", 10)
     assert page_module.newest_recording(tmp_path) is None
     first = part = new_recording(tmp_path)
@@ -356,7 +373,10 @@ def test_a_long_run_keeps_its_first_and_newest_parts(tmp_path, monkeypatch):
 
 
 def test_the_delay_is_the_last_written_and_grows_when_overdue(tmp_path):
-    """It is None without a file, with an incomplete file, and without the folder."""
+    """The delay of a page is the last written one, and grows if reports stop.
+
+    It is None without a file, with an incomplete file, and without the folder.
+    """
     assert page_delay(tmp_path) is None
     page_module.write_delay(tmp_path, None)
     assert page_delay(tmp_path) is None
@@ -377,7 +397,10 @@ def test_the_delay_is_the_last_written_and_grows_when_overdue(tmp_path):
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 20.0])
 def test_the_delay_is_wall_clock_time_at_any_factor(factor):
-    """It follows from the page's report, and grows if a page no longer reports."""
+    """The delay of a page is in wall-clock seconds at any real-time factor.
+
+    It grows if the page no longer reports.
+    """
     wall = SimpleNamespace(now=0.0)
     page = PageTime(lambda: wall.now)
     for i in range(40):
@@ -394,7 +417,7 @@ def test_the_delay_is_wall_clock_time_at_any_factor(factor):
 
 
 def test_a_page_without_rig_time_or_ahead_of_the_drive_is_not_late():
-    """The delay is None without a rig time, and 0 if the page is ahead of the drive."""
+    """The delay is None for a page without a rig time, and 0 for a page ahead."""
     page = PageTime(lambda: 0.0)
     page.record_drive(1.0)
     page.take("ns=-1")
@@ -407,7 +430,10 @@ def test_a_page_without_rig_time_or_ahead_of_the_drive_is_not_late():
 
 
 def test_the_request_contains_timeline_and_time():
-    """The message has the field numbers of Rerun's Viewer Control API."""
+    """The request that moves the cursor contains timeline and time.
+
+    It has the field numbers of Rerun's Viewer Control API.
+    """
     assert page_module.TIMELINE == RIG_TIME == "rig_time"
     for time_ns, varint in (
         (1, b"\x01"),
@@ -420,6 +446,9 @@ def test_the_request_contains_timeline_and_time():
 
 
 def test_only_a_recording_with_a_start_time_moves_the_cursor():
-    """The page of a live run sends no request to its viewer."""
+    """Only the page of a recording with a start time moves the cursor of its viewer.
+
+    The page of a live run does not.
+    """
     assert "viewer_control" not in page_script() and "viewer_control" in page_script(0.3)
     assert "300000000n" in page_script(0.3)

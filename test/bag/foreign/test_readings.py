@@ -51,7 +51,10 @@ def counted(found):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_message_without_the_joint_or_the_number_is_skipped(tmp_path, seed):
-    """Joints may be published alone, in any order, or without positions."""
+    """A message without the joint or its position is skipped, counted and noted.
+
+    The remaining messages are read, whatever the joints of a message and their order.
+    """
     rng = np.random.default_rng(seed)
     rows, kept = [], {"cam": [], "follower": []}
     for k, row in enumerate(both()):
@@ -72,14 +75,14 @@ def test_a_message_without_the_joint_or_the_number_is_skipped(tmp_path, seed):
 
 
 def test_it_is_an_error_if_all_messages_lack_the_joint(tmp_path):
-    """The error lists the existing joints."""
+    """A joint that no message contains raises BagError that lists the existing joints."""
     line = LINE.replace("[cam]", "[cm]")
     with pytest.raises(BagError, match=r"from 0 or one of cam, follower, got 'cm'"):
         read(tmp_path, line, joints=(joints, TIME, both()))
 
 
 def test_a_truncated_message_is_named_with_its_time(tmp_path):
-    """The other messages of the bag are sound."""
+    """A truncated message raises BagError that names its topic and its time."""
     kind, data = "std_msgs/msg/Float64", TYPES.serialize_cdr(number(0, 1.0), "std_msgs/msg/Float64")
     with RosbagWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         topics = [writer.add_connection(name, kind, typestore=TYPES) for name in ("/enc", "/lift")]
@@ -93,7 +96,7 @@ def test_a_truncated_message_is_named_with_its_time(tmp_path):
 
 @pytest.mark.parametrize("sentinel", [-999.0, 9.99])
 def test_numbers_that_are_no_lift_are_dropped(tmp_path, sentinel):
-    """A gauge reports them instead of a reading; their times are noted."""
+    """Values that a gauge reports instead of a lift are dropped, and a note has times."""
     lift = LIFT.copy()
     lift[[50, 51, 300]] = sentinel
     signals, _, notes = read(tmp_path, joints=(joints, TIME, both(lift=lift)))
@@ -103,7 +106,11 @@ def test_numbers_that_are_no_lift_are_dropped(tmp_path, sentinel):
 
 @pytest.mark.parametrize("zero", [[0], [499], [0, 1, 250], range(1, 500, 2)])
 def test_a_reading_with_stamp_0_among_others_is_dropped(tmp_path, zero):
-    """It is counted. Simulated time starts at 0, and the clock is that of the header."""
+    """A reading with stamp 0 among others with stamps is dropped and counted.
+
+    The other readings have the time of their headers, also if the first is 1 s of simulated
+    time.
+    """
 
     def simulated(stamp, row):
         k, values = row
@@ -118,14 +125,21 @@ def test_a_reading_with_stamp_0_among_others_is_dropped(tmp_path, zero):
 
 
 def test_the_time_is_that_of_the_bag_if_all_stamps_are_0(tmp_path):
-    """The driver has no clock."""
+    """If all stamps are 0, all readings are kept with the time of the bag.
+
+    A driver without a clock writes such stamps.
+    """
     signals, counts, notes = read(tmp_path, joints=(lambda _, row: joints(0, row), TIME, both()))
     assert counts["angle"] == (500, 0) and "the time is that of the bag" in notes
     np.testing.assert_allclose(signals["angle"].time, TIME, atol=1e-9)
 
 
 def test_readings_of_a_message_with_a_wrong_angle_are_dropped(tmp_path):
-    """A second publisher sends zeros. The force of another topic is kept."""
+    """A message with a wrong angle is dropped with all its readings.
+
+    A note contains the times. The wrong messages here are zeros of a second publisher. Readings
+    of another topic are kept.
+    """
     wrong = [100, 200, 201, 400]
     angle, lift = ANGLE.copy(), LIFT.copy()
     angle[wrong] = lift[wrong] = 0.0
@@ -143,7 +157,10 @@ def test_readings_of_a_message_with_a_wrong_angle_are_dropped(tmp_path):
 
 @pytest.mark.parametrize("kind", ["Int16", "UInt8", "UInt16", "Int8"])
 def test_a_counter_wraps_at_the_span_of_its_type(tmp_path, kind):
-    """The type of the field gives the span, upwards and downwards."""
+    """The angle of a counter continues over the wrap of its integer type.
+
+    It does so for counts upwards and downwards.
+    """
     message = TYPES.types[f"std_msgs/msg/{kind}"]
     bits, counts = int(kind.strip("UInt")), 4096 if "16" in kind else 64
     low = 0 if kind.startswith("U") else -(2 ** (bits - 1))
@@ -197,7 +214,7 @@ def own_bag(path, plugin, monkeypatch):
 
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda plugin: plugin.name)
 def test_a_type_of_the_user_is_read_by_its_definition_in_the_file(tmp_path, plugin, monkeypatch):
-    """The bag is MCAP or SQLite."""
+    """A message type of the user is read by its definition in an MCAP or SQLite bag."""
     bag = own_bag(tmp_path, plugin, monkeypatch)
     signals, counts, _ = counted(read_signals(bag, parse_topics(OWN_LINE)))
     assert set(counts.values()) == {(500, 0)}
@@ -206,7 +223,10 @@ def test_a_type_of_the_user_is_read_by_its_definition_in_the_file(tmp_path, plug
 
 
 def test_a_type_without_a_definition_is_refused_by_name(tmp_path, monkeypatch):
-    """ROS 2 Humble records such SQLite bags."""
+    """A type of the user without a definition in the bag is refused with its name.
+
+    ROS 2 Humble records such SQLite bags.
+    """
     bag = own_bag(tmp_path, StoragePlugin.SQLITE3, monkeypatch)
     with sqlite3.connect(bag / "own.db3") as database:
         database.execute("DELETE FROM message_definitions")
@@ -215,7 +235,10 @@ def test_a_type_without_a_definition_is_refused_by_name(tmp_path, monkeypatch):
 
 
 def test_a_standard_type_of_another_distribution_is_read_by_its_definition(tmp_path):
-    """The Range message has no variance, unlike that of later distributions."""
+    """A standard type is read by the definition in the bag, if distributions differ.
+
+    Here the type Range has no variance, unlike that of later distributions.
+    """
     text = "std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range"
     text += "\nfloat32 max_range\nfloat32 range"
     types = get_typestore(Stores.EMPTY)
@@ -258,7 +281,10 @@ def add_json(path):
 
 
 def test_topics_of_another_encoding_are_ignored_unless_requested(tmp_path):
-    """A requested topic is an error with its name and encoding."""
+    """A JSON topic next to the requested topics is ignored.
+
+    A request of the topic is an error with its name and encoding.
+    """
     file = add_json(tmp_path)
     _, counts, _ = counted(read_signals(file, parse_topics(LINE)))
     assert counts == {"angle": (500, 0), "lift": (500, 0)}
@@ -269,7 +295,7 @@ def test_topics_of_another_encoding_are_ignored_unless_requested(tmp_path):
 
 
 def test_an_hour_without_readings_is_a_pause(tmp_path):
-    """The note contains its length in minutes or hours."""
+    """Ninety minutes without readings are noted as a pause with its length in minutes."""
     time = np.where(TIME < 1.0, TIME, TIME + 5400.0)
     bag = write_bag(tmp_path / "bench", {"/joints": (joints, time, both())})
     notes = read_measured(bag, parse_topics(LINE)).notes
@@ -277,7 +303,10 @@ def test_an_hour_without_readings_is_a_pause(tmp_path):
 
 
 def test_times_of_two_clocks_are_printed_as_dates(tmp_path):
-    """They are not printed as billions of seconds."""
+    """Topics of two clocks raise BagError that prints times since 1970 as dates.
+
+    The error does not contain billions of seconds.
+    """
 
     def simulated(stamp, value):
         return joint(stamp - BEGIN + NS, value)
@@ -294,7 +323,10 @@ def test_times_of_two_clocks_are_printed_as_dates(tmp_path):
 @pytest.mark.parametrize("part", [0.0, 0.001, 0.3, 0.7, 0.98])
 @pytest.mark.parametrize("as_file", [False, True])
 def test_an_sqlite_bag_that_was_cut_off_is_refused_with_a_remedy(tmp_path, part, as_file):
-    """The remedy creates a readable file if the first pages exist."""
+    """A truncated SQLite bag raises BagError with an sqlite3 command to save its data.
+
+    The error does not name cam-rig recover, which reads only MCAP. An empty file has no remedy.
+    """
     topics = {"/joints": (joints, TIME, both())}
     bag = write_bag(tmp_path / "bench", topics, StoragePlugin.SQLITE3)
     file = bag / "bench.db3"
@@ -309,7 +341,7 @@ def test_an_sqlite_bag_that_was_cut_off_is_refused_with_a_remedy(tmp_path, part,
 
 
 def test_a_single_sqlite_file_is_a_bag(tmp_path):
-    """It is read without its folder."""
+    """An SQLite file is read without the folder of its bag."""
     topics = {"/joints": (joints, TIME, both())}
     bag = write_bag(tmp_path / "bench", topics, StoragePlugin.SQLITE3)
     shutil.copy(bag / "bench.db3", tmp_path / "alone.db3")

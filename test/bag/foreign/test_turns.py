@@ -12,7 +12,10 @@ RATE = 500.0
 
 
 def run(rng, seconds=6.0, rate=RATE):
-    """Return time and true angle: two speeds with a ramp, an uneven turn and stamps."""
+    """Return time (s) and true angle (rad) of a cam with two speeds and a ramp.
+
+    The speed varies within the turn, and the stamps are uneven.
+    """
     time = np.arange(0.0, seconds, 1.0 / rate)
     speeds = TURN * rng.uniform(0.5, 4.0, 2)
     ramp = np.clip((time - seconds / 2.0) / rng.uniform(0.05, 1.0), 0.0, 1.0)
@@ -25,7 +28,7 @@ def run(rng, seconds=6.0, rate=RATE):
 
 
 def as_read(angle, way):
-    """Return the readings of an encoder, and its counter."""
+    """Return the readings of an encoder for true angles, and its counter or None."""
     if way == "one turn":
         return np.remainder(angle, TURN), None
     if way == "half turns":
@@ -61,7 +64,10 @@ WAYS = ["one turn", "half turns", "two turns", "all turns", "int16", "uint8", "u
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("seed", range(12))
 def test_the_turns_are_those_of_the_cam(way, seed):
-    """They agree to a constant, and no reading of a correct encoder is dropped."""
+    """Counted turns of a correct encoder differ from the true angle by a constant.
+
+    This applies to each kind of encoder and to both senses of rotation. No reading is dropped.
+    """
     rng = np.random.default_rng(seed)
     time, angle = run(rng)
     sign = rng.choice([-1.0, 1.0])
@@ -76,7 +82,10 @@ def test_the_turns_are_those_of_the_cam(way, seed):
 @pytest.mark.parametrize("kind", ["zeros", "random", "runs"])
 @pytest.mark.parametrize("seed", range(8))
 def test_wrong_angles_are_dropped_and_the_others_kept(way, kind, seed):
-    """Wrong angles differ by more than 30° and 12 counts."""
+    """Readings that are wrong by more than 30° are dropped, and no correct reading is.
+
+    The remaining angles are the true angles up to a constant.
+    """
     rng = np.random.default_rng(100 + seed)
     time, angle = run(rng, seconds=rng.choice([2.0, 20.0]))
     value, counter = as_read(angle, way)
@@ -104,7 +113,11 @@ def test_wrong_angles_are_dropped_and_the_others_kept(way, kind, seed):
 @pytest.mark.parametrize("count", [2, 3, 5])
 @pytest.mark.parametrize("seed", range(6))
 def test_angles_averaged_across_the_wrap_are_wrong(way, count, seed):
-    """The mean of readings of 359° and 1° is near 180°, in every turn and at any rate."""
+    """Means of readings on both sides of the wrap are dropped as wrong angles.
+
+    The mean of 359° and 1°, for example, is 180°. At least 90 % of such means are found, and no
+    other reading is dropped.
+    """
     rng = np.random.default_rng(seed)
     rate = rng.choice([150.0, 500.0, 1000.0])
     time, angle = run(rng, 10.0, rate)
@@ -123,7 +136,10 @@ def test_angles_averaged_across_the_wrap_are_wrong(way, count, seed):
 
 @pytest.mark.parametrize(("modulo", "turns"), [(16.0, 16.0), (10_000 / 4096, 10_000 / 4096)])
 def test_a_counter_may_wrap_at_another_number_than_its_type(modulo, turns):
-    """The jump is corrected by whole turns, or by counts."""
+    """A counter that wraps at another number than its type continues its angle.
+
+    A note contains the jump in turns and the time of the first jump.
+    """
     time = np.arange(4000) / 500.0
     count = TURN / 4096
     angle = TURN * 3.0 * time
@@ -137,7 +153,10 @@ def test_a_counter_may_wrap_at_another_number_than_its_type(modulo, turns):
 @pytest.mark.parametrize(("counts", "modulo"), [(36_000, 36_000), (3600, 36_000), (1024, 60_000)])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_counter_that_wraps_below_its_type_is_not_taken_as_full(counts, modulo, seed):
-    """Hundredths of a degree in uint16, for example, wrap at 36 000."""
+    """A uint16 counter may wrap below 65 536 without an error of whole turns.
+
+    Hundredths of a degree, for example, wrap at 36 000. Each wrap may cost 5 counts.
+    """
     time, true = run(np.random.default_rng(seed), 60.0)
     true = true * 5.0 if counts == 1024 else true
     count = TURN / counts
@@ -151,6 +170,7 @@ def test_a_counter_that_wraps_below_its_type_is_not_taken_as_full(counts, modulo
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("start", [0.0, 180.0])
 def test_an_angle_in_degrees_is_not_taken_as_radians(sign, start):
+    """An angle in degrees without its unit raises BagError that suggests :deg."""
     time, true = run(np.random.default_rng(4))
     degrees = sign * (np.remainder(np.degrees(true) + start, 360.0) - start)
     with pytest.raises(BagError, match=r"jumps by 360 rad at .*add :deg for an angle"):
@@ -158,7 +178,7 @@ def test_an_angle_in_degrees_is_not_taken_as_radians(sign, start):
 
 
 def test_a_cam_that_starts_and_stops_has_no_wrong_angle():
-    """It reaches full speed within one reading, and is stopped for an hour."""
+    """No reading is dropped if a cam starts at once, stops, or pauses for an hour."""
     parts = [np.zeros(200), 0.3 * np.ones(300), np.zeros(200), 0.3 * np.ones(300), np.zeros(50)]
     angle = np.cumsum(np.concatenate(parts))
     time = np.arange(angle.size) / 100.0
@@ -170,7 +190,11 @@ def test_a_cam_that_starts_and_stops_has_no_wrong_angle():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_counter_that_restarts_at_zero_after_a_pause_continues_forwards(sign):
-    """The smallest number of turns is added, because the motion is unknown."""
+    """A counter that restarts at zero after a pause continues forwards.
+
+    At most one turn is added, because the true motion in the pause is unknown. A note contains
+    the jump and its time.
+    """
     time = np.arange(2000) / 500.0
     angle = sign * TURN * 3.0 * time
     angle[1000:] -= angle[1000]
@@ -197,6 +221,9 @@ def test_a_counter_that_restarts_at_zero_after_a_pause_continues_forwards(sign):
     ],
 )
 def test_an_impossible_motion_is_refused_with_its_time(value, error):
-    """Too many wrong angles, an angle that reverses, too few readings per turn."""
+    """Angles of an impossible motion raise BagError with time or number of readings.
+
+    The motions have too many wrong angles, a reversal, or too few readings per turn.
+    """
     with pytest.raises(BagError, match=error):
         count_turns(Signal(np.arange(400.0), value), "bag")

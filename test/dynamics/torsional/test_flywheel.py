@@ -20,7 +20,7 @@ SPEED = 300.0 * np.pi / 30.0
 
 @pytest.fixture(scope="module")
 def shaft(config_dir):
-    """Return the shipped shaft with its flywheel."""
+    """Shipped shaft with its flywheel."""
     return MODELS["torsional"].parameters(load_rig(config_dir / "rigs" / "paper_flywheel.yaml"))
 
 
@@ -54,7 +54,10 @@ def test_balance_of_angular_momentum(law, shaft):
 
 
 def test_two_inertias_and_a_motor(shaft):
-    """Without lift the momentum increases, and ψ oscillates about −T/(k I_v μ)."""
+    """Without lift flywheel and cam are two inertias whose momentum the motor raises.
+
+    The twist ψ oscillates about −T/(k I_v μ).
+    """
     disc = Law("round", np.array([0.0, TURN]), np.zeros((1, 1)))
     p = dataclasses.replace(shaft, shaft_damping=0.0, flywheel_inertia=0.05, motor_torque=7.0)
     times = np.linspace(0.0, 0.2, 300)

@@ -28,12 +28,12 @@ REST = TorsionalState(0.0, 0.0, 0.0, SLOW)
 
 @pytest.fixture(scope="module")
 def damped(follower):
-    """Return a soft, damped shaft."""
+    """Soft, damped shaft."""
     return TorsionalParameters(follower, 0.02, 8e3, 0.4)
 
 
 def test_windows_end_at_joints(laws, damped):
-    """Windows end when the cam, not the flywheel, is at a joint.
+    """Windows of the motion end when the cam, not the flywheel, is at a joint.
 
     The jump is (I + m s'²) Δθ̈_c = −m Δs'' θ̇_c² s'. All other quantities are continuous.
     """

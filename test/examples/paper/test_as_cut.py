@@ -1,4 +1,4 @@
-"""The cam as it was cut: exact circles, 50 digits, a roller on the contour, and its jump speed."""
+"""The cam as it was cut: the roller's law on the contour, and its jump speed."""
 
 from itertools import pairwise
 
@@ -72,7 +72,7 @@ def test_fifty_digits():
 
 
 def test_lift_is_kept_and_never_below(followed_by):
-    """The lift is at least s, and equal to s at its extremes.
+    """The lift as cut is at least s, and equal to s at its extremes.
 
     The acceleration there is s''/(1 − R_r s''/(ρ (ρ + R_r))).
     """
@@ -89,9 +89,10 @@ def test_lift_is_kept_and_never_below(followed_by):
 
 
 def test_limits_and_refusals(laws):
-    """The lift of a point is s; that of a large cam has the first-order difference.
+    """Under a point follower the lift as cut is s.
 
-    It is R_r s'²/(2 ρ (ρ + R_r)).
+    On a large cam it exceeds s by R_r s'²/(2 ρ (ρ + R_r)), to the first order. A law that is
+    hollower than the roller is refused.
     """
     law = laws["bezier15"]
     assert np.abs(followed_law(law, BASE, 0.0)(ANGLES) - law(ANGLES)).max() < 1e-15
@@ -109,13 +110,13 @@ def test_limits_and_refusals(laws):
 
 @pytest.fixture(scope="module")
 def bezier():
-    """Bézier 15 at the radii of its file."""
+    """Bézier 15 as cut, at the radii of its file."""
     (found,) = study(["bezier15"])
     return found
 
 
 def test_the_jump_speed_by_the_exact_model(bezier, two_mass):
-    """Contact is lost just above the jump speed, and not just below."""
+    """The exact model loses contact just above the jump speed as cut, not just below."""
     for factor, leaves in ((1.0 + 1e-5, True), (1.0 - 1e-5, False)):
         speed = factor * bezier.cut.jump * RPM
         run = first_lift_off(bezier.cut.law, two_mass, speed, np.zeros(2), 1.7)

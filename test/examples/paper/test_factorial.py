@@ -23,12 +23,12 @@ RISES = ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9", "modi
 
 @pytest.fixture
 def no_faulty_figure():
-    """Do not check the figure of a few cases, whose labels overlap."""
+    """The figure of a few cases, whose labels overlap, is not checked."""
 
 
 @pytest.fixture(scope="module")
 def found():
-    """Study with fewer angles, spans and speeds."""
+    """Factorial study with fewer angles, spans and speeds."""
     with pytest.MonkeyPatch.context() as patch:
         for key, levels in {
             "EVENTS": (105.0, 135.0),
@@ -53,14 +53,14 @@ def test_up_and_down(rise):
 
 
 def test_no_dwell_is_left_at_180():
-    """At 180° there are no dwells: simple harmonic becomes a smooth eccentric."""
+    """An event of 180° has no dwells: simple harmonic becomes a smooth eccentric."""
     law = up_and_down("simple_harmonic", math.pi, 0.05)
     assert law.spans.size == 2
     assert all(joint.continuity >= 4 for joint in joints(law))
 
 
 def test_squeezed(laws):
-    """The turn is compressed into 240° with slopes in proportion, then at rest."""
+    """`squeezed` compresses a turn into 240° with proportional slopes, then rests."""
     law = script.squeezed(laws["bezier15"], math.radians(240.0))
     angle = np.linspace(0.0, TURN, 99, endpoint=False)
     assert law(angle * 240.0 / 360.0) == pytest.approx(laws["bezier15"](angle), abs=1e-15)
@@ -71,9 +71,9 @@ def test_squeezed(laws):
 
 
 def test_cells_that_leave(found):
-    """A cell is lost if its jump speed is below its effect's fastest speed.
+    """A law and angle are lost if the follower jumps below the effect's fastest speed.
 
-    The remaining cells are a complete table.
+    The remaining laws and angles form a complete table.
     """
     design = found.same_acceleration
     jumps = np.array([[m.jump for m in row] for row in design.cells])
@@ -142,7 +142,7 @@ TABLES = arrays(np.float64, (3, 4), elements=st.floats(-100.0, 100.0))
 
 @given(TABLES)
 def test_shares_add_up(values):
-    """Rows, columns and interaction add up to the variation about the mean.
+    """Shares of rows, columns and interaction add up to the variation about the mean.
 
     Those of the transposed table are exchanged.
     """
@@ -154,7 +154,7 @@ def test_shares_add_up(values):
 
 
 def test_known_tables():
-    """Tables with known effects have these shares."""
+    """Tables with known effects give the known shares."""
     rows, columns = np.array([-2.0, 0.0, 2.0]), np.array([-1.0, 1.0])
     added = shares_of(5.0 + rows[:, None] + columns, range(3))
     assert (added.law, added.angle, added.total) == pytest.approx((16 / 22, 6 / 22, 22.0))

@@ -17,7 +17,7 @@ SPEED = 300.0 * RPM
 
 @pytest.fixture(scope="module")
 def found():
-    """The polynomial 3-4-5 over all inertias."""
+    """Speed fluctuation of polynomial 3-4-5 over all inertias."""
     return study(["poly345"])
 
 
@@ -35,7 +35,7 @@ def test_the_last_row_is_equation_10(found, laws, table2):
 
 @pytest.mark.parametrize("cam", ["poly4567", "tm21", "bezier15"])
 def test_the_handbook_formula_holds_on_a_rigid_shaft(laws, table2, cam):
-    """The fluctuation is ΔE/(I ω²) for a heavy flywheel on a rigid shaft."""
+    """On a rigid shaft a heavy flywheel fluctuates by ΔE/(I ω²), as in handbooks."""
     shaft = replace(shaft_of(table2), shaft_stiffness=1e6, shaft_damping=5.0)
     turn = flywheel_turn(laws[cam], shaft, 50.0, SPEED)
     assert turn.fluctuation == pytest.approx(turn.formula, rel=2e-3)

@@ -1,6 +1,7 @@
-"""Misprints of the sources: the printed text breaks an identity.
+"""Misprints of the sources: each printed text breaks an identity.
 
-The correct text satisfies it.
+Each function returns the error of the identity with the printed text, the error with the correct
+text, and the largest error of a correct text.
 """
 
 from math import comb
@@ -23,7 +24,7 @@ PRINTED_JUMPS = (570, 415, 390, 410, 400)  # rpm, Table 2 of the paper
 
 
 def difference(function, at):
-    """Return the derivative by a central difference."""
+    """Return the derivative of a function by a central difference."""
     return (function(at + STEP) - function(at - STEP)) / (2.0 * STEP)
 
 
@@ -32,7 +33,10 @@ def largest(error):
 
 
 def eq_2():
-    """Coefficients are ordinates times binomials, and the curve is then the law's."""
+    """Return the errors of eq. 2: the curve is that of the law.
+
+    Coefficients are ordinates times binomials.
+    """
     law = cam_rig.build_law(cam_rig.load_cam("bezier15"))
     ordinates = np.zeros(16)
     for number, value in ((4, 1.5), (5, 1.5), (6, 0.868), (7, 0.868)):
@@ -50,14 +54,20 @@ def eq_2():
 
 
 def eq_20():
-    """Bézier 15 and TM21 are equally loud at 335 rpm, as the paper states."""
+    """Return the errors of eq. 20: both cams are equally loud at 335 rpm.
+
+    The paper states this of Bézier 15 and TM21.
+    """
     published = load_published(config_root() / "published" / "tm21_noise.yaml")
     apart = published.level("bezier15", 335) - published.level("tm21", 335)
     return abs(apart + 2593808 - 25.93808), abs(apart), 0.05  # dB: printed digits
 
 
 def ordinates_of_bezier_15():
-    """The coefficients of u⁴ and u¹¹ in eq. 2 are equal, and so are those of u⁵ and u¹⁰."""
+    """Return the errors of the ordinates: those of Bézier 15 are symmetric.
+
+    The coefficients of u⁴ and u¹¹ in eq. 2 are equal, and so are those of u⁵ and u¹⁰.
+    """
 
     def asymmetry(fifth):
         ordinates = [0, 0, 0, 0, 1.5, fifth, 0.868, 0.868, 0.868, 0.868, 1.5, 1.5, 0, 0, 0, 0]
@@ -67,7 +77,10 @@ def ordinates_of_bezier_15():
 
 
 def table_1():
-    """Return the speeds (rpm) missing to the lowest printed one, with 13 and 1.3 kg."""
+    """Return the errors of Table 1's mass: jump speeds reach the lowest printed one.
+
+    They are the missing speeds (rpm) with 13 and 1.3 kg.
+    """
     laws = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 
     def missing(mass):
@@ -85,7 +98,10 @@ def table_1():
 
 
 def eq_3_6():
-    """From rest to the constant velocity 2 h/β: the slope at the end is 2, of degree 8."""
+    """Return the errors of eq. 3.6: the slope at the end is 2, and the degree 8.
+
+    The curve rises from rest to the constant velocity 2 h/β.
+    """
 
     def error(ordinates):
         degree = len(ordinates) - 1
@@ -98,13 +114,16 @@ def eq_3_6():
 
 
 def shape(name):
-    """A unit rise as a curve over u."""
+    """Return a unit rise as a curve over u."""
     breaks, pieces = unit_rise(name)
     return BPoly(np.array(pieces).T, breaks)
 
 
 def eq_3_7():
-    """Second and third derivative are those of the law itself, 2u − 2u³ + u⁴."""
+    """Return the errors of eq. 3.7: the derivatives are those of the law itself.
+
+    The law is 2u − 2u³ + u⁴, and its second and third derivatives are printed.
+    """
     law = shape("bezier4_end")
     assert largest(law(U) - (2 * U - 2 * U**3 + U**4)) < 1e-13
 
@@ -116,7 +135,10 @@ def eq_3_7():
 
 
 def eq_2_1():
-    """Basis functions add up to one at a knot too; without a₀ a law from 1 starts at 0."""
+    """Return the errors of eq. 2.1: basis functions add up to one at a knot too.
+
+    Without a₀ a law that starts at 1 would start at 0.
+    """
     knots = np.arange(5.0)
 
     def sums(closed):
@@ -133,7 +155,10 @@ def eq_2_1():
 
 
 def eq_2_13():
-    """The ordinates of a B-spline's derivative, knots at the ends n-fold as the thesis has them."""
+    """Return the errors of eq. 2.13: its ordinates give a B-spline's derivative.
+
+    The knots at the ends are n-fold as in the thesis.
+    """
     degree, random = 3, np.random.default_rng(1)
     inner = np.sort(random.uniform(0.1, 0.9, 4))
     knots = np.r_[np.zeros(degree), inner, np.ones(degree)]
@@ -150,7 +175,7 @@ def eq_2_13():
 
 
 def distance(angle):
-    """Return the follower's distance from its mean (m), by cam angle."""
+    """Return the follower's distance (m) from the axis at cam angles."""
     return 0.05 + 0.01 * np.sin(angle) + 0.003 * np.cos(2.0 * angle)
 
 
@@ -167,7 +192,10 @@ FACE = np.array([-np.sin(TILT), np.cos(TILT)])  # the normal of the inclined fac
 
 
 def eq_2_17():
-    """The point of contact lies on the inclined face, which passes through (ε, d)."""
+    """Return the errors of eq. 2.17: the contact lies on the inclined face.
+
+    The face passes through (ε, d).
+    """
     along = slope(THETA) * np.cos(TILT)
     across = distance(THETA) * np.cos(TILT) - OFFSET * np.sin(TILT)
     turned = np.array([[np.cos(TILT), -np.sin(TILT)], [np.sin(TILT), np.cos(TILT)]])
@@ -181,7 +209,10 @@ def eq_2_17():
 
 
 def eq_2_33():
-    """The tangent is the derivative of the pitch curve, eq. 2.30 and 2.31. m/rad."""
+    """Return the errors (m/rad) of eq. 2.33: the tangent is a derivative.
+
+    It is that of the pitch curve, eq. 2.30 and 2.31.
+    """
     pivot, arm = 0.12, 0.1
 
     def pitch(angle):
@@ -203,7 +234,10 @@ def eq_2_33():
 
 
 def eq_2_39():
-    """In a base that turns along, d/dθ of (x, y) is (x' + y, y' − x). m/rad²."""
+    """Return the errors (m/rad²) of eq. 2.39: the derivative in a rotating base.
+
+    There d/dθ of (x, y) is (x' + y, y' − x).
+    """
     printed = -(distance(THETA) + second(THETA)) * np.cos(TILT) - OFFSET * np.sin(TILT)
     right = -((distance(THETA) + second(THETA)) * np.cos(TILT) - OFFSET * np.sin(TILT))
 
@@ -220,14 +254,20 @@ def eq_2_39():
 
 
 def part_a():
-    """S(π/2) of S = a θ/β + b, for whatever a and b."""
+    """Return the errors of part a of an example: S(π/2) of S = a θ/β + b.
+
+    The identity is true for any a and b.
+    """
     a, b, at, beta = 2.0, 3.0, np.pi / 2, np.pi / 2
     value = a * at / beta + b
     return abs(value - (at / beta + b)), abs(value - (a * at / beta + b)), 0.0
 
 
 def part_b():
-    """The rise from 0 at θ/β = 1 to 1 at θ/β = 2, the conditions of the example."""
+    """Return the errors of part b of an example: the rise meets its conditions.
+
+    It rises from 0 at θ/β = 1 to 1 at θ/β = 2.
+    """
 
     def error(sign):
         rise = 0.5 * (1.0 + sign * np.cos(np.pi * np.array([1.0, 2.0])))
@@ -253,7 +293,7 @@ def test_printed_text_is_wrong_and_correct_text_is_right(check):
 
 
 def test_the_page_on_theory_lists_them_all():
-    """The page on theory has the same table, and each row has a check."""
+    """The page on theory lists the same misprints, each of which has a check here."""
     assert len(CHECKS) == len(MISPRINTS)
     page = (config_root().parent / "docs" / "theory.md").read_text(encoding="utf-8")
     rows = ["| " + " | ".join(misprint) + " |" for misprint in MISPRINTS]

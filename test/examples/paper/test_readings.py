@@ -21,7 +21,7 @@ CAMS = {cam: cam_rig.load_cam(cam) for cam in TABLE_2}
 
 
 def test_the_shipped_reading_is_the_shipped_rig():
-    """The shipped reading has the parameters of paper_table2 and of its cams."""
+    """The shipped reading has the parameters of the rig paper_table2 and its cams."""
     reading = READINGS["shipped"]
     assert reading.follower == TwoMassParameters.from_rig(cam_rig.load_rig("paper_table2"))
     for name, cam in CAMS.items():
@@ -30,7 +30,7 @@ def test_the_shipped_reading_is_the_shipped_rig():
 
 @pytest.mark.parametrize("cam", CAMS)
 def test_events_and_high_dwell_are_as_requested(cam):
-    """Rise, high dwell and fall of the law have the requested angles."""
+    """The law of a reading has the requested angles of rise, high dwell and fall."""
     law = build_law(with_event(CAMS[cam], 2.0, 0.9))
     if cam == "bezier15":
         assert law.spans.size == 1
@@ -77,7 +77,7 @@ def test_a_window_by_the_exact_model():
 
 
 def test_a_trial_that_shows_the_table_has_no_miss():
-    """A trial at the speed of the exact model has no miss, 5 rpm from it has one."""
+    """A trial rig at the exact speed shows the table, and 5 rpm from it does not."""
     reading = READINGS["shipped"]
     numbers = {key: np.array([getattr(reading, key).si]) for key in BOUNDS}
     numbers |= {"mass": np.array([1.3]), "spring_stiffness": np.array([4030.0])}
@@ -106,7 +106,7 @@ def test_a_search_finds_a_rig_that_shows_the_table(capsys):
 
 @pytest.fixture(scope="module")
 def shipped():
-    """Reading of the shipped rig on every cam."""
+    """Reading of Table 2 by the shipped rig on every cam."""
     return read("shipped", READINGS["shipped"], RUN)
 
 
@@ -128,7 +128,7 @@ def test_numbers_of_the_report(shipped):
 
 @pytest.mark.slow
 def test_what_agrees_in_each_reading():
-    """Speeds, times and r.m.s. (%) of every reading are as reported.
+    """Speeds, times and r.m.s. differences of each reading are those of the report.
 
     The widest window of a printed time is as reported too.
     """

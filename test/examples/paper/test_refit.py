@@ -16,7 +16,7 @@ FOUR = ("bezier15", "poly345", "poly4567", "cycloidal")
 
 
 def test_every_start_of_a_refit_is_reported(cams, laws, two_mass, monkeypatch):
-    """The result of every start is reported, the best first.
+    """A refit reports the result of every start, the best first.
 
     Four parameters fitted to four speeds may have several solutions.
     """
@@ -35,9 +35,10 @@ def test_every_start_of_a_refit_is_reported(cams, laws, two_mass, monkeypatch):
 
 
 def test_with_event(cams):
-    """Other event angles keep the turn, and the halves of a rise equal.
+    """A changed rise and fall angle leaves the lift unchanged.
 
-    A cam that moves over a whole turn is unchanged.
+    Both halves of a divided rise get equal angles. A cam that moves over a whole turn is
+    unchanged.
     """
     for name, halves in (("poly345", 1), ("bezier_segments", 2)):
         changed = with_event(cams[name], np.radians(100.0))
@@ -48,7 +49,7 @@ def test_with_event(cams):
 
 
 def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
-    """Speeds of known parameters give these parameters from a different start."""
+    """A refit to speeds of known parameters finds them from a different start."""
     monkeypatch.setattr(jump_refit, "STARTS", 1)
     monkeypatch.setattr(jump_refit, "MAX_STEPS", 6)
     speeds = {cam: find_jump(laws[cam], two_mass, 0.4).rpm for cam in FOUR}

@@ -17,7 +17,7 @@ PICTURE = "data:image/svg+xml;base64,AAAA"
 
 
 class Here:
-    """Executor that computes in this process."""
+    """Executor that runs each task at once in this process."""
 
     def __enter__(self):
         return self
@@ -33,12 +33,12 @@ class Here:
 
 @pytest.fixture
 def no_faulty_figure():
-    """Do not check the figures, which are checked by the tests of the scripts."""
+    """Figures are not checked here but in the tests of the scripts."""
 
 
 @pytest.fixture
 def fewer(monkeypatch):
-    """Reduce each long study to a few cases, and draw no figure."""
+    """Each long study has a few cases only, and no figure is drawn."""
     pictures = property(lambda content: {key: [PICTURE] * 2 for key in content.figures})
     monkeypatch.setattr("cam_rig.report.document.Content.figure_uris", pictures)
     monkeypatch.setattr("examples.paper.designs.REQUESTS", ())
@@ -131,7 +131,7 @@ def test_table_1():
 
 
 def test_another_kind_of_page(tmp_path, capsys):
-    """Another suffix is an error before anything runs."""
+    """A file with another suffix than those of pages is refused before the run."""
     with pytest.raises(SystemExit):
         report.main(["--out", str(tmp_path / "a.pdf")])
     assert "unknown kind of page; allowed: .html, .md" in capsys.readouterr().err

@@ -72,7 +72,7 @@ def some_follower(seed):
 
 
 def test_masses_and_static_stiffness_are_kept(two_mass):
-    """Any number of masses has the same sum and the same static stiffness."""
+    """A stem of any number of masses has the same total mass and static stiffness."""
     for elements in (1.0, 2.0, 7.0, BAR):
         stem = Stem(two_mass, elements)
         total = stem.foot_mass + stem.mass + stem.head_mass
@@ -85,7 +85,7 @@ def test_masses_and_static_stiffness_are_kept(two_mass):
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(3))
 def test_one_element_is_the_two_mass_follower(law, seed):
-    """One element has the contact force of two masses, to rounding, on random rigs."""
+    """A stem of one element has the contact force of two masses, on random rigs."""
     p = some_follower(seed)
     model = contact_response(law, p, SPEED)
     step = TURN / SPEED / 500
@@ -103,9 +103,9 @@ def test_natural_frequencies_are_those_of_the_matrix(laws, two_mass, elements):
 
 
 def test_a_fixed_free_bar(two_mass):
-    """A bar without head and spring has the frequencies (i + ½) π √(k/m).
+    """A stem without head and spring has the frequencies of a fixed-free bar.
 
-    Those of the chain are √(4 n² k/m) sin((i + ½) π/2n).
+    Those of the bar are (i + ½) π √(k/m), those of the chain √(4 n² k/m) sin((i + ½) π/2n).
     """
     free = replace(two_mass, roller_mass=0.65, end_mass=0.65, spring_stiffness=1e-9)
     rate, mode = math.sqrt(free.stem_stiffness / 1.3), np.arange(4) + 0.5
@@ -117,7 +117,7 @@ def test_a_fixed_free_bar(two_mass):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_masses_tend_to_the_bar_as_one_over_n_squared(seed):
-    """Twice the number of masses has a quarter of the error.
+    """The error of a chain against the bar falls to a quarter for twice the masses.
 
     This is true for frequencies and transfer functions.
     """
@@ -151,13 +151,13 @@ def test_the_series_is_the_exact_solver(laws, seed, elements):
 
 @pytest.fixture(scope="module")
 def found(laws, table2):
-    """The polynomial 3-4-5 on the identified stem."""
+    """Jump of polynomial 3-4-5 on the identified stem."""
     return script.study_stem(table2, {"poly345": laws["poly345"]})
 
 
 @pytest.fixture(scope="module")
 def rows(found):
-    """Stems with an increasing number of masses."""
+    """Rows of stems with an increasing number of masses."""
     return found.over_elements.frame
 
 
@@ -202,9 +202,9 @@ def test_numbers_of_the_report(found, rows):
 
 
 def test_where_two_masses_are_not_sufficient(found, laws, two_mass):
-    """At the reported speed the least force differs by a tenth of the preload.
+    """At the reported speed two masses differ from the bar by a tenth of the preload.
 
-    Below it the difference is smaller.
+    The difference is that of the least force. Below the speed it is smaller.
     """
     rpm = float(found.over_cams.frame["force off from [rpm]"][0])
 

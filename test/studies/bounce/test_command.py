@@ -18,7 +18,7 @@ SHORT = ("--turns", "20", "--transient-turns", "60", "--restitution", "0.7")
 
 
 def rows_of(*words):
-    """Return the rows of the table, read from CSV."""
+    """Run cam-rig bounce, and return the rows of its CSV table."""
     return list(csv.DictReader(io.StringIO(done(*words, *SHORT, "--csv", "-").stdout)))
 
 
@@ -65,9 +65,9 @@ def tm21(laws, rig):
 
 
 def test_stored_rows_equal_computed_rows(tm21, tmp_path):
-    """Stored rows are equal to computed rows in all digits, also after a resume.
+    """Rows that are read from a folder equal computed rows in all digits.
 
-    The files have the names and units of the table.
+    This applies also after a resume. The files have the names and units of the table.
     """
     rows = cam_rig.bounce_map(*tm21, rpm=RPM, out=tmp_path, **HOW)
     assert rows.data() == cam_rig.bounce_map(*tm21, rpm=RPM, **HOW).data()
@@ -127,7 +127,10 @@ def test_resume_computes_only_missing_rows(tm21, tmp_path, monkeypatch):
     ],
 )
 def test_invalid_stored_maps_are_refused(laws, rig, tmp_path, how, words):
-    """Other rows in a folder, dependent rows, and resume without a folder are refused."""
+    """A folder with rows of another map is refused.
+
+    Rows that depend on each other, and a resume without a folder, are refused too.
+    """
     how = {"law": "tm21", "rpm": RPM[:2], "out": tmp_path} | HOW | how
     cam_rig.bounce_map(laws["tm21"], rig, rpm=RPM[:2], out=tmp_path, **HOW)
     with pytest.raises(ConfigError, match=words):

@@ -72,7 +72,7 @@ def test_a_period_that_rounding_decides_is_not_reported(laws, rig, name, restitu
 
 
 def test_restitution_of_the_caller_replaces_that_of_the_rig(rig):
-    """The caller's restitution replaces the rig's, and one of them is required."""
+    """The caller's restitution replaces that of the rig. One of them is required."""
     assert bouncing(rig, None).restitution == 0.0
     assert bouncing(rig, 0.4).restitution == 0.4
     data = rig.model_dump(exclude_none=True)
@@ -93,7 +93,7 @@ def two(laws, rig):
 
 
 def test_two_motions_at_one_speed(two):
-    """One motion is irregular, one is periodic, and all starts end in them."""
+    """At 420 rpm one motion is irregular and one periodic, and all starts end in them."""
     assert {motion.motion for motion in two.motions} == {IRREGULAR, PERIODIC}
     assert [motion.name for motion in two.motions] == ["A", "B"]
     assert sum(motion.share for motion in two.motions) == pytest.approx(1.0)

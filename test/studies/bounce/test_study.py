@@ -25,7 +25,10 @@ def tm21(laws, rig):
 
 
 def test_exponents(tm21):
-    """An exponent is −∞ at rest, positive if irregular, else that of the multipliers."""
+    """The exponent of a motion is −∞ if it rests and positive if it is irregular.
+
+    Otherwise it is the logarithm of the largest multiplier per turn.
+    """
     for row in tm21.rows:
         if row.comes_to_rest:
             assert row.lyapunov_exponent == -math.inf
@@ -39,7 +42,10 @@ def test_exponents(tm21):
 
 
 def test_the_level_is_that_of_a_simulation(tm21, rig):
-    """A motion that rests has the level of a simulated scene's microphone."""
+    """The level of a row is that of a simulation with the same restitution.
+
+    The motion of the row comes to rest.
+    """
     row = tm21.rows[1]
     bouncing = rig.with_follower(restitution=0.7)
     motion = cam_rig.simulate(tm21.law, bouncing, rpm=row.rpm, turns=20, sample_rate=12_000)
@@ -137,7 +143,7 @@ SWEPT_RESTITUTION = {"parameter": RESTITUTION}
     ],
 )
 def test_refusals(tm21, rig, how, error, words):
-    """Each error names the argument, its value and the allowed values."""
+    """An invalid argument of `bounce_map` raises an error with name and limits."""
     given = {"rpm": 400.0, "turns": 20, "restitution": 0.7} | how
     with pytest.raises(error, match=words):
         cam_rig.bounce_map(tm21.law, rig, **given)

@@ -64,9 +64,10 @@ def events_of(turn_map, numbers):
     ],
 )
 def test_derivatives_and_exponents_in_many_digits(changed, speed, turns, kinds):
-    """Derivatives equal differences in 60 digits, from flight and from the table.
+    """The derivative of a turn agrees with differences in 60 digits.
 
-    The exponents equal those of a QR decomposition of these differences.
+    This applies from flight and from the table. The exponents equal those of a QR decomposition
+    of these differences.
     """
     p = replace(SOFT, **changed)
     turn_map = StroboscopicMap(LAW, p, speed)
@@ -110,9 +111,9 @@ def test_a_turn_of_the_map_equals_the_models_run(laws, seed):
 
 
 def test_classes_and_exponents(law, paper_rig, two_mass):
-    """In contact two exponents are those of the end mass, −(c₁ + c₂) T/(2 m₂).
+    """In contact two exponents of two masses are those of the damped end mass.
 
-    Above the jump speed the motion is irregular.
+    They are −(c₁ + c₂) T/(2 m₂). Above the jump speed the motion is irregular.
     """
     how = {"model": "two_mass", "restitution": 0.5, "turns": 60, "transient_turns": 200}
     result = cam_rig.bounce_map(law, paper_rig, rpm=[400, 445, 580], **how)
@@ -204,13 +205,13 @@ STEPS_APART = 0.025
 
 @pytest.fixture(scope="module")
 def stepped():
-    """Rows of the Siconos table, in order of speed."""
+    """Rows of the Siconos table, in the order of speed."""
     return list(csv.DictReader(TABLE.read_text(encoding="utf-8").splitlines()))
 
 
 @pytest.fixture(scope="module")
 def exact(stepped, laws, rig):
-    """Rows at the same speeds from roots and closed forms."""
+    """Rows at the same speeds, from roots and closed forms."""
     rpm, how = (
         [float(row["rpm"]) for row in stepped],
         {"turns": KEPT, "transient_turns": TURNS - KEPT},

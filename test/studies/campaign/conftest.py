@@ -45,7 +45,7 @@ def run(dataset, resume=False):
 
 @pytest.fixture(scope="session")
 def results(study):
-    """Function that returns the result of a campaign, computed in this process."""
+    """Function that computes a campaign in this process and returns its result."""
 
     def compute(folder, **parts):
         dataset = CampaignDataset(folder, study(**parts))

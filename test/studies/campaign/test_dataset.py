@@ -34,7 +34,10 @@ def dataset(study, tmp_path):
 
 
 def test_duckdb_and_pandas_read_it(dataset):
-    """The files have one row per point with all columns, and units in the schema."""
+    """duckdb and pandas read a dataset with one row per point and all columns.
+
+    The schema has the units.
+    """
     run(dataset)
     pattern = f"{dataset.folder}/*.parquet"
     rows = duckdb.sql(f"select * from '{pattern}' order by point").fetchall()
@@ -55,7 +58,7 @@ def test_duckdb_and_pandas_read_it(dataset):
 
 
 def test_resume_computes_only_missing_points(dataset):
-    """A missing, a damaged and a partial file are computed again, and no other file."""
+    """A resume computes the points of missing, damaged and partial files only."""
     run(dataset)
     whole = {name: dataset.column(name) for name in ("point", "jump_speed_rigid_rpm")}
     files = [path for _, _, path in dataset.batches()]
@@ -261,7 +264,10 @@ def alone(study, tmp_path_factory):
 
 
 def test_a_point_is_the_same_after_any_other(alone):
-    """Points computed backwards in batches of one are equal."""
+    """A point does not depend on the points before it.
+
+    Points computed backwards in batches of one are equal.
+    """
     campaign = alone.campaign
     expected = alone.column("jump_speed_rpm")
     for point in (15, 11, 5):

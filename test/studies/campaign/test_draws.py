@@ -18,7 +18,7 @@ KINDS = ("latin_hypercube", "sobol", "shares")
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_point_is_the_same_in_any_batch(kind):
-    """Points do not depend on the batch and lie in the open unit cube."""
+    """The inputs of a point do not depend on its batch, and lie in the unit cube."""
     first, second = (unit_points(kind, seed, 64, 2, 0, 64) for seed in (1, 2))
     assert not (first == second).any()
     total = rows_of(kind, 64, [1] * 3)
@@ -49,7 +49,10 @@ def test_the_sobol_sequence_is_scipys():
 
 
 def test_shares_are_saltellis_rows():
-    """Each block has the rows of Saltelli: a, a with one number of b, d times, then b."""
+    """The rows of a plan of shares are those of Saltelli's blocks.
+
+    A block is a, a with one number of b (d times), then b.
+    """
     rows = unit_points("shares", 1, 8 * 5, 3, 0, 8 * 5).reshape(8, 5, 3)
     a, b = rows[:, 0], rows[:, -1]
     assert not (a == b).any()
@@ -186,7 +189,10 @@ def test_a_wave_closes_without_a_step(law, degrees):
 
 
 def test_size_and_eccentricity_are_added(law):
-    """Size and eccentricity are added exactly, and zero errors do not change the law."""
+    """Errors of size and eccentricity are added exactly to the law.
+
+    Zero errors do not change the law.
+    """
     errors = ProfileErrors(size=2e-5, eccentricity=3e-5, eccentricity_phase=0.7)
     sum_ = errors.add_to(law)(ANGLES)
     expected = law(ANGLES) + 2e-5 + 3e-5 * np.sin(ANGLES + 0.7)

@@ -32,7 +32,10 @@ MASS, PRELOAD = "rig.follower.mass", "rig.follower.preload"
 
 
 def test_shares_of_ishigamis_function():
-    """The function sin x₁ + 7 sin² x₂ + 0.1 x₃⁴ sin x₁ has shares in closed form."""
+    """The estimated shares of Ishigami's function are those of its closed form.
+
+    The function is sin x₁ + 7 sin² x₂ + 0.1 x₃⁴ sin x₁.
+    """
     rows = rows_of("shares", 2**14, [1] * 3)
     x = math.pi * (2.0 * unit_points("shares", 2, rows, 3, 0, rows) - 1.0)
     values = np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
@@ -47,7 +50,7 @@ def test_shares_of_ishigamis_function():
 
 @pytest.mark.parametrize("probability", [0.01, 0.5])
 def test_an_interval_contains_its_quantile(probability):
-    """An interval contains the quantile in 95 % of 400 samples, within their error."""
+    """A 95 % interval contains the true quantile in 95 % of 400 samples."""
     random, exact = np.random.default_rng(5), norm.ppf(probability)
     count = 0
     for _ in range(400):
@@ -59,7 +62,10 @@ def test_an_interval_contains_its_quantile(probability):
 
 @pytest.mark.parametrize(("probability", "needed"), [(0.01, 368), (0.05, 72), (0.5, 6)])
 def test_a_quantile_needs_a_least_number_of_draws(probability, needed):
-    """The least numbers of draws are those of the textbook: 0.99^368 < 2.5 %."""
+    """A quantile with fewer draws than the textbook's minimum is NaN.
+
+    For example, 0.99^368 < 2.5 %.
+    """
     assert math.isnan(quantile(np.zeros(0), probability).value)
     for p in (probability, 1.0 - probability):
         assert math.isnan(quantile(np.arange(needed - 1.0), p).value)
@@ -69,7 +75,10 @@ def test_a_quantile_needs_a_least_number_of_draws(probability, needed):
 
 
 def test_wide_shares_report_the_points_needed():
-    """A half-width of 0.4 with 32 points needs 16 times as many points for 0.1."""
+    """Shares with wide intervals report the number of points that is needed.
+
+    A half-width of 0.4 with 32 points needs 16 times as many points for 0.1.
+    """
     wide = InputShare("a", 0.8, 0.4, 0.8, 0.3)
     assert points_needed([wide], 32) == 512
     assert points_needed([InputShare("a", 0.8, 0.09, 0.8, 0.1)], 32) == 32
@@ -77,7 +86,10 @@ def test_wide_shares_report_the_points_needed():
 
 @pytest.mark.long
 def test_first_order_counts_covariances(results, tmp_path):
-    """The jump speed varies little if preload and mass rise together."""
+    """The first-order prediction includes the covariances of the inputs.
+
+    The jump speed varies little if preload and mass rise together.
+    """
     vary = {MASS: {"normal": 0.02, "unit": "%"}, PRELOAD: {"normal": 0.42, "unit": "%"}}
     plan = {"kind": "sobol", "points": 64, "seed": 1}
     pairs = [{"inputs": [MASS, PRELOAD], "coefficient": 0.95}]
@@ -93,7 +105,7 @@ def test_first_order_counts_covariances(results, tmp_path):
 
 
 def test_the_interval_of_a_yield_is_clopper_and_pearsons():
-    """The interval equals the textbook case, and the limits for all or no draws."""
+    """The interval of a yield is that of Clopper and Pearson."""
     share, low, high = proportion(5, 10)
     assert (share, low, high) == pytest.approx((0.5, 0.1871, 0.8129), abs=1e-4)
     assert proportion(10, 10) == pytest.approx((1.0, 0.6915, 1.0), abs=1e-4)
@@ -110,7 +122,10 @@ def test_yields_count_failed_points_as_broken(results, tmp_path):
 
 
 def test_shares_of_a_campaign(results, tmp_path):
-    """At 10 % spread the mass has nearly all of the variance of the jump speed."""
+    """A campaign attributes the variance to the input that causes it.
+
+    At 10 % spread the mass has nearly all of the variance of the jump speed.
+    """
     spread = {MASS: {"uniform": 10, "unit": "%"}, PRELOAD: {"uniform": 1, "unit": "%"}}
     found = results(tmp_path, vary=spread, plan={"kind": "shares", "points": 64})
     shares = {share.path: share for share in found.shares(found.campaign.measures[0])}
@@ -119,7 +134,10 @@ def test_shares_of_a_campaign(results, tmp_path):
 
 
 def test_tables_omit_quantiles_that_need_more_points(results, tmp_path):
-    """The table of 8 draws has the median and no other quantile."""
+    """The table of a campaign omits quantiles that need more points.
+
+    With 8 draws it has only the median.
+    """
     result = results(tmp_path)
     with pytest.raises(ConfigError, match="whose plan is shares"):
         result.shares(result.campaign.measures[0])

@@ -27,7 +27,10 @@ call = partial(run, "compare")
 
 @pytest.fixture
 def bench(tmp_path, make_loaded_scene):
-    """Bag and scene of a bench: encoder, two sensors with a slow clock, microphone."""
+    """Bag and scene of a bench with encoder, two sensors and microphone.
+
+    The clock of the sensors is slow.
+    """
     loaded = make_loaded_scene(cams=["tm21"], speeds=[250, 400], turns=12, transient_turns=2)
     run = measured(loaded, slow=200e-6)
     topics = {
@@ -41,12 +44,12 @@ def bench(tmp_path, make_loaded_scene):
 
 @pytest.fixture(scope="module")
 def golden():
-    """The golden run compared with its scene."""
+    """Comparison of the golden run with its scene."""
     return cam_rig.compare(GOLDEN, "quick")
 
 
 def test_a_bag_of_the_rig_agrees_with_its_scene(golden):
-    """All numbers agree to the rounding of another machine, at every speed."""
+    """A bag of the rig agrees with its scene at every speed, to rounding."""
     found = golden.data()
     assert repr(golden).startswith("RunComparison(departures: 8 rows")
     rows = [(row["cam"], row["rpm"]) for row in found["departures"]]
@@ -62,7 +65,10 @@ def test_a_bag_of_the_rig_agrees_with_its_scene(golden):
 
 
 def test_a_figure_has_at_most_three_speeds_per_cam(golden):
-    """Differences within rounding are labelled so, on a scale of µm and N."""
+    """A figure of a comparison has at most three speeds per cam.
+
+    Differences within rounding are labelled so, on a scale of µm and N.
+    """
     panels = golden.plot().axes
     titles = [axes.get_title() for axes in panels if axes.get_title()]
     expected = [f"TM21 concave cam\n{rpm} rpm" for rpm in (200, 350, 400)]
@@ -73,7 +79,7 @@ def test_a_figure_has_at_most_three_speeds_per_cam(golden):
 
 
 def test_the_scene_needs_only_the_chosen_cam(make_loaded_scene):
-    """The golden bag has two cams, and the scene has the first only."""
+    """With --cam the scene needs only this cam of the bag."""
     settings = {"model": "one_mass", "transient_turns": 1, "sample_rate": 1000}
     scene = make_loaded_scene(cams=["bezier15"], **settings).scene_file
     refused = call(GOLDEN, scene)
@@ -85,7 +91,10 @@ def test_the_scene_needs_only_the_chosen_cam(make_loaded_scene):
 
 @pytest.mark.long
 def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
-    """It agrees within the noise. CSV, figure and recording are written."""
+    """A bag of a bench is compared by the topics of --topics, within the noise.
+
+    CSV, figure and recording are written.
+    """
     bag, loaded = bench
     plot, recording = tmp_path / "a.svg", tmp_path / "a.rrd"
     files = "--plot", plot, "--save", recording, "--csv", tmp_path / "a.csv"
@@ -108,7 +117,10 @@ def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
 
 
 def test_the_recording_has_run_and_model(bench, tmp_path):
-    """Each speed is on the timeline. The difference is measured minus model."""
+    """The recording of a comparison has curves of run and model at each speed.
+
+    The difference is measured minus model.
+    """
     _, loaded = bench
     _, rows = compared(measured(loaded), loaded)
     save_real_run(RunComparison(tmp_path, loaded, tuple(rows), ()), tmp_path / "a.rrd")
@@ -128,7 +140,7 @@ def test_the_recording_has_run_and_model(bench, tmp_path):
 
 
 def test_one_of_two_rigs_is_compared_by_namespace(tmp_path):
-    """Without a namespace the error names both."""
+    """--namespace selects one of two rigs in a bag. Without it the error names both."""
     bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
     result = call(bag, "quick")
     assert result.exit_code == 1
@@ -138,7 +150,7 @@ def test_one_of_two_rigs_is_compared_by_namespace(tmp_path):
 
 
 def test_readings_and_skipped_messages_are_counted_for_each_quantity(bench):
-    """The counts are in JSON and in the notes."""
+    """JSON and notes have the number of readings and skipped messages per quantity."""
     bag, loaded = bench
     found = data_of("compare", bag, loaded.scene_file, "--topics", LINE)
     counts = {row["quantity"]: row for row in found["readings"]}

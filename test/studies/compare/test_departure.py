@@ -24,7 +24,10 @@ def pair(difference, model=None):
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", ["even", "in proportion"])
 def test_noise_and_deviation_are_measured_together(seed, kind):
-    """The noise is constant or proportional to the force, with a wave of equal size."""
+    """Noise and systematic deviation of a difference are both measured.
+
+    The noise is constant or proportional to the force. A wave is the deviation.
+    """
     rng = np.random.default_rng(seed)
     size = 1.0 if kind == "even" else np.abs(np.cos(ANGLE))
     noise = size * rng.normal(size=TIME.size)
@@ -36,7 +39,10 @@ def test_noise_and_deviation_are_measured_together(seed, kind):
 
 
 def test_the_largest_difference_is_of_the_mean_over_the_turns():
-    """A bump of 3 N at 200° under 1 N of noise is found with its angle and sign."""
+    """The largest difference is that of the mean over the turns, with angle and sign.
+
+    A bump of 3 N at 200° is found under 1 N of noise.
+    """
     rng = np.random.default_rng(7)
     away = np.remainder(np.degrees(ANGLE) - 200.0 + 180.0, 360.0) - 180.0
     found = departure(pair(rng.normal(size=TIME.size) - 3.0 * np.exp(-((away / 8.0) ** 2))), False)
@@ -45,7 +51,10 @@ def test_the_largest_difference_is_of_the_mean_over_the_turns():
 
 
 def test_only_a_model_whose_turns_differ_is_marked():
-    """The force is lost at one angle in each turn, or within a quarter of the turn."""
+    """A model is marked as varying if its turns lose the force at different angles.
+
+    It is not marked if the angle is the same in each turn.
+    """
     rng = np.random.default_rng(5)
     noise = rng.normal(size=TIME.size)
     inside, turn = np.remainder(np.degrees(ANGLE), 360.0), np.floor(ANGLE / TURN).astype(int)
@@ -58,7 +67,10 @@ def test_only_a_model_whose_turns_differ_is_marked():
 
 
 def test_an_exactly_driven_model_has_no_noise():
-    """The largest difference is that of one sample. Rounding is tolerated."""
+    """A model that is driven exactly has no noise, so one sample may differ.
+
+    Rounding is tolerated.
+    """
     difference = np.zeros_like(TIME)
     difference[777] = 1e-6
     found = departure(pair(difference), True)
@@ -73,7 +85,10 @@ def law_of_dwell():
 
 @pytest.mark.parametrize("noise", [0.0, 0.5])
 def test_events_are_found_at_the_loss_of_force(noise):
-    """The force is lost from 100° to 150° of each turn, 2° later in the measurement."""
+    """Events are found where the force is lost and returns, also under noise.
+
+    The measured events are 2° later than those of the model.
+    """
     rng = np.random.default_rng(3)
     inside = np.remainder(np.degrees(ANGLE), 360.0)
 
@@ -90,7 +105,10 @@ def test_events_are_found_at_the_loss_of_force(noise):
 
 
 def test_noise_of_a_small_force_on_a_dwell_is_no_flight():
-    """12 N under 3 N of noise are below 4 standard deviations in every other reading."""
+    """A small force on a dwell with noise is not taken as a flight.
+
+    12 N under 3 N of noise are below 4 standard deviations in every other reading.
+    """
     rng = np.random.default_rng(3)
     model = 12.0 + 90.0 * np.clip(np.sin(ANGLE), 0.0, None)
     both = PairedSignal(TIME, ANGLE, model + 3.0 * rng.normal(size=TIME.size), model)
@@ -109,7 +127,10 @@ def counts(angle):
 
 
 def test_a_constant_speed_is_measured_over_all_turns():
-    """Thousands of counts are averaged: each speed is exact to 0.01 counts."""
+    """A constant speed is measured to 2e-5 from the counts of all its turns.
+
+    The angle within a turn is exact to 0.05 counts.
+    """
     time = np.arange(20_000) / 2000.0
     speeds = np.repeat([200.0, 317.0, 450.0], [8000, 6000, 6000]) * RPM
     angle = np.cumsum(speeds) / 2000.0
@@ -123,10 +144,10 @@ def test_a_constant_speed_is_measured_over_all_turns():
 
 
 def test_a_speed_that_varies_within_the_turn_is_followed():
-    """The speed varies by 3 % with two periods per turn.
+    """The motion follows a speed that varies within the turn.
 
-    The motion is exact to half a count and its speed to 1 %. The difference of two counts at 2 kHz
-    would differ by 15 %.
+    It is exact to half a count and its speed to 1 %. The speed varies by 3 % with two periods
+    per turn. The difference of two counts at 2 kHz would differ by 15 %.
     """
     time = np.arange(12_000) / 2000.0
     mean = 300.0 * RPM
@@ -148,7 +169,7 @@ def test_a_speed_that_varies_within_the_turn_is_followed():
 
 
 def test_short_gaps_do_not_change_the_motion():
-    """Half of the readings are lost. A gap of half a second ends the stretch."""
+    """Lost readings do not change the motion. A gap of half a second ends the stretch."""
     time = np.arange(12_000) / 2000.0
     angle = 300.0 * RPM * time
     kept = np.random.default_rng(4).random(time.size) > 0.5
@@ -160,7 +181,7 @@ def test_short_gaps_do_not_change_the_motion():
 
 
 def test_a_ramp_is_no_steady_speed():
-    """Only the constant speeds before and after it are steady."""
+    """A ramp is not a steady speed, and the constant speeds around it are."""
     time = np.arange(16_000) / 2000.0
     speed = np.interp(time, [0.0, 3.0, 5.0, 8.0], np.array([200.0, 200.0, 400.0, 400.0]) * RPM)
     found = steady_stretches(Signal(time, counts(np.cumsum(speed) / 2000.0)), 4.0)

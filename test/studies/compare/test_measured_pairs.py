@@ -44,7 +44,11 @@ def scene(make_loaded_scene):
     ("cam", "speeds"), [("poly345", (200, 300, 400)), ("tm21", (250, 380, 480))]
 )
 def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds):
-    """The errors are 1 % of force noise, 10 µm, 1024 counts, 3°, and 200 ppm."""
+    """A bench of the scene's rig agrees with the model within the noise at each speed.
+
+    The comparison identifies angle offset, clock drift and noise. The errors are 1 % of force
+    noise, 10 µm, 1024 counts, 3° and 200 ppm.
+    """
     loaded = scene(cam, speeds)
     pairs, rows = compared(measured(loaded, slow=200e-6), loaded)
     found = pairs.alignment
@@ -68,7 +72,10 @@ def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds):
 
 
 def test_turns_that_differ_are_no_noise(scene):
-    """With half of the counts per turn, every other turn has the other half of the lift."""
+    """Turns that differ from each other are reported, and do not count as noise.
+
+    With half of the counts per turn, every other turn has the other half of the lift.
+    """
     loaded = scene()
     run = measured(loaded)
     _, rows = compared(replace(run, angle=replace(run.angle, value=2.0 * run.angle.value)), loaded)
@@ -83,7 +90,10 @@ def test_turns_that_differ_are_no_noise(scene):
 
 
 def test_a_heavier_follower_differs_by_more_than_the_noise(scene):
-    """ΔF = Δm ω² s'' at the largest difference, within the noise of its mean."""
+    """A heavier follower shows a force difference of Δm ω² s'' at its largest.
+
+    The lift agrees within the noise.
+    """
     loaded = scene(speeds=(200, 350))
     heavy = with_follower(loaded, mass=1.25)
     _, rows = compared(measured(heavy, force_noise=0.005), loaded)
@@ -100,7 +110,10 @@ def test_a_heavier_follower_differs_by_more_than_the_noise(scene):
 
 
 def test_the_events_of_a_heavier_follower_are_shifted(scene):
-    """Zero and clock are identified at speeds in contact, without flights."""
+    """A heavier follower has later events, and zero and clock are still identified.
+
+    They follow from speeds in contact, without flights.
+    """
     loaded = scene("tm21", (250, 300, 400, 450))
     pairs, rows = compared(measured(with_follower(loaded, mass=1.1), slow=200e-6), loaded)
     assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.05)
@@ -109,7 +122,10 @@ def test_the_events_of_a_heavier_follower_are_shifted(scene):
 
 
 def test_backlash_of_the_gauge_is_identified(scene):
-    """0.2 mm do not change the offset. The lift differs by half of it."""
+    """A backlash of 0.2 mm in the gauge is identified.
+
+    It does not change the offset. The lift differs by half of it.
+    """
     loaded = scene()
     pairs, rows = compared(measured(loaded, backlash=0.2e-3), loaded)
     assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.05)
@@ -120,7 +136,10 @@ def test_backlash_of_the_gauge_is_identified(scene):
 
 
 def test_the_frequency_of_a_ringing_load_cell_is_identified(scene):
-    """It is 150 Hz at every speed. A difference of mass changes with the speed."""
+    """The frequency of a ringing load cell, 150 Hz, is found at every speed.
+
+    The frequency of a difference in mass changes with the speed, so there is no common one.
+    """
     loaded = scene(speeds=(250, 300, 350))
     w, damping = 2.0 * np.pi * 150.0, 0.03
 
@@ -138,7 +157,10 @@ def test_the_frequency_of_a_ringing_load_cell_is_identified(scene):
 
 
 def test_late_stamps_are_distinguished_from_an_offset(scene):
-    """2 ms are 2.4° at 200 rpm and 4.8° at 400 rpm. The offset is 3° at each."""
+    """Stamps that are late by 2 ms are identified in addition to the angle offset.
+
+    2 ms are 2.4° at 200 rpm and 4.8° at 400 rpm. The offset is 3° at each.
+    """
     loaded = scene(speeds=(200, 300, 400))
     pairs, rows = compared(measured(loaded, late=2e-3), loaded)
     assert pairs.alignment.delay == pytest.approx(-2e-3, abs=2e-5)
@@ -150,7 +172,10 @@ def test_late_stamps_are_distinguished_from_an_offset(scene):
 
 @pytest.mark.slow
 def test_a_coarse_encoder_causes_no_clock_correction(scene):
-    """Near a ramp 256 counts per turn give the angle to half a count."""
+    """A coarse encoder next to a ramp does not lead to a correction of the clock.
+
+    256 counts per turn give the angle to half a count.
+    """
     loaded = scene("cycloidal", (235.5, 223.7, 135.9), turns=6, transient_turns=0, ramp=0.81)
     for seed in range(3):
         pairs, _ = compared(measured(loaded, seed=seed, counts=256), loaded)
@@ -158,7 +183,10 @@ def test_a_coarse_encoder_causes_no_clock_correction(scene):
 
 
 def test_a_given_offset_is_kept_and_an_assumed_offset_is_reported(scene):
-    """Only the force was measured, so that the offset is not identifiable."""
+    """A given angle offset is kept. Without lifts the offset is assumed as 0.
+
+    A warning reports this.
+    """
     loaded = scene()
     run = measured(loaded)
     given, _ = compared(run, loaded, np.radians(BEHIND))
@@ -172,7 +200,10 @@ def test_a_given_offset_is_kept_and_an_assumed_offset_is_reported(scene):
 
 
 def test_a_wrong_unit_and_a_pulling_force_are_reported(scene):
-    """mm are read as m, and a cam never pulls."""
+    """A lift in a wrong unit and a force of a wrong sign cause warnings.
+
+    mm are read as m, and a cam never pulls.
+    """
     loaded = scene()
     run = measured(loaded)
     odd = {"lift": replace(run.lift, value=1e3 * run.lift.value)}
@@ -193,7 +224,10 @@ def thinned(run, kept):
 
 
 def test_slow_sensors_identify_the_offset(scene):
-    """25 readings per second are five to seven per turn. Turns are combined."""
+    """Five to seven readings per turn identify the offset to 0.15°.
+
+    The readings of all turns are combined.
+    """
     loaded = scene("tm21", turns=16)
     pairs, rows = compared(thinned(measured(loaded), slice(None, None, 40)), loaded)
     assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.15)
@@ -201,7 +235,10 @@ def test_slow_sensors_identify_the_offset(scene):
 
 
 def test_readings_without_errors_agree_with_the_model(scene):
-    """The offset is exact to 1e-6°. The rest is the sampling of the model."""
+    """Readings without errors agree with the model to the sampling of the model.
+
+    The offset is exact to 1e-6°.
+    """
     loaded = scene("tm21", (200, 350))
     pairs, rows = compared(measured(loaded, counts=0, lift_noise=0.0, force_noise=0.0), loaded)
     assert pairs.count == 0.0
@@ -211,7 +248,10 @@ def test_readings_without_errors_agree_with_the_model(scene):
 
 
 def test_lost_readings_are_left_out(scene):
-    """Lost encoder readings end the steady turns."""
+    """Times without readings are left out of the comparison, and the rest agrees.
+
+    Lost encoder readings end the steady turns.
+    """
     loaded = scene()
     run = measured(loaded)
     time = run.angle.time
@@ -230,7 +270,10 @@ def test_lost_readings_are_left_out(scene):
 
 @pytest.mark.parametrize("is_still", [False, True])
 def test_an_hour_of_pause_is_not_time_left_out(scene, is_still):
-    """There are no readings, or readings of a stopped cam."""
+    """An hour of pause does not count as time that is left out.
+
+    There are no readings in it, or readings of a stopped cam.
+    """
     loaded = scene()
     run = measured(loaded)
     before, _ = compared(run, loaded)
@@ -254,7 +297,7 @@ def test_an_hour_of_pause_is_not_time_left_out(scene, is_still):
 
 
 def test_a_cam_that_never_turns_steadily_is_refused(scene):
-    """The error states the rule of a steady speed and the number of turns."""
+    """A run without a steady speed is refused with the rule of a steady speed."""
     loaded = scene()
     time = np.arange(1500) / 1000.0
     run = replace(measured(loaded), angle=Signal(time, 40.0 * time**2, "/encoder"))
@@ -275,7 +318,10 @@ FAULTS = (
 
 @pytest.mark.parametrize("seed", range(len(FAULTS)))
 def test_any_readings_are_compared_in_finite_numbers(scene, seed):
-    """They are lost, few, zero, noisy, at another time, or have spikes."""
+    """Any implausible readings are compared with finite numbers.
+
+    They are lost, few, zero, noisy, at another time, or have spikes.
+    """
     rng = np.random.default_rng(seed)
     loaded = scene("tm21", (250, 400), turns=6, sample_rate=4000)
     run = measured(loaded, seed)
@@ -291,7 +337,7 @@ def test_any_readings_are_compared_in_finite_numbers(scene, seed):
 
 
 def test_another_restitution_shifts_the_events(scene):
-    """The table shows the times of the events and their shift."""
+    """Another restitution of the bench delays the events above the jump speed."""
     loaded = scene(speeds=(300, 450, 470), model="one_mass")
     machine = replace(loaded, rig=loaded.rig.with_follower(restitution=0.4))
     loaded = replace(loaded, rig=loaded.rig.with_follower(restitution=0.0))
@@ -313,7 +359,7 @@ def recorded(loaded):
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
 def test_a_simulated_run_agrees_with_its_scene(make_loaded_scene, model):
-    """Each sample, event and level is the same number for the same states."""
+    """A simulated run has no difference from its scene in samples, events and levels."""
     cams = ["poly345", "cycloidal"]
     loaded = make_loaded_scene(cams=cams, model=model, rig="paper_table2", speeds=[200, 450])
     pairs = RecordedPairs(loaded)
@@ -331,7 +377,10 @@ def test_a_simulated_run_agrees_with_its_scene(make_loaded_scene, model):
 
 @pytest.mark.parametrize(("seed", "model"), [(0, "kinetostatic"), (1, "one_mass")])
 def test_a_heavier_follower_needs_the_inertial_force_in_addition(make_loaded_scene, seed, model):
-    """In contact F = m ω² s'' + c ω s' + k s + F₀, so ΔF = Δm ω² s'' at every sample."""
+    """In contact a heavier follower differs by ΔF = Δm ω² s'' at every sample.
+
+    F = m ω² s'' + c ω s' + k s + F₀.
+    """
     loaded = make_loaded_scene(cams=["poly345"], model=model, speeds=[60, 120], sample_rate=2000)
     law = random_law(seed, "poly345")
     random, names = np.random.default_rng(100 + seed), ("mass", "spring_stiffness", "damping")
@@ -350,7 +399,10 @@ def test_a_heavier_follower_needs_the_inertial_force_in_addition(make_loaded_sce
 
 
 def test_lost_messages_are_left_out_and_the_others_agree(make_loaded_scene):
-    """Samples are lost, and states at one speed and at a change of speed."""
+    """Ticks of lost samples or states are left out, and all other samples agree.
+
+    States are lost at one speed and at a change of speed.
+    """
     loaded = make_loaded_scene(
         cams=["poly345"], speeds=[200, 300], turns=8, ticks_per_turn=4, rig="paper_table2"
     )
@@ -371,7 +423,7 @@ def test_lost_messages_are_left_out_and_the_others_agree(make_loaded_scene):
 
 
 def test_a_cam_that_is_missing_in_the_scene_is_named(make_loaded_scene):
-    """The error lists the cams of the scene."""
+    """A bag with a cam that the scene lacks is refused with the cams of the scene."""
     other = make_loaded_scene(cams=["cycloidal"])
     run = recorded(other)
     scene = make_loaded_scene(cams=["poly345"])

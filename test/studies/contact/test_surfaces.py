@@ -58,7 +58,7 @@ def case_of(name, base=None, **changes):
 
 @pytest.mark.parametrize("name", SPRUNG)
 def test_the_relative_velocity_is_tangential(name):
-    """Both surfaces have the same velocity along the normal."""
+    """At the contact cam and follower have the same velocity along the normal."""
     case = case_of(name)
     motion, touch = case.at(ANGLES)
     moved = motion.slope * case.surfaces.element.moves(touch.contact)
@@ -86,7 +86,10 @@ def on_the_follower(element, motion, contact):
 
 @pytest.mark.parametrize("name", [name for name in SPRUNG if name != "tm21"])
 def test_sliding_is_the_difference_of_both_paths(name):
-    """It is the difference of the contact's paths on cam and follower, numerically."""
+    """The sliding speed is the difference of the contact's paths on cam and follower.
+
+    The paths are differentiated numerically.
+    """
     case, step = case_of(name), 1e-6
     element = case.surfaces.element
     before, middle, after = (
@@ -105,7 +108,10 @@ def test_sliding_is_the_difference_of_both_paths(name):
 
 
 def test_a_dwell_is_two_circles():
-    """On the base circle the load is the preload, and κ = 1/R_b + 1/R_r."""
+    """In a dwell the pressure is that of two circles under the preload.
+
+    κ = 1/R_b + 1/R_r.
+    """
     case = case_of("tm21", face_width=(7.0, "mm"))
     follower, modulus = case.cam.follower, 206e9 / (2 * 0.91)
     curvature = 1.0 / follower.base_radius.si + 1.0 / follower.roller
@@ -115,9 +121,9 @@ def test_a_dwell_is_two_circles():
 
 
 def test_a_tip_with_a_radius_above_the_concave_radius_is_refused():
-    """It would touch at two points.
+    """A tip with a radius above the concave radius of the cam is refused.
 
-    The message contains radius, limit and angle.
+    It would touch at two points. The message contains radius, limit and angle.
     """
     with pytest.raises(ProfileError, match=r"tip_radius must be less than .* mm at \d.*got 90"):
         case_of("oscillating_point", base=20.0, tip_radius=(90.0, "mm"))
@@ -125,7 +131,10 @@ def test_a_tip_with_a_radius_above_the_concave_radius_is_refused():
 
 @pytest.mark.parametrize("name", SPRUNG)
 def test_the_largest_pressure_is_not_exceeded_at_any_sample(name):
-    """It is compared with 20,000 angles, and agrees with load and width."""
+    """The reported largest pressure is not exceeded at any of 20 000 angles.
+
+    It agrees with the load and the width of the contact.
+    """
     case = case_of(name)
     row = contact_row(case)
     fine = case.surfaces.pressure(*case.at(np.linspace(0.0, 2.0 * np.pi, 20_000)))
@@ -136,7 +145,7 @@ def test_the_largest_pressure_is_not_exceeded_at_any_sample(name):
 
 
 def test_no_pressure_where_the_cam_would_have_to_pull():
-    """Above the jump speed `lost` is True."""
+    """Above the jump speed the row is marked as lost contact, and below it is not."""
     cam = load_cam(resolve_path("cams", "poly345"))
     row = contact_row(contact_case(cam, build_law(cam), RIG, 200.0))
     assert row.lost
@@ -147,7 +156,10 @@ def test_no_pressure_where_the_cam_would_have_to_pull():
 
 
 def test_tables_json_and_nomogram(tmp_path, monkeypatch):
-    """Tables and JSON contain sliding, bounds and assumed numbers."""
+    """cam-rig contact writes tables, JSON and figures with sliding and bounds.
+
+    The table lists the assumed numbers. A roller has no sliding.
+    """
     monkeypatch.setattr("cam_rig.studies.contact.figures.RADII", 6)
     plot, events, csv = (tmp_path / name for name in ("c.png", "e.svg", "c.csv"))
     files = ("--plot", plot, "--events", events, "--csv", csv)
@@ -173,7 +185,10 @@ def test_tables_json_and_nomogram(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["flat", "inclined_flat", "oscillating_flat", "oscillating_point"])
 def test_at_a_bound_the_measure_equals_its_limit(name):
-    """The limits are random numbers near the values of the cam."""
+    """At the reported bound of the base radius the measure equals its limit.
+
+    The limits are random numbers near the values of the cam.
+    """
     rng = np.random.default_rng(11)
     case = case_of(name)
     radius = case.cam.follower.base_radius.si
@@ -193,7 +208,10 @@ def test_at_a_bound_the_measure_equals_its_limit(name):
 
 
 def test_pressure_of_a_still_face_in_closed_form():
-    """With a preload only the least radius of curvature is F' E* / (π p²)."""
+    """The bound of a face under its preload alone is that of a closed form.
+
+    The least radius of curvature is F' E* / (π p²).
+    """
     case = case_of("flat", most_pressure=(60.0, "MPa"))
     weightless = replace(RIG, mass=1e-12, spring_stiffness=1e-9, damping=0.0)
     case = replace(case, surfaces=replace(case.surfaces, rig=weightless))
@@ -204,7 +222,10 @@ def test_pressure_of_a_still_face_in_closed_form():
 
 
 def test_a_limit_that_no_base_radius_satisfies():
-    """The bound is None, and the sliding bound of a roller is infinite."""
+    """A limit that no base radius satisfies has the bound None.
+
+    The sliding bound of a roller is infinite.
+    """
     roller = base_bounds(case_of("tm21", most_pressure=(10.0, "MPa")))
     assert (roller.pressure, roller.sliding) == (None, np.inf)
     bounds = base_bounds(case_of("flat", most_sliding_speed=(1e-3, "m/s")))
@@ -214,7 +235,10 @@ def test_a_limit_that_no_base_radius_satisfies():
 
 @pytest.mark.parametrize("seed", range(14))
 def test_the_least_base_radius_satisfies_all_limits(seed):
-    """With random followers, rigs and limits every measure is within its limit."""
+    """At the reported minimum base radius each measure is within its limit.
+
+    Followers, rigs and limits are random.
+    """
     rng = np.random.default_rng(seed)
     name = SPRUNG[seed % len(SPRUNG)]
     case = case_of(name, most_pressure=(10.0 ** rng.uniform(2.0, 3.2), "MPa"))
@@ -237,7 +261,10 @@ EVENT = np.radians([47.0, 83.0, 121.0])
 
 
 def test_simple_harmonic_in_closed_form():
-    """Roller: h/2 (√(1 + (π/(β tan α))²) − 1), face: h (π²/(2 β²) − 1), at least 0."""
+    """The base radii of simple harmonic rises are those of closed forms.
+
+    Roller: h/2 (√(1 + (π/(β tan α))²) − 1), face: h (π²/(2 β²) − 1), at least 0.
+    """
     found = by_pressure_angle("simple_harmonic", EVENT, 0.5)
     expected = 0.5 * (np.sqrt(1.0 + (np.pi / (EVENT * np.tan(0.5))) ** 2) - 1.0)
     np.testing.assert_allclose(found, expected, rtol=1e-5)
@@ -247,7 +274,7 @@ def test_simple_harmonic_in_closed_form():
 
 @pytest.mark.parametrize("rise", RISES)
 def test_the_nomogram_agrees_with_the_checks_of_cams(rise, cams, make_cam):
-    """The least base radii of cams are those of the checks of contours."""
+    """The base radii of the nomogram are those of the checks of contours."""
     beta, law = np.radians([52.0]), up_and_down(rise, np.radians(52.0), 0.01)
     flat = cams["flat"].follower
     least = find_min_base_radius(flat, law) - flat.least_curvature_radius.si
@@ -266,9 +293,10 @@ CASES = [(1.0e5, 0.020, 0.040, 113e9), (2.3e4, 0.010, -0.055, 113e9), (7.7e5, 0.
 
 @pytest.mark.parametrize(("load", "first", "second", "modulus"), CASES)
 def test_the_pressure_satisfies_the_theory_of_elasticity(load, first, second, modulus):
-    """The semi-elliptical pressure has the load as its integral, and closes the gap.
+    """The pressure of the contact satisfies the theory of elasticity in 50 digits.
 
-    u'(x) = −2/(π E*) ∮ p(ξ)/(x − ξ) dξ = −x κ, the principal value with x = b sin φ, ξ = b sin t.
+    Its integral is the load, and it closes the gap: u'(x) = −2/(π E*) ∮ p(ξ)/(x − ξ) dξ = −x κ,
+    the principal value with x = b sin φ, ξ = b sin t.
     """
     curvature = 1.0 / first + 1.0 / second
     peak = mp.mpf(float(hertz_pressure(load, curvature, modulus)))
@@ -286,7 +314,10 @@ def test_the_pressure_satisfies_the_theory_of_elasticity(load, first, second, mo
 
 
 def test_modulus_of_a_pair():
-    """The default material of the follower is that of the cam."""
+    """The modulus of a pair combines the materials of cam and follower.
+
+    The default material of the follower is that of the cam.
+    """
     steel = {"youngs_modulus": assumed(206, "GPa")}
     parts = ContactParts.model_validate(steel)
     assert parts.modulus == pytest.approx(206e9 / (2 * 0.91), rel=1e-15)

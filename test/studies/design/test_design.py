@@ -35,7 +35,7 @@ SPAN, LIFT = np.radians(117.5), 0.05
     ],
 )
 def test_a_known_optimum_is_found(goal, joints, lift, factor):
-    """The optimum from rest to rest is known for any lift h.
+    """A design from rest to rest reaches the known optimum for any lift h.
 
     The least peak |s″| is 4h/β², the least peak |s‴| is 32h/β³, and the least ∫s″² is 12h²/β³.
     """
@@ -50,10 +50,10 @@ def test_a_known_optimum_is_found(goal, joints, lift, factor):
 
 
 def test_the_bound_holds_in_rational_arithmetic():
-    """The bound is proved by the multipliers as fractions.
+    """The bound of a design is proved by its multipliers in exact fractions.
 
-    Σ y (c + A x + w t) ≥ 0 for every law. Signs, the weight of t and |Aᵀ y| are summed exactly. The
-    optimum 4h/β² is not below the bound.
+    Σ y (c + A x + w t) ≥ 0 for every law. Signs, the weight of t and |Aᵀ y| are summed exactly.
+    The optimum 4h/β² is not below the bound.
     """
     case = problem(LawClass(4, 1))
     program = ConvexProgram(case.space.unknowns, case.space.link)
@@ -74,9 +74,10 @@ def test_the_bound_holds_in_rational_arithmetic():
 
 
 def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path):
-    """At the peak acceleration of 3-4-5 the jump speed rises from 458.7 to 558.9 rpm.
+    """At the peak acceleration of 3-4-5 a design raises the jump speed above 558 rpm.
 
-    The bound is 0.1 % higher. The written file has its limit and its speed to 1e-9.
+    That of 3-4-5 is 458.7 rpm. The result has a certified bound. The written file has its limit
+    and its speed to 1e-9.
     """
     found = designed(LawClass(16, 3), maximise="jump_speed_rigid", limits=NO_HARDER)
     assert to_rpm(found.goal.start) == pytest.approx(458.668, abs=1e-3)
@@ -92,7 +93,7 @@ def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path):
 
 @pytest.mark.long
 def test_residual_vibration_over_a_range_of_speeds():
-    """The vibration is below 0.6 µm from 200 to 400 rpm, with 24 pieces.
+    """A designed law has a vibration below 0.6 µm from 200 to 400 rpm, with 24 pieces.
 
     It is verified by an independent integration at speeds that the program does not contain.
     """
@@ -171,7 +172,10 @@ def test_only_proved_contradictions_are_reported_as_impossible():
     ("lift", "damping"), [(5e-6, {}), (0.05, {"follower.damping": 0, "follower.stem_damping": 0})]
 )
 def test_hard_cases_of_two_masses_have_a_law_and_a_bound(lift, damping):
-    """A lift of 5 µm and an undamped stem have a law and a bound."""
+    """Designs of two masses with extreme numbers have a law and a bound.
+
+    The numbers are a lift of 5 µm and an undamped stem.
+    """
     inputs = with_numbers(cam(), {"lift": lift}), with_numbers(RIG, damping)
     found = designed(LawClass(8, 3), *inputs, maximise="jump_speed", limits=NO_HARDER)
     assert found.goal.start < found.goal.result <= found.goal.bound
@@ -181,9 +185,9 @@ def test_hard_cases_of_two_masses_have_a_law_and_a_bound(lift, damping):
 def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(tmp_path):
     """A roller on the points of the written contour rises by the designed law.
 
-    The height of the roller is the largest height at which a point below it touches it. The 36 000
-    points are 20 µm apart, so the error is a hundredth of a µm. The pressure angle of 3-4-5 is
-    25.2°, which breaks the limit.
+    The height of the roller is the largest height at which a point below it touches it. The 36
+    000 points are 20 µm apart, so the error is a hundredth of a µm. The pressure angle of 3-4-5
+    is 25.2°, which breaks the limit.
     """
     found = designed(LawClass(8, 3), minimise="peak_jerk", limits=["pressure_angle<=24.8deg"])
     (limit,) = found.measures[1:]
@@ -237,7 +241,10 @@ def test_a_front_over_the_span_of_an_event_is_certified_point_by_point():
 
 
 def test_a_front_over_spans_starts_at_the_first_law():
-    """A front starts at the shortest rise with a law at 68.64 mm/rad², √(4h/68.64 mm)."""
+    """A front over spans starts at the shortest span that has a law.
+
+    At 68.64 mm/rad² the rise needs √(4h/68.64 mm).
+    """
     options = {"minimise": "peak_jerk", "limits": NO_HARDER, "law_class": LawClass(6, 2)}
     found = front_of("event_angle@2", 3, **options)
     shortest = np.sqrt(4.0 * 0.05 / found.designs[0].measures[1].limit)

@@ -35,9 +35,9 @@ def least_radius(start, law):
 
 
 def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope():
-    """With the preload alone the torque F₀ s′ is bounded by the convex design of s′.
+    """A design of the torque against the preload has the least peak slope.
 
-    All starts have this result.
+    The torque is then F₀ s′, bounded by the convex design of s′. All starts have this result.
     """
     light = {"follower.spring_stiffness": 1e-6, "follower.mass": 1e-6, "follower.damping": 0.0}
     rig = with_numbers(RIG, {**light, "follower.preload": 50.0})
@@ -87,7 +87,10 @@ def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path):
     ],
 )
 def test_the_written_cam_keeps_its_limits(name, goal, limits, tmp_path):
-    """Limits are verified by the torque's formula and by circles through the contour."""
+    """A written cam keeps the limits on torque and radius of its design.
+
+    They are verified by the torque's formula and by circles through the contour.
+    """
     found = designed(LawClass(8, 3), cam(name), starts=3, minimise=goal, limits=limits)
     require_kept(found)
     cam_read = written(found, tmp_path)
@@ -203,7 +206,10 @@ def test_optimal_spans_are_proportional_to_the_root_of_the_rise(two_rises, tmp_p
 
 @pytest.mark.long
 def test_a_limit_on_a_span_holds_and_dwells_give_way(two_rises):
-    """Events keep their middles, and the fall is as wide as its limit allows, 4h/β²."""
+    """With a limit on a span the events keep their middles and the dwells give way.
+
+    The fall is as wide as its limit allows, 4h/β².
+    """
     widest = 109.5
     limits = [f"event_angle@{number}<={widest}deg" for number in (1, 2, 3)]
     found = moved(two_rises, ["lift"], minimise="peak_acceleration", limits=limits)
@@ -219,7 +225,10 @@ def test_a_limit_on_a_span_holds_and_dwells_give_way(two_rises):
 
 @pytest.mark.long
 def test_limits_of_the_start_are_those_of_its_original_events(two_rises):
-    """Free spans lower the peak velocity at the start's peak acceleration."""
+    """Limits at the start's values refer to its original events.
+
+    Free spans lower the peak velocity at the start's peak acceleration.
+    """
     words = {"joints": 2, "minimise": "peak_velocity", "limits": NO_HARDER}
     fixed = moved(two_rises, ["events", "dwells", "lift"], **words)
     other = moved(two_rises, ["dwells", "lift"], **words)

@@ -27,7 +27,7 @@ ANGLES = all_around(72)
 
 
 def readings_of(arcs, *followers, noise=0.0, reverse=(), seed=0):
-    """Return readings of followers on a contour.
+    """Return the readings of followers on a contour, one column per follower.
 
     The columns with the indices `reverse` are read with the cam turned backwards.
     """

@@ -1,4 +1,4 @@
-"""Fit of tangent arcs: the true contour is identified, and 95 % intervals contain it."""
+"""Fit of tangent arcs: the contour is identified, and intervals contain the truth."""
 
 import math
 from dataclasses import replace
@@ -32,13 +32,19 @@ NO_NOSE = [("sharp", "small"), ("big", "flat")]
 
 
 def curvature(radius):
-    """Return 1/radius, in which an interval that contains a straight flank is contiguous."""
+    """Return 1/radius, which is 0 for a straight flank.
+
+    In it an interval that contains a straight flank is contiguous.
+    """
     with np.errstate(divide="ignore"):
         return float(1.0 / np.float64(radius))
 
 
 def contains(fit, pitch, parameter):
-    """Return True if the interval of a number contains the truth, None without an interval."""
+    """Return True if the interval of a number contains the truth.
+
+    Returns None if the number has no interval.
+    """
     interval, truth = fit.intervals[parameter], fit.best.search.coordinates.of(pitch)[parameter]
     if interval.is_fixed:
         return None
@@ -50,9 +56,9 @@ def contains(fit, pitch, parameter):
 
 
 def coverage(shape, followers, copies):
-    """Return the fraction of noisy copies whose interval contains the truth.
+    """Return the fractions of noisy copies whose intervals contain the truth.
 
-    It is NaN for a number that is given or assumed.
+    There is one fraction per number, NaN for a number that is given or assumed.
     """
     arcs, kinds = SHAPES[shape], FOLLOWERS[followers]
     flats, fits = tuple(kind.flat for kind in kinds), []
@@ -67,7 +73,10 @@ def coverage(shape, followers, copies):
 @pytest.mark.long
 @pytest.mark.parametrize(("shape", "followers"), CASES)
 def test_200_copies(shape, followers):
-    """The intervals of each number contain the truth in 90 to 99 % of copies (docs/accuracy.md)."""
+    """In 90 to 99 % of copies the interval of each number contains the truth.
+
+    docs/accuracy.md prints these fractions.
+    """
     parts = coverage(shape, followers, 200)
     cells = ("" if np.isnan(part) else f"{100.0 * part:.1f}" for part in parts)
     print(f"| {shape} | {followers} | {' | '.join(cells)} |")
@@ -76,7 +85,10 @@ def test_200_copies(shape, followers):
 
 @pytest.mark.parametrize(("shape", "followers"), NO_NOSE)
 def test_an_assumed_radius_bounds_nothing(shape, followers):
-    """A radius that leaves no nose is replaced and reported. The intervals contain the truth."""
+    """An assumed radius that leaves no nose is replaced by another, which is reported.
+
+    The intervals contain the truth.
+    """
     arcs, (kind,) = SHAPES[shape], FOLLOWERS[followers]
     fit = fit_arcs(readings_of(arcs, kind, noise=1e-5, seed=1), (kind.flat,), 0.01, 0.03)
     assert fit.rms < 1.5e-5
@@ -89,7 +101,10 @@ def test_an_assumed_radius_bounds_nothing(shape, followers):
 
 
 def test_a_given_base_radius_is_judged_when_the_fit_is_done():
-    """It is not checked in trials that include an outlier, because their prime radius differs."""
+    """A given base radius is checked against the final fit only.
+
+    Trials that include an outlier have another prime radius.
+    """
     angles = all_around(120)
     lifts = Arcs(0.03, 0.008, 0.12, 0.010, 0.3).lifts(ROLLER, angles)
     lifts += 2e-5 * np.random.default_rng(0).standard_normal(angles.size)
@@ -103,7 +118,10 @@ def test_a_given_base_radius_is_judged_when_the_fit_is_done():
 
 
 def test_a_base_radius_that_leaves_no_roller_or_no_nose_is_refused():
-    """Base and roller radius add up to 22 mm. Nose and roller radius add up to 4 mm."""
+    """A given base radius that leaves no roller or no nose is refused with its limit.
+
+    Base and roller radius add up to 22 mm. Nose and roller radius add up to 4 mm.
+    """
     columns, nose = readings_of(SHAPES["sharp"], SMALL), r"above 18(\.0\d*)? mm, because nose"
     for base, words in ((0.025, "below base and roller"), (0.015, nose)):
         with pytest.raises(ConfigError, match=words):
@@ -111,7 +129,10 @@ def test_a_base_radius_that_leaves_no_roller_or_no_nose_is_refused():
 
 
 def test_readings_of_another_shape_are_not_blamed():
-    """Readings of a roller, fitted as flat: the conclusions blame the shape, not a reading."""
+    """If arcs do not describe the readings, the shape is blamed, not a reading.
+
+    The readings are of a roller, fitted as those of a flat follower.
+    """
     columns = readings_of(Arcs(0.02, 0.012, None, 0.008, 0.5), ROLLER, noise=2e-6)
     wrong, right = (fit_arcs(columns, (flat,), 0.01, 0.03) for flat in (True, False))
     words = " ".join(wrong.conclusions())
@@ -121,7 +142,10 @@ def test_readings_of_another_shape_are_not_blamed():
 
 
 def test_a_roller_larger_than_the_nose_of_its_path_is_contradicted():
-    """The given radius is 6 mm, but nose and roller add up to 4 mm. The interval is reported."""
+    """A given roller radius that the readings contradict is kept and reported.
+
+    Nose and roller add up to 4 mm, and 6 mm was given. The conclusions have the interval.
+    """
     columns = readings_of(SHAPES["sharp"], SMALL, noise=1e-5)
     wrong = fit_arcs(columns, (False,), 0.006, 0.03, "roller")
     assert wrong.roller_radius == 0.006
@@ -131,7 +155,10 @@ def test_a_roller_larger_than_the_nose_of_its_path_is_contradicted():
 
 
 def test_a_given_base_radius_of_a_flat_follower_is_used():
-    """Its lifts do not determine the base radius, so any radius that leaves a nose is accepted."""
+    """Any given base radius of a flat follower that leaves a nose is used.
+
+    Its lifts do not determine the base radius.
+    """
     columns = readings_of(SHAPES["convex"], FLAT, noise=1e-5)
     fit = fit_arcs(columns, (True,), 0.005, 0.03, "base")
     assert fit.arcs.base_radius == pytest.approx(0.03)
@@ -149,7 +176,10 @@ CASES_OF_STARTS = {
 
 @pytest.mark.parametrize("curvature", START_FLANKS)
 def test_each_start_of_the_search_has_a_case(curvature, monkeypatch):
-    """With all starts, the residual is the noise of 1 µm. Without one of them it is larger."""
+    """Each start of the search is necessary for a case.
+
+    With all starts, the residual is the noise of 1 µm. Without one of them it is larger.
+    """
     arcs, follower, count = CASES_OF_STARTS[curvature]
     noise = np.random.default_rng(0).normal(scale=1e-6, size=count)
     column = in_order(all_around(count), arcs.lifts(follower, all_around(count)) + noise)
@@ -190,10 +220,10 @@ def random_arcs(seed):
 
 
 def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
-    """Five numbers describe 66 readings within 0.07 mm r.m.s., other followers ten times worse.
+    """The numbers of the shipped GL 110 cam are those of the fit, rounded.
 
-    The numbers of the shipped cam are those of the fit, rounded. Its law is 0.063 mm r.m.s. from
-    the readings of the roller: see docs/own_cam.md.
+    Five numbers describe 66 readings within 0.07 mm r.m.s., other followers ten times worse.
+    The law is 0.063 mm r.m.s. from the readings of the roller: see docs/own_cam.md.
     """
     assert sum(column.residuals.size for column in gl110_fit.fitted_columns) == 66
     assert sum(math.isfinite(interval.error) for interval in gl110_fit.intervals) == 5
@@ -211,7 +241,10 @@ def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
 
 
 def test_base_and_roller_radius_are_identifiable_as_a_sum(gl110, gl110_fit):
-    """Another roller radius gives the same lifts and numbers. The fit reports the ambiguity."""
+    """The fit identifies base and roller radius only as a sum, and reports this.
+
+    Another roller radius gives the same lifts.
+    """
     roller = 0.016
     other = fit_arcs(gl110, (False, True), roller, 0.03)
     assert other.rms == pytest.approx(gl110_fit.rms, rel=1e-6)
@@ -225,9 +258,9 @@ def test_base_and_roller_radius_are_identifiable_as_a_sum(gl110, gl110_fit):
     ("seed", "kinds"), [(1, (False, True)), (0, (None, None)), (3, (False, True))]
 )
 def test_a_random_contour_comes_back(seed, kinds):
-    """Types of followers, turning sense and numbers are identified from two columns of lifts.
+    """Two columns of lifts identify followers, turning sense and numbers of a contour.
 
-    One column is read backwards. The types are given or not.
+    One column is read backwards. The types of followers are given or not.
     """
     arcs = random_arcs(seed)
     columns = readings_of(arcs, ROLLER, FLAT, reverse=(1,))
@@ -241,7 +274,10 @@ def test_a_random_contour_comes_back(seed, kinds):
 
 
 def test_a_flat_follower_alone_identifies_differences():
-    """Its lifts are the same for any base radius, so the radius is assumed, without an interval."""
+    """Lifts of a flat follower identify radii only relative to the base radius.
+
+    The base radius is assumed, without an interval.
+    """
     arcs = random_arcs(2)
     columns = readings_of(arcs, FLAT)
     one, other = (fit_arcs(columns, (True,), 0.01, base) for base in (0.03, 0.06))
@@ -254,13 +290,19 @@ def test_a_flat_follower_alone_identifies_differences():
 
 
 def test_a_flat_follower_alone_identifies_the_flank():
-    """The search starts from a contour on the fixed, large base circle. Others miss this flank."""
+    """The search finds the flank of a contour from a flat follower alone.
+
+    Only the start on the fixed, large base circle finds this flank.
+    """
     fit = fit_arcs(readings_of(random_arcs(4), FLAT, noise=1e-5), (True,), 0.01, 0.03)
     assert fit.rms < 1.2e-5
 
 
 def test_a_tangent_cam_under_both_followers():
-    """A flat follower bridges a straight flank. Both columns identify its shape and the radii."""
+    """Columns of a roller and a flat follower identify a tangent cam and its radii.
+
+    The flat follower bridges the straight flank.
+    """
     arcs = Arcs(0.03, 0.01, None, 0.012, 0.5)
     fit = fit_arcs(readings_of(arcs, ROLLER, FLAT, noise=1e-4), (False, True), 0.01, 0.03)
     assert fit.arcs.flank == "straight"
@@ -269,9 +311,10 @@ def test_a_tangent_cam_under_both_followers():
 
 
 def test_straight_flanks_are_used_unless_excluded_or_curved_is_given():
-    """A roller with noise of 0.1 mm does not distinguish a straight flank from a curved flank.
+    """A flank that may be straight is fitted as straight, unless curved is requested.
 
-    The interval of the flank radius contains a straight flank.
+    A roller with noise of 0.1 mm does not distinguish both. The interval of the flank radius
+    contains a straight flank.
     """
     arcs = Arcs(0.03, 0.01, 1.0, 0.012, 0.5)
     columns = readings_of(arcs, ROLLER, noise=1e-4)
@@ -288,7 +331,10 @@ def test_straight_flanks_are_used_unless_excluded_or_curved_is_given():
 
 
 def test_lifts_under_a_roller_alone_do_not_identify_the_base_radius():
-    """With noise of 0.1 mm the prime radius has no upper limit, and no file is written."""
+    """If noisy lifts do not identify the base radius, no cam file is written.
+
+    With noise of 0.1 mm the prime radius has no upper limit. A given base radius is accepted.
+    """
     columns = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.5), ROLLER, noise=1e-4)
     fit = fit_arcs(columns, (False,), 0.01, 0.03, None, "curved")
     assert fit.intervals[Parameter.PRIME].high == math.inf
@@ -304,7 +350,10 @@ def test_lifts_under_a_roller_alone_do_not_identify_the_base_radius():
 
 
 def test_a_column_that_any_follower_may_have_made():
-    """Lifts of a flat follower could be those of a roller on a huge cam: the type is required."""
+    """Lifts that any type of follower may have made require --follower.
+
+    Those of a flat follower, for example, could be those of a roller on a huge cam.
+    """
     columns = readings_of(Arcs(0.03, 0.01, 0.2, 0.012, 0.5), FLAT, noise=1e-4)
     fit = fit_arcs(columns, (None,), 0.01, 0.03)
     assert fit.other_kinds is not None
@@ -313,7 +362,10 @@ def test_a_column_that_any_follower_may_have_made():
 
 
 def test_the_farthest_reading_is_named_with_its_line():
-    """A reading is off by 0.1 mm, five times the scatter: it is reported, but not excluded."""
+    """The farthest reading is reported with its line, but not excluded.
+
+    It is off by 0.1 mm, five times the scatter.
+    """
     arcs = Arcs(0.03, 0.01, 0.09, 0.012, 0.5)
     (column,) = readings_of(arcs, ROLLER, noise=2e-5)
     lifts = column.lifts.copy()
@@ -346,9 +398,9 @@ def readings_of_a_bridge(seed, slips=()):
 
 
 def test_readings_at_a_kink_that_neighbours_and_arcs_contradict_are_kept():
-    """Their neighbours contradict two readings, and so do the arcs through all others.
+    """Two readings at a kink are kept although their neighbours contradict them.
 
-    Arcs that are fitted to all readings contradict none of them.
+    Arcs through all other readings contradict them too, but arcs through all readings do not.
     """
     readings, _ = readings_of_a_bridge(19)
     assert readings.outliers
@@ -360,11 +412,11 @@ def test_readings_at_a_kink_that_neighbours_and_arcs_contradict_are_kept():
 @pytest.mark.parametrize("count", [12, pytest.param(100, marks=pytest.mark.long)])
 @pytest.mark.parametrize("slips", [(), (10.0,), (-10.0,), (-40.0,)])
 def test_readings_beside_a_step_of_velocity_are_no_outliers_and_slips_are(count, slips):
-    """Outliers are judged by the arcs, because neighbours contradict good readings at such a step.
+    """Next to a step of velocity no good reading is excluded, and slips are reported.
 
-    No good reading is excluded. A slip is reported, as an outlier or as the farthest from the law.
-    One slip in fifty of 10 standard deviations may be missed, because the lowest reading can be
-    taken as the zero.
+    Outliers are judged by the arcs, because neighbours contradict good readings at such a step.
+    A slip is reported as an outlier or as the farthest from the law. One slip in fifty of 10
+    standard deviations may be missed, because the lowest reading can be taken as the zero.
     """
     missed = wrong = 0
     for seed in range(count):

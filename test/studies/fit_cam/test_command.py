@@ -1,7 +1,4 @@
-"""Commands cam-rig fit cam and cam-rig new: from a table to numbers, files and a run.
-
-The files can be loaded, give the fitted law, and state the origin of each number.
-"""
+"""Commands cam-rig fit cam and cam-rig new: from a table to files and a run."""
 
 import json
 import math
@@ -28,7 +25,10 @@ FINE = all_around(1000)
 
 
 def test_a_table_becomes_a_scene_that_runs(lift_table, tmp_path, monkeypatch):
-    """The files of cam-rig new work unchanged in simulate and profile."""
+    """The scene that cam-rig new writes from a table runs in simulate and profile.
+
+    Assumptions and outliers are printed, and existing files are not overwritten.
+    """
     monkeypatch.chdir(tmp_path)
     made = done("new", "mine", "--from-csv", lift_table)
     for words in ("separator semicolon, decimal comma", "assumed: follower roller", "mine.csv"):
@@ -43,7 +43,7 @@ def test_a_table_becomes_a_scene_that_runs(lift_table, tmp_path, monkeypatch):
 
 
 def test_new_needs_no_answers(tmp_path, monkeypatch):
-    """The first of two columns is taken. A note reports this, and the gap in the readings."""
+    """cam-rig new takes the first of two columns, and reports this and the gap."""
     monkeypatch.chdir(tmp_path)
     made = done("new", "gl110", "--from-csv", GL110)
     assert "first column of lifts taken, not 'lift_b_mm': --column" in made.output
@@ -53,7 +53,7 @@ def test_new_needs_no_answers(tmp_path, monkeypatch):
 
 
 def test_fit_prints_the_answer_and_writes_it(lift_table, tmp_path):
-    """Residuals, outliers, dwells and the rejected tolerance are reported and written."""
+    """fit cam prints and writes residuals, outliers, dwells and a rejected tolerance."""
     out, plot, csv = tmp_path / "own.yaml", tmp_path / "fit.png", tmp_path / "fit.csv"
     files = "--out", out, "--plot", plot, "--csv", csv, "--json", tmp_path / "fit.json"
     result = done("fit", "cam", lift_table, "--tolerance", 0.0005, *files)
@@ -76,7 +76,10 @@ def test_fit_prints_the_answer_and_writes_it(lift_table, tmp_path):
 
 
 def test_one_column_under_a_named_follower():
-    """Column and follower are given. A flat follower alone does not identify the base radius."""
+    """fit cam fits one column of a table under a given follower.
+
+    A flat follower alone does not identify the base radius, which is assumed.
+    """
     one = "--column", "lift_b_mm", "--follower", "flat"
     data = data_of("fit", "cam", GL110, "--shape", "arcs", *one)
     assert data["numbers"][0]["number"] == "base radius + roller radius"
@@ -99,7 +102,10 @@ def test_new_reads_every_file(tmp_path, monkeypatch):
 
 
 def test_the_assumption_for_an_open_table_is_reported(tmp_path):
-    """A table stops before the fall: arcs mirror the rise, and a spline raises an error."""
+    """For a table that stops before the fall, arcs mirror the rise and report this.
+
+    A spline raises an error.
+    """
     lines = [line for line in GL110.read_text().splitlines() if line[0] != "#"]
     open_end = tmp_path / "open.csv"
     open_end.write_text("\n".join(lines[: lines.index("25,7.65,11.65") + 1]))
@@ -114,7 +120,7 @@ def test_the_assumption_for_an_open_table_is_reported(tmp_path):
 
 
 def written(files, folder):
-    """Write the files to a folder and return the cam that is loaded from them."""
+    """Write the files of a fit to a folder and return the cam that they contain."""
     for name, text in files.texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     return load_cam(folder / next(iter(files.texts)))
@@ -124,7 +130,10 @@ def written(files, folder):
     ("name", "kind"), [("poly345", "roller"), ("bezier15", "flat"), ("arcs_convex", "point")]
 )
 def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
-    """The loaded law is within 20 nm of the fit, has its dwells, and passes the checks."""
+    """The cam file of a spline has its law within 20 nm, and passes the checks.
+
+    It has the dwells of the fit and names the excluded readings.
+    """
     fit = fit_spline(measured(name, 180, zero=0.002, outliers={50: 4e-4}))
     files = spline_cam("mine", fit, kind)
     cam = written(files, tmp_path)
@@ -138,7 +147,7 @@ def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
 
 
 def test_a_base_radius_that_fails_the_checks_is_reported_with_one_that_passes(measured):
-    """A given base radius of 1 mm with a lift of 10 mm is written, and a better value suggested."""
+    """A given base radius that fails the checks is reported with one that passes."""
     fit = fit_spline(measured("poly345"))
     files = spline_cam("mine", fit, "roller", 1e-3)
     (words,) = (one for one in files.assumed if "checks" in one)
@@ -149,7 +158,10 @@ def test_a_base_radius_that_fails_the_checks_is_reported_with_one_that_passes(me
 
 
 def test_origins_are_distinguished(measured, tmp_path):
-    """Options are given, results of the fit identified, and all other numbers assumed."""
+    """In a cam file options are given and results of the fit are identified.
+
+    All other numbers are assumed.
+    """
     readings = measured("poly345")
     given = written(spline_cam("mine", fit_spline(readings, 3e-6), "roller", 0.055), tmp_path)
     assert given.segments[0].tolerance.origin == "given"
@@ -167,7 +179,10 @@ def test_origins_are_distinguished(measured, tmp_path):
 
 @pytest.mark.parametrize("flank", [0.09, None, -0.15])
 def test_the_file_of_arcs_is_the_contour(tmp_path, flank):
-    """The law of the file is the lift of the arcs, shifted so that the nose is at 180°."""
+    """The law of a file of arcs is the lift of the fitted contour.
+
+    It is shifted so that the nose is at 180°.
+    """
     arcs = Arcs(0.03, 0.01, flank, 0.012, 0.7)
     fit = fit_arcs(readings_of(arcs, ROLLER), (False,), 0.01, 0.03)
     files = arcs_cam("mine", fit, "roller")
@@ -178,7 +193,10 @@ def test_the_file_of_arcs_is_the_contour(tmp_path, flank):
 
 
 def test_the_radius_that_was_given_is_given():
-    """If base or roller radius is given, the readings identify the other radius."""
+    """If base or roller radius is given, the other one is identified.
+
+    If none is given, the roller radius is assumed.
+    """
     readings = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ROLLER)
     for known, base, rolling in (
         (None, "identified", "assumed"),
@@ -194,7 +212,10 @@ def test_the_radius_that_was_given_is_given():
 
 @pytest.mark.parametrize("noise", [1e-5, 1e-4])
 def test_digits_are_those_that_readings_determine(noise):
-    """Radii in a file have few digits and an interval. Rounding hardly changes the residuals."""
+    """Radii in a cam file have only the digits that the readings determine.
+
+    They have an interval, and the rounding hardly changes the residuals.
+    """
     arcs = Arcs(0.03, 0.01, 0.09, 0.012, 0.7)
     readings = readings_of(arcs, ROLLER, FLAT, noise=noise, seed=1)
     fit = fit_arcs(readings, (False, True), 0.01, 0.03)
@@ -207,7 +228,10 @@ def test_digits_are_those_that_readings_determine(noise):
 
 
 def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
-    """Every number of the rig is assumed. The scene has five speeds, at most 20000 rpm."""
+    """The rig and scene that cam-rig new writes can be loaded.
+
+    Every number of the rig is assumed. The scene has five speeds, at most 20000 rpm.
+    """
     like = load_rig(config_dir / "rigs" / "tm21.yaml")
     (tmp_path / "rig.yaml").write_text(default_rig("mine", like), encoding="utf-8")
     rig = load_rig(tmp_path / "rig.yaml")
@@ -227,7 +251,10 @@ def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
 
 
 def test_a_coarse_gauge_is_read_back(measured, tmp_path):
-    """With noise of 0.1 mm the points have a larger lift than their law. The cam can be loaded."""
+    """The cam file of readings with 0.1 mm of noise has the law of the fit.
+
+    Its points have a larger lift than the law.
+    """
     fit = fit_spline(measured("flat", noise=1e-4))
     law = build_law(written(spline_cam("mine", fit, "roller"), tmp_path))
     assert law(FINE) == pytest.approx(fit.law(FINE), abs=2e-8)

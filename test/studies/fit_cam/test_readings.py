@@ -1,4 +1,4 @@
-"""Gauge readings: order, outliers and dwells, and the spline that is fitted to them."""
+"""Gauge readings: order, outliers and dwells, and the spline through them."""
 
 from dataclasses import replace
 
@@ -32,14 +32,20 @@ def ordered(degrees, lifts=None, **kwargs):
     "degrees", [STEPS, STEPS[::-1], STEPS - 180.0, STEPS + 720.0, np.roll(STEPS, 7), -STEPS]
 )
 def test_any_order_and_range_is_one_turn(degrees):
-    """Falling, negative or large angles do not change the lift over the angle."""
+    """Angles in any order and range are sorted into one turn with their lifts.
+
+    They may fall, be negative or be above 360°.
+    """
     found = ordered(degrees)
     assert np.degrees(found.angles) == pytest.approx(STEPS, abs=1e-9)
     assert found.lifts == pytest.approx(lift(STEPS), abs=1e-15)
 
 
 def test_falling_angles_and_a_reversed_cam_are_noted():
-    """Falling angles do not change the law, --reverse mirrors it, and notes report both."""
+    """Falling angles do not change the law, and --reverse mirrors it.
+
+    Notes report both.
+    """
     lifts = 0.001 * np.arange(36.0)[::-1]
     same, mirrored = (ordered(STEPS[::-1], lifts, reverse=reverse) for reverse in (False, True))
     assert "angles fall in the file" in same.notes[0]
@@ -59,7 +65,7 @@ def test_a_closing_reading_is_averaged(last):
 
 
 def test_readings_of_one_angle_that_differ_are_refused_with_their_cause():
-    """The message contains both lines, the difference, and the likely cause."""
+    """Readings of one angle that differ are refused with lines, difference and cause."""
     moved = np.where(CLOSED == 360.0, 4e-4, 0.0)
     there_and_back = np.concatenate([STEPS, STEPS[::-1]])
     backlash = np.where(np.arange(72) < 36, 1e-4, -1e-4) * np.sign(
@@ -79,7 +85,7 @@ def test_readings_of_one_angle_that_differ_are_refused_with_their_cause():
 
 @pytest.mark.parametrize("mark", [(999.0, 0.999), (-1.0, -0.999), (0.0, 0.1)])
 def test_an_end_mark_is_named(mark):
-    """A last line that is far from the others is not a reading, and the message reports it."""
+    """A last line that is far from all others is refused as an end mark."""
     degrees = np.append(np.arange(30.0, 330.0, 10.0), mark[0])
     lifts = np.append(lift(degrees[:-1]), mark[1])
     with pytest.raises(ConfigError, match=r"line 32 .*looks like an end mark; allowed: readings"):
@@ -87,7 +93,10 @@ def test_an_end_mark_is_named(mark):
 
 
 def test_a_table_that_does_not_return_is_refused():
-    """The message on the table of an indexing drive contains its first and last line."""
+    """A table whose lift does not return after a turn is refused with both its ends.
+
+    The lift here is that of an indexing drive.
+    """
     words = r"from 0 mm \(line 2\) to 10 mm \(line 38\) over the turn and does not return"
     with pytest.raises(ConfigError, match=words):
         ordered(CLOSED, 0.01 * (CLOSED / 360.0 - np.sin(np.radians(CLOSED)) / (2.0 * np.pi)))
@@ -95,7 +104,10 @@ def test_a_table_that_does_not_return_is_refused():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_half_a_lobe_is_mirrored_about_its_nose(sign):
-    """Readings from the nose to the flank become those of the whole lobe."""
+    """With --mirror readings from nose to flank become those of the whole lobe.
+
+    A whole lobe is refused.
+    """
     half = np.arange(0.0, 90.1, 5.0)
     lifts = 0.008 * (1.0 - (half / 90.0) ** 2) ** 3
     found = ordered(sign * half, lifts, mirror=True)
@@ -107,7 +119,11 @@ def test_half_a_lobe_is_mirrored_about_its_nose(sign):
 
 
 def test_a_gauge_that_counts_down_is_noted():
-    """Negative lifts change their sign. Other readings that rest at the top give a note."""
+    """Negative lifts change their sign with a note.
+
+    Lifts that rest longest at the top are kept, and a note states that the gauge may count
+    down.
+    """
     lobe = 0.008 * np.maximum(1.0 - (CLOSED[:-1] / 60.0 - 3.0) ** 2, 0.0) ** 3
     assert not any("rests longest" in note for note in ordered(CLOSED[:-1], lobe - 0.008).notes)
     negative = ordered(CLOSED[:-1], -lobe)
@@ -121,6 +137,7 @@ def test_a_gauge_that_counts_down_is_noted():
 
 
 def test_a_drift_over_the_turn_is_refused(measured):
+    """Readings that drift over the turn are refused with the difference at its end."""
     readings = measured("cycloidal", 180)
     drifted = replace(readings, lifts=readings.lifts + np.linspace(0.0, 1e-4, 180))
     with pytest.raises(ConfigError, match=r"not return after one turn, by 0\.\d+ mm between lines"):
@@ -128,6 +145,7 @@ def test_a_drift_over_the_turn_is_refused(measured):
 
 
 def test_a_law_that_swings_beyond_coarse_readings_is_reported():
+    """A law that swings between coarse readings is reported in the conclusions."""
     angles = np.arange(0.0, 360.0, 15.0)
     lifts = np.zeros(angles.size)
     lifts[8:17] = 1e-3 * np.array([0.008, 1.09, 4.669, 7.567, 8.0, 7.567, 4.669, 1.09, 0.008])
@@ -136,7 +154,10 @@ def test_a_law_that_swings_beyond_coarse_readings_is_reported():
 
 
 def test_the_first_angle_out_of_order_is_named():
-    """Digits are swapped in line 11, and the second angle of 54 deg has another lift."""
+    """The error of two angles out of order names the first with its line.
+
+    Digits are swapped in line 11, so that its angle occurs twice with different lifts.
+    """
     degrees = np.arange(0.0, 360.0, 2.0)
     degrees[9] = 81.0
     degrees = np.append(degrees, 81.0)
@@ -148,7 +169,10 @@ def test_the_first_angle_out_of_order_is_named():
 @pytest.mark.parametrize("missing", [4, 5, 6])
 @pytest.mark.parametrize("step", [1, 2])
 def test_a_flat_nose_that_is_missing_is_not_mirrored(missing, step):
-    """The curvature of a 3-4-5 law is zero at its nose."""
+    """Half a lobe without its nose is not mirrored, even if the nose is flat.
+
+    The curvature of a 3-4-5 law is zero at its nose.
+    """
     half = np.arange(0.0, 90.1, step)
     x = np.maximum(1.0 - half / 75.0, 0.0)
     lifts = 0.008 * (10.0 * x**3 - 15.0 * x**4 + 6.0 * x**5)
@@ -159,7 +183,10 @@ def test_a_flat_nose_that_is_missing_is_not_mirrored(missing, step):
 
 
 def test_equal_readings_at_the_nose_are_the_nose():
-    """A dial cannot resolve the flat nose. The end of the table counts as the nose."""
+    """If several largest readings are equal, the end of the table counts as the nose.
+
+    A dial cannot resolve a flat nose.
+    """
     half = np.arange(-90.0, 0.1, 1.0)
     lifts = 1e-5 * np.round(800.0 * (1.0 - (half / 90.0) ** 2) ** 3)
     assert np.sum(lifts == lifts.max()) > 1
@@ -170,7 +197,10 @@ def test_equal_readings_at_the_nose_are_the_nose():
 @pytest.mark.parametrize("step", [0.1, 0.5, 1.0, 2.0, 5.0])
 @pytest.mark.parametrize("noise", [0.0, 2e-6])
 def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
-    """It must rest at its far end, and its nose must be within a step of the last reading."""
+    """Half a lobe is mirrored only if it rests at its far end and has its nose.
+
+    The nose must be within a step of the last reading.
+    """
 
     def mirror(start, end):
         half = np.arange(start, end + 1e-9, step)
@@ -189,7 +219,7 @@ def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
 
 @pytest.mark.parametrize("width", [2, 3, 5, 9])
 def test_outliers_next_to_each_other_are_found(measured, width):
-    """Specks of 50 µm on several readings are found, and no other reading is excluded."""
+    """Specks of 50 µm on up to nine successive readings are excluded, and no others."""
     places = [100, 700, 1500]
     specks = {place + i: 5e-5 for place in places for i in range(width)}
     found = exclude_outliers(measured("cycloidal", 1800, outliers=specks))
@@ -199,7 +229,10 @@ def test_outliers_next_to_each_other_are_found(measured, width):
 @pytest.mark.parametrize("width", [2, 3, 5, 8, 12])
 @pytest.mark.parametrize("name", ["cycloidal", "poly345", "modified_trapezoid"])
 def test_specks_of_a_coarse_table_are_found(measured, name, width):
-    """Specks of 80 µm, 1 deg between readings, also across 0 deg. The law stays the same."""
+    """Specks of 80 µm in readings 1° apart are excluded, also across 0°.
+
+    The law is that of clean readings.
+    """
     places = (20, 100, 250, 360 - width // 2)
     specks = {(place + i) % 360: 8e-5 for place in places for i in range(width)}
     for seed in range(3):
@@ -212,6 +245,7 @@ def test_specks_of_a_coarse_table_are_found(measured, name, width):
 
 @pytest.mark.parametrize("place", [22, 40, 71])
 def test_specks_of_two_readings_are_found_5_deg_apart(measured, place):
+    """Specks on two successive readings 5° apart are excluded, and no others."""
     specks = {place: 1.5e-4, (place + 1) % 72: 1.5e-4}
     for name in ("poly345", "cycloidal", "bezier15"):
         found = exclude_outliers(measured(name, 72, noise=3e-6, outliers=specks))
@@ -221,7 +255,10 @@ def test_specks_of_two_readings_are_found_5_deg_apart(measured, place):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("place", [90, 180, 300])
 def test_a_slip_of_the_gauge_is_refused(measured, place, sign):
-    """The slip is a step that returns at the end of the table. The message has its lines."""
+    """A slip of the gauge, a step up to the end of the table, is refused.
+
+    The error names the lines of the step.
+    """
     slip = dict.fromkeys(range(place, 360), sign * 5e-5)
     words = rf"jumps by 0\.0[45]\d* mm between lines {place + 1} and {place + 2}, and back"
     for name in ("poly345", "cycloidal"):
@@ -230,7 +267,10 @@ def test_a_slip_of_the_gauge_is_refused(measured, place, sign):
 
 
 def test_no_sentence_contradicts_a_reading_far_from_the_law(measured):
-    """A bump that is not excluded is reported, and the readings are not called good."""
+    """A bump that is not excluded is reported as far from the law.
+
+    The conclusions do not state that there is no outlier.
+    """
     bump = {180 + i: 1e-4 * np.sin(np.pi * i / 20.0) ** 2 for i in range(20)}
     fit = fit_spline(measured("bezier15", outliers=bump), 1e-4)
     words = " ".join(fit.conclusions())
@@ -240,7 +280,7 @@ def test_no_sentence_contradicts_a_reading_far_from_the_law(measured):
 
 
 def test_what_is_no_cam_is_refused():
-    """A cam needs 12 to 7200 readings, and lifts that differ."""
+    """A table is refused without 12 to 7200 readings, or if all lifts are equal."""
     for count in (5, 8000):
         words = f"has {count} readings of different angles; allowed: 12"
         with pytest.raises(ConfigError, match=words):
@@ -262,9 +302,10 @@ LAWS = ["poly345", "cycloidal", "arcs_convex", "bezier15", "tm21", "modified_tra
     ],
 )
 def test_slips_of_0_4_mm_are_found(measured, name, count, slips):
-    """Only these readings are excluded. Their distance is correct within 0.1 mm, or 0.01 mm.
+    """Readings that are 0.4 mm off are excluded, and no others.
 
-    With 36 readings, the laws have no jump of acceleration.
+    Their distances are correct within 0.1 mm, or 0.01 mm if there are several. With 36 readings
+    the laws have no jump of acceleration.
     """
     found = exclude_outliers(measured(name, count, outliers=slips))
     assert [outlier.line for outlier in found.outliers] == [place + 2 for place in slips]
@@ -279,13 +320,13 @@ def test_slips_of_0_4_mm_are_found(measured, name, count, slips):
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("count", [36, 72, 120, 360])
 def test_good_readings_are_kept(measured, name, count):
-    """Readings at jumps of acceleration are not outliers: several in a row are affected."""
+    """No good reading is excluded, also not at jumps of acceleration."""
     for seed in range(4):
         assert exclude_outliers(measured(name, count, seed=seed)).outliers == ()
 
 
 def test_the_scatter_is_at_least_the_rounding():
-    """Equal readings with a step of 0.01 mm have a rounding error of 2.9 µm."""
+    """The scatter of equal readings is at least their rounding, step/√12."""
     degrees = np.arange(0.0, 360.0, 30.0)
     found = ordered(degrees, np.where(degrees < 180.0, 0.0, 0.01), resolution=1e-5)
     assert found.scatter >= 1e-5 / np.sqrt(12.0)
@@ -302,20 +343,22 @@ TRUE = {
 
 
 def dwells(readings):
+    """Return the dwells that are found in readings."""
     return find_dwells(readings, readings.scatter)
 
 
 def ends(dwell):
-    """Return start and stop of a dwell, deg."""
+    """Return start and stop (deg) of a dwell."""
     return np.degrees([dwell.rest.start, dwell.rest.start + dwell.rest.span])
 
 
 @pytest.mark.parametrize("name", TRUE)
 @pytest.mark.parametrize(("count", "near"), [(36, 8.0), (72, 3.0), (360, 1.0)])
 def test_dwells_of_2_um_scatter(measured, name, count, near):
-    """All dwells are found, with start and stop within 1° for 360 readings, and level within 2 µm.
+    """All dwells are found in readings with 2 µm of noise.
 
-    The low dwell of `flat`, partly before 360° and partly after 0°, is a single dwell.
+    With 360 readings start and stop are within 1°, and the level is within 2 µm. The low dwell
+    of `flat`, partly before 360° and partly after 0°, is a single dwell.
     """
     found = dwells(measured(name, count, zero=0.003))
     for dwell, (start, span, level) in zip(found, TRUE[name], strict=True):
@@ -327,7 +370,7 @@ def test_dwells_of_2_um_scatter(measured, name, count, near):
 
 
 def test_the_tops_of_waves_are_no_dwells():
-    """Extremes of random harmonics are round, and not dwells."""
+    """No dwell is found at the round extremes of random harmonics."""
     angles = all_around(360)
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -339,7 +382,7 @@ def test_the_tops_of_waves_are_no_dwells():
 
 
 def test_two_dwells_of_one_level_have_one_level():
-    """With two events per turn, both dwells on the base circle have exactly the same level."""
+    """Two dwells on the base circle get exactly the same level."""
     inside = np.clip((all_around(360) % np.pi) / np.radians(90.0), 0.0, 1.0)
     noise = np.random.default_rng(3).normal(scale=2e-6, size=360)
     found = dwells(in_order(all_around(360), 0.01 * np.sin(np.pi * inside) ** 4 + noise))
@@ -348,7 +391,7 @@ def test_two_dwells_of_one_level_have_one_level():
 
 
 def test_a_stretch_without_readings_is_a_dwell(scaled):
-    """Readings of the event with some rest at both ends: the dwell includes the gap."""
+    """A gap in readings with some rest at both its ends belongs to the dwell."""
     angles = np.radians(np.arange(25.0, 331.0, 5.0))
     noise = np.random.default_rng(0).normal(scale=2e-6, size=angles.size)
     low = dwells(in_order(angles, scaled("flat")(angles) + noise))[-1]
@@ -362,7 +405,10 @@ FINE = all_around(2000)
 
 
 def error_of_acceleration(fit, law):
-    """Return the r.m.s. error of s'' and the error of its peak, as fractions of the true peak."""
+    """Return the errors of s'' of a fit, as fractions of the true peak.
+
+    The errors are the r.m.s. error, and that of the peak.
+    """
     true, found = law(FINE, 2), fit.law(FINE, 2)
     peak = np.abs(true).max()
     return np.sqrt(np.mean((found - true) ** 2)) / peak, abs(np.abs(found).max() / peak - 1.0)
@@ -372,7 +418,11 @@ def error_of_acceleration(fit, law):
 @pytest.mark.parametrize("name", ["poly345", "cycloidal", "flat", "bezier15", "b_spline"])
 @pytest.mark.parametrize(("count", "most"), [(36, 0.05), (72, 0.02), (360, 0.015)])
 def test_the_law_comes_back(measured, scaled, name, count, most):
-    """Noise of 2 µm, an unknown zero and an outlier: s'' is within 1.5 % for 360 readings."""
+    """A spline through noisy readings has the s'' of the true law.
+
+    The error is 1.5 % with 360 readings. The readings have 2 µm of noise, an unknown zero and
+    an outlier.
+    """
     fit = fit_spline(measured(name, count, zero=0.0034, outliers={count // 5: 4e-4}))
     rms, peak = error_of_acceleration(fit, scaled(name))
     assert rms < most
@@ -383,7 +433,10 @@ def test_the_law_comes_back(measured, scaled, name, count, most):
 
 
 def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
-    """A tolerance of 0.5 µm at a scatter of 2 µm is reported, and the acceleration is correct."""
+    """A tolerance below the scatter of the readings is reported and not followed.
+
+    The acceleration of the law is still correct to 3 %.
+    """
     for count in (36, 360):
         fit = fit_spline(measured("cycloidal", count), 0.5e-6)
         assert not fit.followed
@@ -400,7 +453,7 @@ def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
 
 @pytest.mark.parametrize("tolerance", [2e-6, 3e-6, 1e-5])
 def test_a_tolerance_that_the_readings_bear_is_followed(measured, tolerance):
-    """The r.m.s. residual is the error of the gauge, including the readings of dwells."""
+    """A tolerance at or above the scatter is the r.m.s. residual of the fit."""
     fit = fit_spline(measured("bezier15"), tolerance)
     assert fit.followed
     assert fit.smoothed.rms == pytest.approx(tolerance, rel=1e-3)
@@ -408,7 +461,7 @@ def test_a_tolerance_that_the_readings_bear_is_followed(measured, tolerance):
 
 
 def test_distance_and_dwells_are_the_law_s(measured):
-    """Residuals are those of the law. The law rests in the low dwell, where its lift is 0."""
+    """The reported residuals are those of the law, which rests in the low dwell at 0."""
     fit = fit_spline(measured("poly345", zero=-0.001))
     away = fit.law(fit.readings.angles) - fit.readings.lifts
     assert fit.smoothed.rms == pytest.approx(np.sqrt(np.mean(away**2)), rel=1e-9)
@@ -422,7 +475,7 @@ def test_distance_and_dwells_are_the_law_s(measured):
 
 
 def test_a_gap_that_no_dwell_fills(scaled):
-    """A gap from 200° to 300° in a cam without dwells raises an error with angle and limit."""
+    """A gap of 100° in a cam without dwells is refused with angle and limit."""
     angles = np.radians(np.concatenate([np.arange(0.0, 201.0, 5.0), np.arange(300.0, 360.0, 5.0)]))
     message = r"no reading for 100 deg after 200 deg, and the cam does not rest .* at most 45 deg"
     with pytest.raises(ConfigError, match=message):
@@ -430,7 +483,10 @@ def test_a_gap_that_no_dwell_fills(scaled):
 
 
 def test_a_table_finer_than_its_law_is_smooth(scaled):
-    """Exact arcs, 1° apart: the tolerance is widened and reported, without oscillations."""
+    """The tolerance of a fine, exact table of arcs is widened, and this is reported.
+
+    The law does not oscillate.
+    """
     fit = fit_spline(in_order(all_around(360), scaled("gunt_gl110")(all_around(360))))
     assert fit.widened
     assert fit.smoothed.rms < 1e-6
@@ -440,7 +496,10 @@ def test_a_table_finer_than_its_law_is_smooth(scaled):
 
 
 def test_tolerances_and_readings_that_are_none(measured):
-    """Invalid: zero, negative, more than 5 % of the lift, and random readings."""
+    """A tolerance of zero, below it or above 5 % of the lift is refused.
+
+    Random readings are refused too.
+    """
     words = r"--tolerance: is .* mm; allowed: above 0, at most 0"
     for tolerance in (0.0, -1e-6, 1e-3):
         with pytest.raises(ConfigError, match=words):
@@ -454,7 +513,7 @@ def test_tolerances_and_readings_that_are_none(measured):
 @pytest.mark.parametrize(("count", "most"), [(72, 0.3), (120, 0.15), (360, 0.15)])
 @pytest.mark.parametrize("cases", [20, pytest.param(60, marks=pytest.mark.long)])
 def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
-    """In most cases the reading is excluded or reported with its line.
+    """In most tables a reading six scatters off is excluded or reported with its line.
 
     Without such a reading, a good reading is reported in at most two tables of five.
     """
@@ -475,7 +534,10 @@ def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
 
 @pytest.mark.parametrize("tolerance", [None, 2e-4])
 def test_a_nose_sharper_than_the_readings_is_no_outlier(tolerance):
-    """A tangent cam is read every 10°: 12 mm at the nose, and 7.7 mm at its neighbours."""
+    """The reading at a nose that is sharper than the readings' distance is kept.
+
+    The conclusions report it: 12 mm at the nose, and 7.7 mm at its neighbours.
+    """
     arcs, around = Arcs(0.02, 0.012, None, 0.001, np.pi), all_around(36)
     lifts = arcs.lifts(ArcFollower(False, 0.002), around)
     fit = fit_spline(

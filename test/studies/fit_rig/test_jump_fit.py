@@ -39,7 +39,7 @@ def table_of(law, machine, set_ups):
 
 
 def moved(read, by):
-    """Return a table with errors in rpm added to its readings."""
+    """Return a table with an error (rpm) added to each reading."""
     off = zip(read.readings, by, strict=True)
     return replace(read, readings=tuple(replace(r, speed=r.speed + d * RPM) for r, d in off))
 
@@ -166,7 +166,7 @@ def test_an_unidentified_mass_has_student_s_interval(law, rig):
 
 
 def test_a_column_of_total_masses_is_detected(law, rig):
-    """A column of total masses leaves no mass for the follower, and a question."""
+    """A column of total masses is reported, because no mass is left for the follower."""
     read = table(law)
     total = [
         replace(r, setup=r.setup | {"mass": OWN_MASS + r.setup["mass"]}) for r in read.readings
@@ -176,6 +176,7 @@ def test_a_column_of_total_masses_is_detected(law, rig):
 
 
 def test_too_few_readings_are_refused(law, rig):
+    """Fewer readings than the fit needs are refused."""
     read = table(law)
     few = replace(read, readings=read.readings[:2])
     with pytest.raises(
@@ -193,7 +194,7 @@ def test_an_outlier_is_named(law, rig):
 
 
 def test_error_names_a_wrong_speed(law, rig):
-    """The error names the line of a reading that is 30 % too high."""
+    """The error of a table with a speed that is 30 % too high names its line."""
     read = table(law)
     wrong = moved(read, 0.3 * read.rpm * (np.arange(9) == 4))
     with pytest.raises(ConfigError, match=r"no follower was found .* in line 6;"):

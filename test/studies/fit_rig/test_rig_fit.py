@@ -163,7 +163,7 @@ def test_lifts_alone_identify_ratios_to_the_mass(law, rig):
 
 
 def test_backlash_is_identified(law, rig):
-    """A backlash of 0.2 mm is identified, and does not change the damping."""
+    """A backlash of 0.2 mm in the lift is identified, and the damping stays correct."""
     errors = replace(QUICK, backlash=2e-4)
     fit = fit_run(law, measured_run(law, rig, "one_mass", IN_CONTACT, errors, 5), rig)
     assert gauge(fit, "lift_backlash") == pytest.approx(2e-4, rel=0.02)
@@ -173,7 +173,10 @@ def test_backlash_is_identified(law, rig):
 
 @pytest.mark.long
 def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
-    """A sensor with 300 Hz and 2 % damping is identified, with one mass."""
+    """The resonance of a force sensor is identified, and not taken as a stem.
+
+    It has 300 Hz and 2 % damping, on a follower of one mass.
+    """
     errors = InstrumentErrors(sensor_frequency=300.0)
     run = measured_run(law, rig, "one_mass", (150.0, 250.0, 330.0, 400.0), errors, 5)
     fit = fit_run(law, run, rig)
@@ -184,7 +187,10 @@ def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
 
 @pytest.mark.slow
 def test_a_stem_shows_in_the_force(law, rig, paper_rig):
-    """Two masses are identified without --model, with stem, share and stem damping."""
+    """Without --model two masses are identified from the force of a stem.
+
+    The parameters are stem, share and stem damping.
+    """
     run = measured_run(law, paper_rig, "two_mass", (200.0, 280.0, 340.0, 380.0), QUICK, 2)
     fit = fit_run(law, run, rig)
     assert fit.model == "two_mass"
@@ -210,7 +216,7 @@ def test_a_stem_that_leaves_a_cam_of_arcs():
 
 
 def test_noise_has_a_floor_and_a_relative_part():
-    """20 000 residuals identify the floor and the relative part of the noise."""
+    """Floor and relative part of the noise are identified from 20 000 residuals."""
     random = np.random.default_rng(1)
     force = random.uniform(0.0, 200.0, 20_000)
     residual = np.hypot(0.5, 0.01 * force) * random.standard_normal(force.size)

@@ -27,7 +27,7 @@ IN_CONTACT, WITH_FLIGHTS = (200.0, 280.0, 340.0), (200.0, 350.0, 460.0)
 
 
 def align(law, run, values):
-    """Return the solution of the instruments' errors alone, for a follower with these values."""
+    """Return the solution for a follower in which only instrument errors are fitted."""
     segments = measured_segments(run)[1]
     _, phase, zero = rough_start(law, segments, values)
     likelihood = Likelihood(law, segments, (), values, None)
@@ -37,7 +37,10 @@ def align(law, run, values):
 
 @pytest.fixture(scope="module")
 def flying(law, rig):
-    """Aligned solution of three speeds, the fastest with flights, with restitution 0.6."""
+    """Aligned solution of three speeds, the fastest with flights.
+
+    The restitution is 0.6.
+    """
     run = measured_run(law, rig.with_follower(restitution=0.6), "one_mass", WITH_FLIGHTS, ERRORS, 1)
     return align(law, run, numbers_of(rig) | {"restitution": 0.6})
 
@@ -56,7 +59,10 @@ def test_a_partial_solution_is_extended_to_all_speeds(flying):
 
 
 def test_a_sensor_shows_its_zero_in_flight(law, rig):
-    """A sensor with a zero of -12 N shows it in flight. The start of the preload is 12 N higher."""
+    """The start of the preload is corrected by the sensor's zero in flight.
+
+    A sensor with a zero of -12 N raises the start by 12 N.
+    """
     run = measured_run(law, rig, "one_mass", WITH_FLIGHTS, ERRORS, 1)
     run = replace(run, force=replace(run.force, value=run.force.value - 12.0))
     aligned = align(law, run, numbers_of(rig) | {"restitution": 0.0})
@@ -70,7 +76,10 @@ def test_a_sensor_shows_its_zero_in_flight(law, rig):
 
 @pytest.mark.slow
 def test_all_restitutions_are_tried_before_a_search(flying):
-    """A search from 0 stops in a local maximum, and one from the best restitution does not."""
+    """A search starts from the best of all restitutions.
+
+    A search from 0 stops in a local maximum.
+    """
     start = continue_from(flying, FREE, flying.values | {"restitution": 0.0})
     found = search_restitution(start, {})
     assert found.values["restitution"] == pytest.approx(0.6, abs=0.02)
@@ -79,7 +88,7 @@ def test_all_restitutions_are_tried_before_a_search(flying):
 
 
 def test_a_restitution_without_information_stays_at_its_value(law, rig):
-    """Without landings a free restitution keeps its value, and the other parameters theirs."""
+    """Without landings a free restitution keeps its value, and so do other parameters."""
     run = measured_run(law, rig, "one_mass", IN_CONTACT, ERRORS, 1)
     aligned = align(law, run, numbers_of(rig) | {"restitution": 0.25})
     fixed = search(continue_from(aligned, FREE, aligned.values))
@@ -90,7 +99,7 @@ def test_a_restitution_without_information_stays_at_its_value(law, rig):
 
 
 def test_noise_gives_no_stem(law, rig, paper_rig):
-    """The residual of one mass on its own data is noise, on data of a stem it has a pattern.
+    """The residual of one mass is noise on its own data, and a pattern for a stem.
 
     The stem that fits best has the natural frequency of the true one.
     """
@@ -124,7 +133,7 @@ def test_parameters_of_all_speeds_may_contradict_some(flying):
 
 @pytest.mark.long
 def test_a_ringing_sensor_is_no_stem(law, rig):
-    """A sensor that shows pulls after landings has a resonance, and the follower one mass."""
+    """A sensor that shows pulls after landings is fitted with a resonance, not a stem."""
     errors = InstrumentErrors(sensor_frequency=300.0, sensor_damping=0.01)
     other = rig.with_follower(restitution=0.2)
     run = measured_run(law, other, "one_mass", (200.0, 330.0, 470.0), errors, 1)

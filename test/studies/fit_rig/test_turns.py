@@ -48,7 +48,7 @@ def speed_profile_run(random, rate, counts, ramp):
 @pytest.mark.parametrize("ramp", [0.0, 0.05, 0.3])
 @pytest.mark.variants(3)
 def test_no_speed_is_lost_at_a_corner(ramp, counts, rate):
-    """Two segments that meet at a corner are both found, with their errors.
+    """Two speeds that meet at a corner are both found, within their errors.
 
     Near the corner the readings lie on both lines, to a count.
     """
@@ -84,7 +84,7 @@ def test_a_speed_that_is_left_out_is_reported(law, rig):
 
 
 def test_a_cam_that_nowhere_turns_steadily_is_refused():
-    """A ramp over the whole run is an error."""
+    """A run that is one ramp is refused."""
     time = np.linspace(0.0, 3.0, 3000)
     run = MeasuredRun("ramp", "cam", Signal(time, 40.0 * time**2, "encoder"))
     with pytest.raises(ConfigError, match=r"must turn at a steady speed.*record"):

@@ -39,7 +39,7 @@ def levels_of(scene, radiation, zigzag=0.0):
 
 @pytest.fixture
 def save(tmp_path):
-    """Return a function that writes a table of levels and returns its path."""
+    """Function that writes a table of levels and returns its path."""
 
     def write(levels):
         path = tmp_path / "levels.csv"
@@ -54,7 +54,7 @@ def save(tmp_path):
 
 @pytest.mark.parametrize(("gain", "corner"), [(2e-4, 15.0), (5e-5, 60.0)])
 def test_recovers_gain_and_corner(scene, gain, corner):
-    """The fit reproduces the constants of simulated levels."""
+    """The fit returns gain and corner frequency of simulated levels, to 1e-4."""
     true = replace(scene.radiation, gain=gain, corner_frequency=corner)
     found = cam_rig.fit_sound(levels_of(scene, true), scene)
     assert found.cam == "poly345"
@@ -64,7 +64,10 @@ def test_recovers_gain_and_corner(scene, gain, corner):
 
 
 def test_residual_is_the_rms_difference(scene):
-    """Alternating errors of ±0.5 dB give a residual of 0.4 to 0.5 dB."""
+    """The residual of a fit is the r.m.s. difference of its levels.
+
+    Alternating errors of ±0.5 dB give 0.4 to 0.5 dB.
+    """
     found = cam_rig.fit_sound(levels_of(scene, scene.radiation, 0.5), scene)
     fitted = replace(scene.radiation, gain=found.gain, corner_frequency=found.corner_frequency)
     residual = levels_of(scene, fitted)[:, 1] - levels_of(scene, scene.radiation, 0.5)[:, 1]
@@ -90,7 +93,7 @@ def test_residual_is_the_rms_difference(scene):
     ],
 )
 def test_refusals(scene, levels, error):
-    """Invalid levels, an unknown cam and a cam that loses contact raise an error."""
+    """Invalid levels, an unknown cam or a cam that loses contact are refused."""
     with pytest.raises((ConfigError, DynamicsError), match=error):
         cam_rig.fit_sound(np.array(levels), scene)
     with pytest.raises(ConfigError, match="has no cam 'no_such'"):
@@ -108,7 +111,10 @@ def test_refusals(scene, levels, error):
     ],
 )
 def test_tables(save, text):
-    """Separators, decimal commas, other columns, empty levels and unit names are read."""
+    """Tables of levels in each usual form give the same numbers.
+
+    They differ in separator, decimal mark, columns, unit names and empty levels.
+    """
     assert read_levels(save(text)).tolist() == [[200.0, 75.6], [400.0, 89.9]]
 
 
@@ -123,7 +129,7 @@ def test_tables(save, text):
     ],
 )
 def test_other_columns_are_refused(save, heading, error):
-    """Weighted levels and speeds in deg/s are refused."""
+    """A table of weighted levels, or of speeds in deg/s, is refused."""
     with pytest.raises(ConfigError, match=error):
         read_levels(save(heading + "\n5,75.6\n6,89.9\n"))
 
@@ -137,7 +143,7 @@ def test_other_columns_are_refused(save, heading, error):
     ],
 )
 def test_units_of_speed_are_read(save, heading, speed):
-    """200 rpm are read from every unit."""
+    """Speeds in Hz, 1/s and rad/s are converted to rpm."""
     levels = read_levels(save(f"{heading}\n{speed!r},75.6\n"))
     assert levels == pytest.approx(np.array([[200.0, 75.6]]), rel=1e-12)
 
@@ -146,7 +152,7 @@ def test_units_of_speed_are_read(save, heading, speed):
 
 
 def test_a_dry_run_writes_nothing(scene, save):
-    """The numbers are printed and in the JSON, and the rig file is unchanged."""
+    """--dry-run prints the fitted numbers and does not change the rig file."""
     path, rig = save(levels_of(scene, scene.radiation)), config_root() / "rigs" / "tm21.yaml"
     before = rig.read_bytes()
     result = done("fit", "sound", path, "tm21_sweep", "--dry-run", "--json", "-")
@@ -156,7 +162,7 @@ def test_a_dry_run_writes_nothing(scene, save):
 
 
 def test_levels_of_another_cam_than_that_of_the_file_are_refused(scene, save):
-    """The message contains both names, and the command exits with code 2."""
+    """Levels of another cam than the calibrated one are refused with both names."""
     path = save(np.column_stack([SPEEDS, scene.published_levels("bezier15", SPEEDS)]))
     result = call("fit", "sound", path, "tm21_sweep", "--cam", "bezier15")
     assert result.exit_code == 2
@@ -174,7 +180,7 @@ def roles(scene):
 
 @pytest.mark.long
 def test_a_calibration_is_valid_for_its_follower_only(tmp_path, save):
-    """Another mass makes levels relative until the next calibration."""
+    """After a change of the mass all levels are relative until the next calibration."""
     copytree(config_root(), tmp_path / "own")
     scene, rig = (tmp_path / "own" / f for f in ("scenes/tm21_sweep.yaml", "rigs/tm21.yaml"))
     rig.write_text(rig.read_text(encoding="utf-8").replace("given: 1.3,", "given: 1.2,"))
@@ -215,9 +221,9 @@ def path(tmp_path):
 
 
 def test_numbers_are_written_with_source_and_residual(path):
-    """The origin becomes `identified`.
+    """A fitted number is written as identified, with source and residual.
 
-    Source and residual are replaced or added.
+    Earlier ones are replaced.
     """
     numbers = {("radiation", "gain"): 9.8e-5, ("radiation", "corner_frequency"): 18.4}
     set_identified(path, {**numbers, ("segments", 0, "span"): 117.5}, 'a "fit"', "0.6 dB, 2 of 3")
@@ -230,14 +236,14 @@ def test_numbers_are_written_with_source_and_residual(path):
 
 
 def test_the_rest_of_the_file_is_unchanged(path):
-    """Comments, blanks and other lines keep every character."""
+    """Writing a number keeps every other character of the file."""
     set_identified(path, {("radiation", "gain"): 2.0}, "s", "r")
     changed = TEXT.replace("assumed: 1.5e-4", 'identified: 2.0, source: "s", residual: "r"')
     assert path.read_text(encoding="utf-8") == changed
 
 
 def test_writing_the_same_numbers_twice_gives_the_same_file(tmp_path, config_dir):
-    """The second write does not change the file."""
+    """Writing the same numbers again does not change the file."""
     path = tmp_path / "tm21.yaml"
     path.write_bytes((config_dir / "rigs" / "tm21.yaml").read_bytes())
     for _ in range(2):
@@ -248,6 +254,8 @@ def test_writing_the_same_numbers_twice_gives_the_same_file(tmp_path, config_dir
 
 
 def test_an_unwritable_file_raises_a_one_line_error(path, monkeypatch):
+    """A file that cannot be written raises ConfigError and stays unchanged."""
+
     def full(*_):
         raise OSError(28, "No space left on device")
 

@@ -29,18 +29,21 @@ FIVE = {"bezier15": 570, "poly345": 415, "poly4567": 390, "cycloidal": 410, "bez
 
 @pytest.fixture(scope="module")
 def published(config_dir):
-    """Return the tables of the paper."""
+    """Tables of the paper."""
     return load_tables(config_dir / "published" / "tables" / "paper.yaml")
 
 
 @pytest.fixture(scope="module")
 def found(cam_set, published):
-    """Return the jumps of the five cams."""
+    """Jumps of the five cams."""
     return find_jumps(cam_set, references(cam_set, published))
 
 
 def test_table_2(found):
-    """Differences are below 1 %, r.m.s. on the four fitted laws and also on the fifth."""
+    """Computed jump speeds agree with Table 2 within 1 %, r.m.s.
+
+    This applies to the four fitted laws, and also to the fifth.
+    """
     compared = found.comparison
     assert (compared.cams, compared.fitted, compared.same_ranking) == (4, True, True)
     assert compared.rms == rms_difference(row for row in found.rows if row.role == "fitted") < 0.01
@@ -64,9 +67,9 @@ def test_slow_ramp_is_the_steady_state(laws, two_mass):
 
 
 def test_the_role_depends_on_the_content_of_the_files(cam_set, published):
-    """Another rig or other angles give no role.
+    """A cam has a role in the comparison only with the rig and angles of the paper.
 
-    Another motion is not in the table.
+    A cam with another motion is not in the table.
     """
     roles = {cam: known.role for cam, known in references(cam_set, published).items()}
     assert roles == dict.fromkeys(FIVE, "fitted") | {"bezier_segments": "test"}
@@ -82,7 +85,10 @@ def test_the_role_depends_on_the_content_of_the_files(cam_set, published):
 
 
 def test_comparison_on_another_rig(found):
-    """If the rig was not identified from the cams, the difference is over all cams."""
+    """On a rig that was not identified from the cams the difference is over all cams.
+
+    Along a ramp there is no comparison.
+    """
 
     def compared(**changes):
         return replace(found, rows=tuple(replace(row, **changes) for row in found.rows)).comparison
@@ -114,7 +120,7 @@ def shown(cam_set, *rows):
 
 
 def test_a_row_has_its_units(cam_set):
-    """Cells are in rpm, degrees and percent.
+    """The table of jump speeds has rpm, degrees and percent.
 
     A column without values is not displayed.
     """
@@ -137,7 +143,7 @@ call = partial(run, "jump")
 
 
 def run_json(*arguments):
-    """Return the rows by cam, the run, and the text on stderr."""
+    """Run cam-rig jump, and return its rows by cam, the run, and the text on stderr."""
     result = call(*arguments, "--json", "-")
     assert result.exit_code == 0, result.output
     data = json.loads(result.stdout)
@@ -145,7 +151,7 @@ def run_json(*arguments):
 
 
 def test_other_cams_and_runs(tmp_path):
-    """A cam that is not in the paper is not compared, and a ramp neither."""
+    """A cam that is not in the paper is not compared, and neither is a ramp."""
     rows, run, words = run_json("modified_sine", "--steady", "--plot", tmp_path / "a.png")
     row = rows["modified_sine"]
     assert row["published_rpm"] is run["duration"] is None
@@ -160,7 +166,7 @@ def test_other_cams_and_runs(tmp_path):
 
 
 def test_a_rig_without_a_stem_has_a_jump_speed():
-    """It has one rigid mass.
+    """A rig without a stem has the jump speed of one rigid mass.
 
     Text and JSON contain rig and follower.
     """
@@ -173,7 +179,10 @@ def test_a_rig_without_a_stem_has_a_jump_speed():
 
 
 def test_a_rig_of_four_numbers_has_a_jump_speed(tmp_path, rig):
-    """It is that of the complete rig with the same mass, spring, damping and preload."""
+    """A rig of mass, spring, damping and preload has the jump speed of a whole rig.
+
+    With an incomplete stem it is refused.
+    """
     keys = {"mass", "spring_stiffness", "damping", "preload"}
     four = rig.follower.model_dump(exclude_none=True, include=keys)
     path = tmp_path / "mine.yaml"

@@ -28,7 +28,10 @@ RPM = np.linspace(200.0, 400.0, 21)
 
 
 def test_draws_are_blocks_of_the_residual():
-    """Draws consist of blocks of neighbours, and all values are equally likely."""
+    """A draw consists of blocks of neighbouring residuals.
+
+    All residuals are equally likely.
+    """
     residual = np.arange(21.0)
     draws = resample(residual, np.random.default_rng(2))
     assert draws.shape == (bootstrap.DRAWS, 21)
@@ -49,7 +52,7 @@ def test_the_band_contains_95_percent():
 
 
 def test_crossing_of_known_lines():
-    """The root nearest to the published crossing is returned, or None."""
+    """`crossing` returns the root nearest to the published crossing, or None."""
     flat = np.full(21, 80.0)
     assert crossing(RPM, flat + 0.1 * (RPM - 330.0), flat, 335.0) == pytest.approx(330.0, abs=1e-6)
     bent = flat + 1e-3 * (RPM - 220.0) * (RPM - 340.0)
@@ -59,7 +62,10 @@ def test_crossing_of_known_lines():
 
 
 def test_crossing_of_points():
-    """Polylines cross at the intersection nearest to the published speed."""
+    """`points_crossing` returns the intersection of polylines nearest to a speed.
+
+    It is None if they do not cross.
+    """
     flat = np.full(21, 80.0)
     straight = flat + 0.1 * (RPM - 333.0)
     assert points_crossing(RPM, straight, flat, 335.0) == pytest.approx(333.0)
@@ -70,7 +76,10 @@ def test_crossing_of_points():
 
 
 def test_deviation_of_a_crossing():
-    """With a slope of 0.1 dB/rpm, 0.5 dB shift the crossing by 5 rpm."""
+    """The deviation of a crossing is that of the levels divided by the slope.
+
+    With a slope of 0.1 dB/rpm, 0.5 dB shift the crossing by 5 rpm.
+    """
     flat, rising = np.full(21, 80.0), 80.0 + 0.1 * (RPM - 335.0)
     shift = np.random.default_rng(6).normal(0.0, 0.5, size=(bootstrap.DRAWS, 1))
     draws = (np.broadcast_to(flat, (bootstrap.DRAWS, 21)), rising + shift)
@@ -94,7 +103,7 @@ ROLES = StudyRoles(reference="conventional", predicted="proposed", arcs="arcs")
 
 
 def claims(crossover=335.0, **levels):
-    """Return the tests of each claim for curves with the same levels in all tests."""
+    """Return the tests of each claim for curves with the same levels in each test."""
     curves = {
         cam: SimpleNamespace(rpm=RPM, published_db=level, regression_db=level, level_db=level)
         for cam, level in levels.items()
@@ -104,7 +113,10 @@ def claims(crossover=335.0, **levels):
 
 
 def test_a_claim_that_is_true_at_every_speed():
-    """The curve of the arcs crosses both others at 335 rpm, and `fails_rpm` is None."""
+    """A claim that is true at every speed holds in all cases, and `fails_rpm` is None.
+
+    The curve of the arcs crosses both others at 335 rpm.
+    """
     tests = claims(arcs=(RPM - 335.0) / 10.0, conventional=0.0 * RPM + 0.5, proposed=0.0 * RPM)
     assert [[test.tested_on for test in claim] for claim in tests] == [list(TESTED_ON)] * 3
     assert [{test.cases for test in claim} for claim in tests] == [{14}, {7}, {7}]
@@ -113,7 +125,10 @@ def test_a_claim_that_is_true_at_every_speed():
 
 
 def test_a_claim_that_is_false_at_some_speeds():
-    """If the arcs cross at 355 rpm, the claim is false at two speeds above 335 rpm."""
+    """A claim that is false at some speeds reports their range.
+
+    If the arcs cross at 355 rpm, the claim is false at two speeds above 335 rpm.
+    """
     found = claims(arcs=(RPM - 355.0) / 10.0, conventional=0.0 * RPM - 1.0, proposed=0.0 * RPM)
     (quietest, *_), (against_arcs, *_), (against_conventional, *_) = found
     assert quietest.fails_rpm is None
@@ -128,7 +143,7 @@ SPEEDS = np.array([200.0, 240.0, 280.0, 320.0, 360.0, 400.0]) * np.pi / 30.0
 
 
 def test_shape_of_a_cam_file(cams, laws):
-    """Lift, event and flank reproduce the nose and the law of the file."""
+    """The shape of a cam file of arcs reproduces its nose and its law."""
     shape = ArcShape.of(cams["tm21"])
     circles = arc_cam(cams["tm21"])
     assert shape.nose(circles.base_radius) == pytest.approx(2.0 * circles.nose_half_angle, rel=1e-9)
@@ -144,7 +159,10 @@ def test_impossible_shape_is_refused(cams):
 
 @pytest.fixture
 def problem(make_loaded_scene):
-    """Return a fit to the levels of a shape 4 % lower and 2 % shorter."""
+    """Fit to the levels of a shape 4 % lower and 2 % shorter than the file's.
+
+    The other values are the acoustics and the true shape.
+    """
     loaded = make_loaded_scene(cams=["tm21"], speeds=[200])
     cam, acoustics = loaded.cams["tm21"], Acoustics(loaded.radiation)
 
@@ -156,7 +174,7 @@ def problem(make_loaded_scene):
 
 
 def test_the_fit_reproduces_the_curve_of_a_shape(problem):
-    """The fit starts at the shape of the file and matches the curve to 0.1 dB."""
+    """A fit that starts at the file's shape reproduces the levels to 0.1 dB."""
     problem, acoustics, true = problem
     shape = problem.fit(ArcShape.of(problem.cam), acoustics)
     residual = cubic_projection(SPEEDS) @ problem.cam_of(shape).difference(acoustics)
@@ -165,7 +183,10 @@ def test_the_fit_reproduces_the_curve_of_a_shape(problem):
 
 
 def test_sensitivity_is_the_derivative(problem):
-    """It agrees with a wider symmetric difference at speeds without lift-off."""
+    """The sensitivity to the shape agrees with a wider symmetric difference.
+
+    This applies at speeds without lift-off.
+    """
     problem, acoustics, true = problem
     slope = problem.sensitivity(true, acoustics)
     for axis, step in enumerate(np.diag([0.05, 0.05])):
@@ -176,7 +197,7 @@ def test_sensitivity_is_the_derivative(problem):
 
 
 def test_with_geometry(cams):
-    """The spans add up to a turn, and the numbers keep their origins."""
+    """A cam with another geometry has spans of one turn, and keeps all origins."""
     trial = with_geometry(cams["tm21"], lift_mm=8.0, event_deg=130.0, nose_deg=90.0)
     spans = [segment.span.raw for segment in trial.segments]
     assert spans == [115.0, 130.0, 115.0]

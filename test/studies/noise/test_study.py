@@ -49,9 +49,9 @@ def methods(study):
 
 
 def test_parts(study, make_loaded_scene):
-    """Roles follow from the files.
+    """The roles of the cams in a noise study follow from the files of the scene.
 
-    Two cams and three speeds raise ConfigError.
+    A scene of two cams or three speeds raises ConfigError.
     """
     assert study.roles == StudyRoles(reference="poly345", predicted="bezier15", arcs="tm21")
     with pytest.raises(ConfigError, match="needs model one_mass and three published cams"):
@@ -62,7 +62,7 @@ def test_parts(study, make_loaded_scene):
 
 @pytest.mark.long
 def test_targets(methods):
-    """3-4-5 and Bézier 15 are within 0.8 dB, the TM21 cam within 1.5 dB."""
+    """Each method predicts 3-4-5 and Bézier 15 within 0.8 dB and TM21 within 1.5 dB."""
     for method in methods:
         rms_db = {cam: curve.rms_db for cam, curve in method.curves.items()}
         assert rms_db["poly345"] <= 0.8
@@ -72,9 +72,9 @@ def test_targets(methods):
 
 @pytest.mark.long
 def test_the_published_crossing_is_expected(methods):
-    """335 rpm is in every 95 % interval.
+    """The published crossing, 335 rpm, is in the 95 % interval of each method.
 
-    The crossing is within 5 rpm by substitution, and within 10 rpm with two constants.
+    The computed crossing is within 5 rpm by substitution, and within 10 rpm with two constants.
     """
     for method in methods:
         assert method.crossing.low < 335.0 < method.crossing.high
@@ -85,7 +85,10 @@ def test_the_published_crossing_is_expected(methods):
 
 
 def test_two_constants_are_those_of_the_rig_file(study, methods):
-    """The rig file was calibrated by examples/paper/calibrate.py."""
+    """The study fits the two constants of the rig file, to 1e-3.
+
+    The rig file was calibrated by examples/paper/calibrate.py.
+    """
     r, found = study.loaded.radiation, methods[0].acoustics.radiation
     assert found.gain == pytest.approx(r.gain, rel=1e-3)
     assert found.corner_frequency == pytest.approx(r.corner_frequency, rel=1e-3)
@@ -93,7 +96,10 @@ def test_two_constants_are_those_of_the_rig_file(study, methods):
 
 
 def test_the_bands_contain_the_published_curves(study, methods):
-    """80 % of a published curve are in its band, which is wider than that of the fit."""
+    """The prediction bands contain 80 % of each published curve.
+
+    They are wider than the confidence bands of the fit.
+    """
     for method in methods:
         for curve in method.curves.values():
             assert curve.expected.holds(curve.published_db) >= 0.8
@@ -105,7 +111,7 @@ def test_the_bands_contain_the_published_curves(study, methods):
 
 @pytest.mark.long
 def test_each_cam_left_out(study):
-    """Constants from any two cams are similar and predict the third."""
+    """Constants that are fitted to any two cams predict the third, and are similar."""
     rows = leave_one_out(study)
     assert [row.cam for row in rows] == ["tm21", "poly345", "bezier15"]
     assert [row.numbers for row in rows] == [2, 4, 4]
@@ -116,7 +122,7 @@ def test_each_cam_left_out(study):
 
 
 def test_one_rig(study, methods, paper_rig):
-    """The rig of the jump speeds changes the smooth cams by less than 0.05 dB."""
+    """On the rig of the jump speeds the levels of the smooth cams agree to 0.05 dB."""
     own = {cam: curve.rms_db for cam, curve in methods[1].curves.items()}
     rigid, elastic = with_rigid_stem(study, paper_rig), with_elastic_stem(study, paper_rig)
     for cam in ("poly345", "bezier15"):
@@ -128,7 +134,10 @@ def test_one_rig(study, methods, paper_rig):
 
 
 def test_every_crossing_of_the_published_curves_has_a_counterpart(methods):
-    """The published crossings are roots of the printed cubics."""
+    """Each crossing of the published cubics has a computed crossing, or None.
+
+    The published crossings are at 210, 335 and 360 rpm.
+    """
     published = load_published(config_root() / "published" / "tm21_noise.yaml").regression_db
     for method in methods:
         for pair in method.pairs:
@@ -150,18 +159,19 @@ def test_every_crossing_of_the_published_curves_has_a_counterpart(methods):
 
 @pytest.fixture(scope="module")
 def found(study):
+    """Factorial study of lift, high dwell and rise."""
     return study_high_dwell(study, study.start, LIFT)
 
 
 def test_the_first_cam_is_the_reference(study, found):
-    """Its levels are those of the cam file."""
+    """The reference levels of the factorial study are those of the cam file."""
     reference = study.start.levels(study.cams[study.roles.reference].turns)
     np.testing.assert_allclose(found.reference, reference, atol=1e-6)
     assert len(found.levels_db) == 8
 
 
 def test_a_change_is_one_of_the_motion(study, found):
-    """Without background the level changes by 20 lg of the ratio of the lifts."""
+    """Without background a changed lift changes the level by 20 lg of its ratio."""
     quiet = dataclasses.replace(study.start.radiation, background=-200.0)
     alone = study_high_dwell(study, Acoustics(quiet), LIFT)
     (lift, dwell, rise), *_ = alone.levels_db
@@ -171,7 +181,10 @@ def test_a_change_is_one_of_the_motion(study, found):
 
 
 def test_a_cam_without_high_dwell_or_named_rises_has_no_timing(study):
-    """A single Bézier curve and arcs consist of other segments than named rises."""
+    """A cam of other segments than named rises has no timing in the factorial study.
+
+    These are a single Bézier curve and arcs.
+    """
     cams = study.loaded.cams
     assert timing_of(cams["poly345"]).high_dwell == pytest.approx(math.radians(62.5))
     assert timing_of(cams["bezier15"]) is None
@@ -189,7 +202,7 @@ SPEEDS = np.linspace(200.0, 400.0, 11) * np.pi / 30.0
 
 @pytest.fixture
 def published_cam(make_loaded_scene):
-    """Return a function that makes a cam with the levels of given constants."""
+    """Function that makes a cam with the levels of given constants."""
     loaded = make_loaded_scene()
 
     def make(cam, true):
@@ -200,7 +213,10 @@ def published_cam(make_loaded_scene):
 
 
 def test_substitution_applies_to_another_cam(make_loaded_scene, published_cam):
-    """The speed response of one cam predicts the levels of another to 0.2 dB."""
+    """The speed response that is fitted to one cam predicts another cam to 0.2 dB.
+
+    It predicts better than two constants.
+    """
     start = Acoustics(make_loaded_scene().radiation)
     r = start.radiation
     true = start.with_constants(r.gain, r.corner_frequency, (0.5, -0.4, 0.3))
@@ -213,7 +229,7 @@ def test_substitution_applies_to_another_cam(make_loaded_scene, published_cam):
 
 @pytest.mark.parametrize("response", [(), (0.5, -0.4, 0.3)])
 def test_sensitivity_is_the_derivative(make_loaded_scene, published_cam, response):
-    """A small change of a constant changes the levels by the sensitivity."""
+    """The sensitivity of the levels is their derivative by the constants."""
     r = make_loaded_scene().radiation
     acoustics = Acoustics(r, response)
     cam = published_cam("bezier15", acoustics)
@@ -230,7 +246,7 @@ def test_sensitivity_is_the_derivative(make_loaded_scene, published_cam, respons
 
 
 def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, radiation):
-    """The sum over harmonics is the exact mean square over a turn (Parseval), to 1e-3."""
+    """The sum over harmonics is the exact mean square of a turn (Parseval), to 1e-3."""
     frequency = np.arange(1, HARMONICS + 1) * SPEEDS[:, None] / (2.0 * np.pi)
     low_pass = STRUCTURES[0].transfer(
         np.log([radiation.gain, radiation.corner_frequency]), frequency
@@ -244,7 +260,10 @@ def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, 
 
 @pytest.mark.long
 def test_the_low_pass_predicts_best(study):
-    """More constants fit the first cam better and predict the other worse."""
+    """The low-pass predicts the other cam best of all structures.
+
+    More constants fit the first cam better and predict the other worse.
+    """
     smooth = {cam: study.cams[cam] for cam in ("poly345", "bezier15")}
     fits = compare_structures(study.loaded, smooth, "poly345")
     by_name = {(fit.name, fit.weighting): fit for fit in fits}

@@ -33,7 +33,10 @@ from ...cli.conftest import data_of, done
 
 
 def test_a_cam_at_one_speed():
-    """Rise and fall of 3-4-5 are equal, so that even orders are rounding."""
+    """cam-rig orders prints the orders of a cam at one speed as CSV.
+
+    Rise and fall of 3-4-5 are equal, so that even orders are rounding.
+    """
     result = done("orders", "poly345", "--rpm", "400", "--orders", "12", "--csv", "-")
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
     assert [float(row["order"]) for row in rows] == list(range(1, 13))
@@ -45,7 +48,10 @@ def test_a_cam_at_one_speed():
 
 
 def test_a_scene_over_speed(tmp_path):
-    """Cams, rig, model and speeds are those of the scene. The phase relates to θ."""
+    """cam-rig orders of a scene has its cams, rig, model and speeds.
+
+    The phase relates to θ, so that the orders add up to the force at θ = 0.
+    """
     found = data_of("orders", "quick", "--orders", "20", "--plot", tmp_path / "a.png")
     speeds = {(row["cam"], row["rpm"]): row for row in found["speeds"]}
     assert list(speeds) == [(c, r) for c in ("tm21", "bezier15") for r in (200, 300, 350, 400)]
@@ -59,7 +65,10 @@ def test_a_scene_over_speed(tmp_path):
 
 
 def test_speeds_are_parsed():
-    """The text is one speed, several, or a range with a step."""
+    """The text of --rpm is one speed, several, or a range with a step.
+
+    Other texts are refused.
+    """
     assert parse_speeds("300") == [300.0]
     assert parse_speeds("300,200") == [200.0, 300.0]
     assert parse_speeds("0.1:0.4:0.1") == pytest.approx([0.1, 0.2, 0.3, 0.4])
@@ -75,7 +84,7 @@ PHASES = np.array([0.0, 1e-9, 0.3, 2.0, 7.0, 31.0, 400.0, 1e4])
 
 
 def by_digits(coefficients, phase):
-    """Return ∫₀¹ Σ aᵢ uⁱ e^{−iφu} du in 60 digits.
+    """Return ∫₀¹ Σ aᵢ uⁱ e^{−iφu} du, computed in 60 digits.
 
     It is integrated by parts, or by a series for a small phase.
     """
@@ -97,7 +106,7 @@ def by_digits(coefficients, phase):
 
 @pytest.mark.parametrize("degree", [0, 1, 3, 5, 7, 15, 30])
 def test_a_polynomial_at_any_phase(degree):
-    """The error is some rounding units of the largest ordinate."""
+    """The Fourier integral of a polynomial is exact to rounding at any phase."""
     ordinates = np.random.default_rng(degree).uniform(-1.0, 1.0, degree + 1)
     with mpmath.workdps(60):
         coefficients = powers(ordinates.tolist())
@@ -107,7 +116,10 @@ def test_a_polynomial_at_any_phase(degree):
 
 @pytest.mark.parametrize("ratio", [0.0, 1e-6, 0.02, 0.7, 0.9999999, 1.0, 1.5, 40.0])
 def test_a_vibration_at_any_damping(ratio):
-    """The integral agrees with 50 digits: undamped in resonance, critical, overdamped."""
+    """The Fourier integral of a vibration agrees with 50 digits at any damping.
+
+    It is undamped in resonance, critical or overdamped.
+    """
     own, length = 300.0, 0.05
     matrix = np.array([[0.0, 1.0], [-(own**2), -2.0 * ratio * own]])
     row, start = np.array([3.0, 0.02]), np.array([1.0, -150.0])
@@ -126,7 +138,10 @@ def test_a_vibration_at_any_damping(ratio):
 
 
 def test_half_a_sine_of_unit_area():
-    """It is 1 at φ = 0 and π/4 at φ = π, and agrees with a quadrature elsewhere."""
+    """The Fourier integral of half a sine of unit area agrees with a quadrature.
+
+    It is 1 at φ = 0 and π/4 at φ = π.
+    """
     phase = np.array([0.0, 1e-7, 1.0, np.pi - 1e-9, np.pi, np.pi + 1e-5, 20.0])
     with mpmath.workdps(30):
         half = mpmath.pi / 2
@@ -203,7 +218,7 @@ def test_in_contact_an_order_is_the_lifts_times_the_stiffness(model, seed):
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "b_spline"])
 def test_all_orders_together_have_the_energy_of_the_turn(cam, laws, rig, follower):
-    """Parseval: the mean squares add up to the mean square of the sound."""
+    """The mean squares of all orders add up to that of the sound (Parseval)."""
     law, speed, radiation = laws[cam], 300 * RPM, RadiationParameters.from_rig(rig)
     found = order_spectrum(law, "kinetostatic", rig, speed, 2000)
     exact = radiation.gain**2 * mean_square_rate(law, follower, radiation.corner_rate, speed)
@@ -222,7 +237,10 @@ def test_all_orders_together_have_the_energy_of_the_turn(cam, laws, rig, followe
     ],
 )
 def test_an_fft_agrees_with_the_orders(cam, model, rpm, away, laws, rig):
-    """The error of the FFT is rounding, or one sample at a jump of the force."""
+    """An FFT of the force agrees with the orders up to its sampling error.
+
+    That is rounding, or one sample at a jump of the force.
+    """
     own = PAPER if model in ("elastic_stem", "two_mass") else rig
     steady = steady_force(laws[cam], model, own, rpm * RPM)
     assert steady.settled
@@ -239,7 +257,7 @@ def test_an_fft_agrees_with_the_orders(cam, model, rpm, away, laws, rig):
 
 
 def test_the_orders_agree_with_the_microphone(make_loaded_scene):
-    """The mean square of the sound with landings agrees up to 60 kHz."""
+    """The level of all orders up to 60 kHz is that of the microphone, with landings."""
     loaded = make_loaded_scene(cams=["tm21"], speeds=[350, 400], turns=3, sample_rate=192_000)
     silent = dataclasses.replace(loaded.radiation, background=-200.0)
     source = SoundSource(silent, 192_000, least_rate=192_000)
@@ -254,7 +272,10 @@ def test_the_orders_agree_with_the_microphone(make_loaded_scene):
 
 
 def test_a_force_with_a_period_of_two_turns_has_half_orders(laws):
-    """Every other coefficient is an order of the cam."""
+    """A force with a period of two turns has half orders.
+
+    Every other coefficient is an order of the cam.
+    """
     found = order_spectrum(laws["bezier15"], "two_mass", PAPER, 600 * RPM, 20)
     assert found.steady.turns == 2
     assert found.orders[:4].tolist() == [0.0, 0.5, 1.0, 1.5]
@@ -264,7 +285,10 @@ def test_a_force_with_a_period_of_two_turns_has_half_orders(laws):
 
 
 def test_a_smoother_cam_sounds_at_fewer_orders(laws, rig):
-    """99 % of the sound power: a jump of the force extends to the highest order."""
+    """A smoother law has 99 % of its sound power in fewer orders.
+
+    A jump of the force extends to the highest order.
+    """
     highest = {}
     for cam in ("tm21", "poly345", "bezier15"):
         found = order_spectrum(laws[cam], "one_mass", rig, 300 * RPM, 100)
@@ -279,7 +303,7 @@ def test_a_smoother_cam_sounds_at_fewer_orders(laws, rig):
 
 
 def test_models_without_a_closed_form_are_refused(laws):
-    """These are the torsional model, and a law with velocity jumps in other models."""
+    """Orders of the torsional model, or of a law with velocity jumps, are refused."""
     with pytest.raises(ConfigError, match=r"a force in closed form: .* got torsional"):
         steady_force(laws["poly345"], "torsional", PAPER, 10.0)
     with pytest.raises(DynamicsError, match="velocity jumps"):

@@ -30,14 +30,14 @@ from ..conftest import FIVE
 
 @pytest.fixture(scope="module")
 def soft(cam_set):
-    """Return the follower of the rig as one mass on the stem."""
+    """Follower of the rig as one mass on the stem."""
     return FollowerParameters.from_rig(cam_set.rig)
 
 
 def test_the_low_dwell_may_contain_angle_zero(laws):
-    """It is one interval around θ = 0.
+    """The low dwell around θ = 0 is a single interval.
 
-    Bézier 15 has a window of 62.5° instead.
+    Bézier 15, which has no dwell, has a window of 62.5° instead.
     """
     found, other = low_dwell(laws["poly345"]), low_dwell(laws["bezier15"])
     assert found.dwell and not other.dwell
@@ -55,7 +55,7 @@ def test_the_low_dwell_may_contain_angle_zero(laws):
     ],
 )
 def test_low_dwell_anywhere(make_cam, parts, start, span):
-    """The window is the low dwell, or around the lowest lift without a dwell."""
+    """`low_dwell` returns the low dwell, or a window at the lowest lift without one."""
     low = low_dwell(build_law(make_cam(*parts)))
     assert low.dwell == (start is not None)
     if low.dwell:
@@ -65,14 +65,17 @@ def test_low_dwell_anywhere(make_cam, parts, start, span):
 
 
 def test_acceleration_on_a_stiff_stem_is_that_of_the_law(laws, follower):
-    """With a stem of 3.3e8 N/m and a C3 law it is h s'' Ω², to 0.1 %."""
+    """On a stiff stem the acceleration of a C3 law is s'' Ω², to 0.1 %."""
     turn = steady_turn(laws["poly4567"], follower, 300.0 * RPM)
     expected = laws["poly4567"](turn.angle, 2) * (300.0 * RPM) ** 2
     assert turn.acceleration == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
 
 
 def test_the_acceleration_of_a_short_bump_is_found(laws, soft):
-    """A bump of 0.3° has 6 h over the square of half its width, to rounding."""
+    """The peak acceleration of a bump of 0.3° is found, to rounding.
+
+    It is 6 h over the square of half the width.
+    """
     height, width = 3e-6, np.radians(0.3)
     law = bumped(laws["poly345"], np.radians(180.07), width, height)
     found = vibration(law, soft, None, 60.0 * RPM).rigid_acceleration
@@ -109,9 +112,10 @@ def test_no_steady_state(laws, soft):
 
 
 def test_claims_of_the_paper(cam_set):
-    """At 250 and 300 rpm Bézier 15 has the least acceleration, vibration and twist.
+    """The claims of the paper on Bézier 15 are true at 250 and 300 rpm, except one.
 
-    It has the least free vibration in the window, and the most motion there.
+    It has the least acceleration, vibration and twist, and the least free vibration in the
+    window, but the most motion there.
     """
     table = measure(cam_set, (250.0, 300.0, 300.0))
     claims = table.claims
@@ -138,7 +142,10 @@ def test_speeds_above_the_jump_speed_are_marked_and_not_tested(cam_set):
 
 
 def test_the_speed_of_lost_contact(rig, laws, cam_set):
-    """It is 0 with a velocity jump or without preload, else the jump speed."""
+    """Contact is lost at the jump speed.
+
+    It is lost at 0 with a velocity jump or without preload.
+    """
     assert find_contact_loss_speed(laws["worked_example_constant_velocity"], cam_set.rig) == 0.0
     assert find_contact_loss_speed(laws["poly345"], cam_set.rig.with_follower(preload=0.0)) == 0.0
     expected = rigid_jump_speed(laws["poly345"], FollowerParameters.from_rig(rig))
@@ -154,7 +161,10 @@ def test_a_rig_without_a_shaft(rig, cam_set):
 
 @pytest.mark.parametrize("rpm", [0.0, -3.0, 1e-3, 3200.0, 8000.0, float("nan"), float("inf")])
 def test_speeds_out_of_range_are_refused(cam_set, rpm):
-    """The highest speed is that at which the stem vibrates 1.2 times per turn."""
+    """A speed out of range is refused with the range.
+
+    It is 1 rpm to the speed at which the stem vibrates 1.2 times per turn.
+    """
     with pytest.raises(ConfigError, match=r"speed is .* rpm; allowed: 1 to 31\d\d rpm"):
         measure(cam_set, (300.0, rpm))
 
@@ -163,7 +173,7 @@ def test_speeds_out_of_range_are_refused(cam_set, rpm):
 @pytest.mark.parametrize("cam", FIVE)
 @pytest.mark.parametrize("rpm", [200.0, 1000.0, 3000.0])
 def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
-    """The turn is the sum of its harmonics up to the highest speed.
+    """The steady turn is the sum of its harmonics up to the highest speed.
 
     The residual amplitude is at most 1.1 times the whole vibration.
     """
@@ -181,7 +191,10 @@ def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
 
 
 def test_a_law_too_steep_to_split_is_refused(laws, soft):
-    """A residual above the whole vibration is an artefact and raises DynamicsError."""
+    """A law so steep that its residual exceeds the whole vibration is refused.
+
+    Such a residual is an artefact.
+    """
     law = squeezed(laws["cycloidal"], np.radians(60.0))
     words = r"residual vibration of .* in a vibration of .*; allowed"
     with pytest.raises(DynamicsError, match=words):
