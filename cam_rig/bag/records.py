@@ -249,7 +249,8 @@ def _unpack_steps(compression: str, packed: bytes) -> Iterator[bytes]:
 
 #: Unpacked size of the compressed chunks that is allowed for a file of any size, bytes.
 FREE_UNPACKED = 16 * MIB
-#: Unpacked size that is allowed in addition, as a multiple of the size of the file.
+#: Unpacked size of the compressed chunks that is allowed on top of `FREE_UNPACKED`, as a multiple
+#: of the size of the file.
 MAX_RATIO = 100
 #: Largest unpacked size of chunks in memory at the same time, bytes. Readers sort chunks with
 #: overlapping times.

@@ -249,7 +249,7 @@ class SceneRanges:
     by_cam: Mapping[str, Ranges]
 
     def of(self, cam: str) -> Ranges:
-        """Return the ranges of a cam, or of all cams if the scene does not contain it."""
+        """Return the axis ranges of a cam, or the common ranges for an unknown cam."""
         return self.by_cam.get(cam, self.all_cams)
 
 

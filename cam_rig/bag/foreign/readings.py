@@ -53,9 +53,10 @@ class _Readings:
     first_error: str = ""
 
     def take(self, message: Any, log_time: int, types: Typestore) -> None:
-        """Store the number in a message.
+        """Read the number from a message, and store it with its stamp and log time.
 
-        A message without the joint or the field is only counted.
+        A message without the joint or the field is counted, and its error is kept if it is the
+        first.
         """
         ns = _stamp_ns(message)
         self.messages += 1

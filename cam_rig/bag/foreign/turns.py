@@ -38,7 +38,8 @@ MIN_WRONG = TURN / 50.0
 #: Allowance for the scatter of the steps before an angle is reported as wrong, in standard
 #: deviations.
 MAX_SCATTER = 8.0
-#: Quantile of the steps that are not 0. It is the count of a coarse encoder, otherwise a slow step.
+#: Quantile of the nonzero steps of the angle (absolute values) that estimates the encoder's
+#: resolution. With a coarse encoder it is one count, otherwise one of the smallest steps.
 COUNT_QUANTILE = 0.05
 #: Allowance for rounding before an angle is reported as wrong, in such counts: two readings are
 #: rounded.

@@ -133,11 +133,12 @@ class Step(NamedTuple):
 def climb(
     law: LawSeries, mode: Oscillator, low: float, step: float, last: float, max_evaluations: float
 ) -> Climb:
-    """Increase the speed step by step until the least output of the run is zero.
+    """Increase the speed until the minimum of the output over the run is zero.
 
-    The speed starts at ``low`` and ends at ``last`` (rad/s). ``step`` is the first step as a
-    fraction of the speed. Invariant: the output is positive from the first ``low`` up to ``low``
-    (theorem B).
+    The search starts at ``low`` and stops at ``last`` (rad/s) at the latest, or after
+    ``max_evaluations``. ``step`` is the first step as a fraction of the speed. Invariant: the
+    output is positive at all speeds from the start of the search to the present speed (theorem B of
+    docs/proofs.md).
     """
     run, count = mode_on_law(without_refcount(law), mode), len(law.first_pieces) - 1
     if not is_resolved(run, low):

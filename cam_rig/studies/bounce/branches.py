@@ -294,9 +294,12 @@ class Family:
     def _corrected(
         self, start: FloatArray, along: FloatArray, by_value: FloatArray
     ) -> tuple[PeriodicMotion, FloatArray]:
-        """Return the periodic motion in a plane of state and swept value, and its vector.
+        """Correct a scaled vector of state and swept value to a periodic motion.
 
-        The plane contains the vector ``start`` and is normal to ``along``.
+        Newton's iteration starts at the point ``start`` and stays in the plane through it that is
+        normal to ``along``. ``by_value`` is the derivative of the state after a period by the swept
+        value. Returns the motion and its scaled vector, ``(n + 1,)``. Raises MotionNotFoundError
+        without convergence.
         """
         vector, last = start, math.inf
         for _ in range(MAX_ITERATIONS):

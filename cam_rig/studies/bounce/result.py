@@ -81,7 +81,8 @@ def _nth_exponent(number: int, row: BounceRow) -> float | None:
     return row.exponents[number - 1] if number <= len(row.exponents) else None
 
 
-#: Columns of the largest exponent, of a row and of a motion in which starts end.
+#: Columns of the largest Lyapunov exponent and its error. The tables of the sweep (`BounceRow`) and
+#: of the basins (`EndMotion`) share them.
 EXPONENT = (
     Column(
         "lyapunov_exponent",

@@ -275,9 +275,10 @@ class _GaugeReader(CellTable):
         return factor, notes
 
     def _require_turn(self, heading: Heading, factor: float, angles: list[float]) -> None:
-        """Raise ConfigError if assumed angles do not cover the turn.
+        """Raise ConfigError if the readings of an assumed angle leave too wide a gap.
 
-        Assumed angles are numbers whose heading does not identify an angle.
+        An angle is assumed if the heading of its column does not name an angle. The gap in the turn
+        may be at most `MAX_GAP_OF_ASSUMED_ANGLES` (rad).
         """
         gap = widest_gap(np.unique(factor * np.array(angles) % TURN))[1]
         if gap > MAX_GAP_OF_ASSUMED_ANGLES:
