@@ -189,7 +189,7 @@ class CheckedCam:
 
     @classmethod
     def of(cls, cam: CamConfig, law: Law) -> CheckedCam:
-        """Check a cam, and return it with its law and its checks."""
+        """Check a cam, and return the cam with its law and its checks."""
         return cls(cam, law, check_cam(cam, law))
 
     @property

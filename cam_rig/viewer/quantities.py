@@ -306,7 +306,7 @@ def close_gap(gaps: Sequence[float]) -> Ranges:
 
 
 def _wider(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return limits ``(k, 2)`` that contain both arguments, for k quantities."""
+    """Return limits ``(k, 2)`` of k quantities that contain two given limits."""
     low, high = np.minimum(first, second), np.maximum(first, second)
     return np.column_stack([low[:, 0], high[:, 1]])
 
