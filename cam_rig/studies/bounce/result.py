@@ -74,7 +74,7 @@ RESTS = Footnote(
 
 
 def _nth_exponent(number: int, row: BounceRow) -> float | None:
-    """Return a Lyapunov exponent (1/turn) by its number from 1.
+    """Return the Lyapunov exponent (1/turn) with a number, counted from 1.
 
     It is None if the model has fewer exponents.
     """
