@@ -69,7 +69,7 @@ MAX_COUNTED = 100_000
 MAX_NAMED = 6
 #: Number of a state in the bag, the previous state (None if unknown), and the state.
 Move = tuple[int, CamState | None, CamState]
-#: Numbers of states, each with the names of the topics that have no message there.
+#: Numbers of states, each with the names of the topics that have no message for that state.
 MissingMessages = list[tuple[int, frozenset[str]]]
 
 

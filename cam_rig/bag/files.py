@@ -217,7 +217,7 @@ UNREADABLE = (*DAMAGE, ReaderError, SerdeError, AssertionError, TypeError, Attri
 
 
 def error_text(error: Exception) -> str:
-    """Return the message of an error in one line, or its type if it has no message."""
+    """Return an error's message in one line, or the error's type without a message."""
     text = re.sub(r"\[?PosixPath\('([^']*)'\)\]?", r"\1", " ".join(str(error).split()))
     return text or type(error).__name__
 

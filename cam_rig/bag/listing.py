@@ -57,7 +57,7 @@ class Listing:
 
 
 def list_files(bag: Path) -> Listing:
-    """Return the files of a bag that metadata.yaml lists, in its order.
+    """Return the files that a bag's metadata.yaml lists, in the order of that list.
 
     Without metadata.yaml the result is all files, in the order of the numbers in their names. If
     `bag` is a file, the result is that file alone.
@@ -149,7 +149,7 @@ def _later(others: Iterable[Path], names: list[str]) -> list[Path]:
 
 
 def sort_by_number(files: Iterable[Path]) -> list[Path]:
-    """Return the files of a bag in the order of the numbers at the end of their names.
+    """Return the files of a bag sorted by the numbers at the end of their names.
 
     Raises BagError if a number is missing.
     """
@@ -168,13 +168,16 @@ def sort_by_number(files: Iterable[Path]) -> list[Path]:
 
 
 def number_of(file: Path) -> int:
-    """Return the number in a file's name in a bag, 0 for a file with another name."""
+    """Return the number at the end of the name of a bag's file.
+
+    Returns 0 for a file with another kind of name.
+    """
     match = NUMBERED.fullmatch(file.name)
     return int(match[2]) if match else 0
 
 
 def mcap_files(bag: Path) -> list[Path]:
-    """Return the MCAP files of a bag in their order.
+    """Return the MCAP files of a bag in the order of `list_files`.
 
     Raises BagError if the bag has no MCAP file.
     """

@@ -44,7 +44,7 @@ MAX_ATTACHED = 1000
 MAX_ATTACHED_BYTES = 64 * MIB
 #: Largest length of the path of an attachment, bytes.
 MAX_PATH = 1000
-#: Largest length of one name in such a path, bytes.
+#: Largest length of one name in the path of an attachment, bytes.
 MAX_NAME = 255
 
 
@@ -168,7 +168,8 @@ class Condition(Flag):
     TRUNCATED = auto()
     #: Records are unreadable, or a checksum is wrong.
     DAMAGED = auto()
-    #: The file was written by another program, so its messages have no reliable numbers.
+    #: The file was written by another program, so the sequence numbers of its messages are not
+    #: reliable.
     FOREIGN = auto()
 
 

@@ -65,7 +65,7 @@ class BagRecorder:
         return sum(self._writer.counts.values())
 
     def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
-        """Receive one message, which is written once it is complete with others.
+        """Receive one message, and write the cam states that the message completes.
 
         The parameters and the result are those of `RecordingSession.take`.
         """

@@ -125,8 +125,8 @@ def parse_message(data: bytes) -> Message:
     return Message(channel, logged, data[MESSAGE_HEAD.size :], published, number)
 
 
-#: Readers of the records that a chunk may contain, by opcode. The top level of a file may contain
-#: them too.
+#: Readers of the records that a chunk may contain, by opcode. These records may also occur at the
+#: top level of a file.
 CONTENT_READERS: dict[int, Callable[[bytes], Any]] = {
     Opcode.SCHEMA: lambda data: Schema.read(fields(data)),
     Opcode.CHANNEL: lambda data: Channel.read(fields(data)),
@@ -249,9 +249,10 @@ def _unpack_steps(compression: str, packed: bytes) -> Iterator[bytes]:
 
 #: Unpacked size of the compressed chunks that is allowed for a file of any size, bytes.
 FREE_UNPACKED = 16 * MIB
-#: Unpacked size that is allowed in addition, as a multiple of the size of the file.
+#: Unpacked size of the compressed chunks that is allowed on top of `FREE_UNPACKED`, as a multiple
+#: of the size of the file.
 MAX_RATIO = 100
-#: Largest unpacked size of chunks in memory at the same time, bytes. Readers sort chunks with
+#: Largest unpacked size of all chunks that are in memory together, bytes. Readers sort chunks with
 #: overlapping times.
 MAX_AT_ONCE = 128 * MIB
 #: Number of bytes for which a checksum is computed in one step.

@@ -86,7 +86,7 @@ class ReplayResult(Result):
         return [self.table("differences", "Recorded against replayed", self.differences)]
 
     def summary(self) -> list[str]:
-        """Return a line on the worst quantity if it exceeds the tolerance."""
+        """Return a line on the largest difference if it exceeds the tolerance."""
         worst = self.worst
         text = (
             f"{self.bag}: {worst.topic} {worst.quantity} differs by {worst.difference:.3g}, "
@@ -205,7 +205,7 @@ def replay_steps(bag: Path) -> Iterator[ReplayStep]:
 
 
 def quantity_of(diagnostic: Any) -> str:
-    """Return the quantity that the microphone measures, by its diagnostics.
+    """Return the quantity that the microphone measures, from a diagnostic message.
 
     The quantity is a letter symbol such as LAF. The result is empty for another node.
     """

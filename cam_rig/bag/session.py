@@ -236,7 +236,7 @@ class RecordingSession:
         return stamps
 
     def close(self) -> None:
-        """Write the received messages of the states that are incomplete."""
+        """Write the remaining cam states, even if some of their messages are missing."""
         while self._states:
             self._write_state()
         self._write_diagnostics(self._newest)

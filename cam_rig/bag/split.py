@@ -43,7 +43,7 @@ class Split:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Limits as parameters of the recorder, by their names in rosbag2."""
+        """Limits of the file size and duration, by the names of rosbag2's parameters."""
         return {"max_bagfile_size": self.size, "max_bagfile_duration": self.duration}
 
     def is_due(self, size: int, start: int, stamp: int) -> bool:

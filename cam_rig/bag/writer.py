@@ -152,7 +152,7 @@ class BagWriter:
             self._file.finish(self._contents())
 
     def abandon(self) -> None:
-        """Leave the bag as it is, so that it does not count as closed.
+        """Leave the bag in its present state, so that it does not count as closed.
 
         A file that should have replaced a file of the bag is removed.
         """

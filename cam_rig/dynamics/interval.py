@@ -101,7 +101,7 @@ REST_RTOL = 1e-9
 #: rounding.
 SPEED_RTOL = 1e-12
 #: Largest difference between the cam angles (rad) at the end of an interval and at the start of the
-#: next interval. It allows for rounding.
+#: next interval. The tolerance allows for rounding.
 ANGLE_TOLERANCE = 1e-6
 
 

@@ -36,7 +36,8 @@ MAX_PHASES = 64
 TURNS_PER_CALL = 100
 #: State of a follower on the cam: gap 0 m and gap rate 0 m/s.
 ON_THE_CAM = (0.0, 0.0)
-#: State at cam angle 0 in SI: gap and its rate, of two masses also stem stretch and its rate.
+#: State at cam angle 0 in SI: gap and gap rate, for two masses also stretch and stretch rate of the
+#: stem.
 State = tuple[float, ...]
 
 

@@ -19,8 +19,8 @@ from cam_rig.laws import Law
 from cam_rig.laws.law import JUMP_RTOL
 from cam_rig.units import TURN
 
-#: Largest rounding of the cam angle at the border of two intervals, rad: that of an angle of 1e5
-#: turns stored in one number.
+#: Largest rounding of the cam angle at the border of two intervals, rad: the rounding of an angle
+#: of 1e5 turns stored in one number.
 JOINT_ATOL_RAD = 1e-9
 #: Largest difference of cam angles (rad) of two events that count as simultaneous.
 SAME_ANGLE_RAD = 1e-12

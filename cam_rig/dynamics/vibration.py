@@ -324,8 +324,8 @@ def residual_vibration(
     return np.asarray(amplitudes)
 
 
-#: Smallest relative difference of the two rates of the stem. Closer rates are moved apart to it,
-#: because both are equal at critical damping.
+#: Smallest relative difference of the two rates of the stem. Closer rates are moved apart to this
+#: difference, because the rates are equal at critical damping.
 MIN_RATE_DIFFERENCE = 1e-7
 
 

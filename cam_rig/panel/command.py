@@ -221,10 +221,10 @@ class ClassRoom(NamedTuple):
     host: str | None
 
     def pages(self, cams: list[CamConfig], rig: RigConfig, out: Path) -> dict[str, LabPages]:
-        """Return the pages of each group of the class, by path.
+        """Return the lab pages by URL path, one entry per group of students.
 
-        With one seed or none, there is a single sheet at `LAB`. Raises ConfigError for a repeated
-        seed.
+        Each group has one seed, and its path is `LAB`/seed. With fewer than two seeds, the only
+        path is `LAB`. Raises ConfigError if a seed is repeated.
         """
         from cam_rig.panel.lab.labs import lab_sheet
         from cam_rig.panel.lab.pages import LAB, LabPages

@@ -189,7 +189,7 @@ class CheckedCam:
 
     @classmethod
     def of(cls, cam: CamConfig, law: Law) -> CheckedCam:
-        """Check a cam, and return it with its law and its checks."""
+        """Check a cam, and return the cam with its law and its checks."""
         return cls(cam, law, check_cam(cam, law))
 
     @property
@@ -198,9 +198,10 @@ class CheckedCam:
         return [check for check in self.checks if not check.passed]
 
     def worst(self, name: str) -> float | None:
-        """Return the value nearest to its limit among the checks with a name.
+        """Return the value nearest to its limit among the checks called `name`.
 
-        Conjugate cams have two checks of one name. The result is None without a finite value.
+        Conjugate cams can have two checks of the same name, one per disc. Returns None if no check
+        has this name, or if that value is not finite.
         """
         named = [check for check in self.checks if check.name == name]
         choose = min if named and named[0].relation == "more than" else max

@@ -79,7 +79,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """True if the value satisfies the relation."""
+        """True if the value satisfies the relation to the limit."""
         return RELATIONS[self.relation](self.value, self.limit)
 
     @property

@@ -125,9 +125,10 @@ class GuidedCentre(Guided):
         return offset_contact(centre, tangent, second, self.roller, np.arctan2(up, height))
 
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Return the height (m) of the centre at which it just touches each point.
+        """Return the height (m) of the centre at which the element just touches each point.
 
-        It is the centre of roller or point. The points are those of a contour, m.
+        The centre is that of the roller, or the point of a pointed follower. The points are those
+        of a contour, m.
         """
         square = self.roller**2 - self.offset_from_path(points) ** 2
         height = self.side * points.imag + np.sqrt(np.maximum(square, 0.0))

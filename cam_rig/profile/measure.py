@@ -264,7 +264,7 @@ def backlash(
 
 
 def both_elements(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
-    """Return the two elements of a follower that its cam moves both ways."""
+    """Return the two elements of a follower that the cam moves in both directions."""
     second = plates[0].opposite if len(plates) == 1 else plates[1].element
     if second is None:
         raise ProfileError(
@@ -274,10 +274,10 @@ def both_elements(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
 
 
 def closure(follower: Follower, law: Law) -> FloatArray:
-    """Return the backlash (m) of a follower that its cam moves both ways, ``(360,)``.
+    """Return the backlash (m) of a follower moved in both directions, ``(360,)``.
 
-    It is computed at `READINGS` cam angles over the turn. The contours are splines through
-    `CONTOUR_POINTS` points.
+    The backlash is computed at `READINGS` cam angles over the turn. The contours are splines
+    through `CONTOUR_POINTS` points.
     """
     cam_contours = contours(follower, law, CONTOUR_POINTS)
     curves = [closed_curve(contour.points) for contour in cam_contours]

@@ -59,7 +59,7 @@ class FollowerShape:
         return plane(self.element.stand(lift)).T
 
     def contact(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
-        """Return the points of contact (m) and the unit normals there, ``(n, 2)`` each.
+        """Return the contact points (m) and the unit normals at them, ``(n, 2)`` each.
 
         The follower moves by the law. The normals point from the cam to the follower.
         """

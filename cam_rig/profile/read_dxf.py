@@ -89,7 +89,10 @@ class _Curve:
 
     @property
     def is_closed(self) -> bool:
-        """True if both ends are one point."""
+        """True if the first and the last point of the curve coincide.
+
+        The tolerance is `JOIN_DISTANCE`.
+        """
         gap = float(np.hypot(*(self.points[0] - self.points[-1])))
         return len(self.points) > 2 and gap <= JOIN_DISTANCE
 
@@ -298,7 +301,7 @@ def _select_layer(path: Path, entities: list[DXFEntity], layer: str) -> list[DXF
 
 
 def _without_duplicates(curves: list[_Curve]) -> list[_Curve]:
-    """Return the curves without those that are drawn again, in the same or the other direction."""
+    """Return the curves without repeated curves, in either direction."""
     distinct = dict[bytes, _Curve]()
     for curve in curves:
         if curve.points[::-1].tobytes() not in distinct:

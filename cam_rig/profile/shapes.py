@@ -90,9 +90,9 @@ def ring(radius: float) -> list[FloatArray]:
 
 
 def ring_numbers(radius: float) -> tuple[FloatArray, list[str]]:
-    """Return the positions ``(11, 2)`` of the ring's numbers, and the numbers.
+    """Return the positions ``(11, 2)`` and the texts of the numbers on the ring.
 
-    The ring shows degrees. The number 0 is left out, because the follower is there.
+    The ring shows degrees. The number 0 is left out, because the follower is at that position.
     """
     degrees = range(NUMBER_STEP, 360, NUMBER_STEP)
     centres = np.array([_direction(number) for number in degrees]) * NUMBER_RADIUS * radius
@@ -113,7 +113,7 @@ def rotation_arrow(radius: float) -> list[FloatArray]:
 
 
 def body(outline: FloatArray) -> tuple[list[FloatArray], float]:
-    """Return polylines ``(n, 2)`` whose strokes fill an outline, and half their width.
+    """Return polylines ``(n, 2)`` that fill an outline, and half their stroke width.
 
     The polylines are closed. The outline surrounds the origin.
     """

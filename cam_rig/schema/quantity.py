@@ -89,7 +89,11 @@ class Strict(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _rename_earlier_keys(cls, data: Any) -> Any:
-        """Return the data with present names. A key with both names remains, and is an error."""
+        """Return the data with earlier keys renamed to their present names.
+
+        An earlier key is not renamed if the data also contain its present name. Validation then
+        rejects it as unknown.
+        """
         if not isinstance(data, dict) or data.keys().isdisjoint(cls.earlier_keys):
             return data
         present = {k: n for k, n in cls.earlier_keys.items() if n not in data}

@@ -235,9 +235,9 @@ def _turns(loaded: LoadedScene, rpm: float, ranges: Ranges) -> list[rrb.Spatial2
 def _scene(
     loaded: LoadedScene, view: str, name: str = "Cam and follower", share: float = 7.0
 ) -> rrb.Container:
-    """Return the view of cam and follower above its readings.
+    """Return the view of cam and follower above the view of the readings.
 
-    It is `share` times as high as the readings.
+    The upper view is `share` times as high as the readings.
     """
     return rrb.Vertical(
         plane_view(view, name, *scene2d.bounds(scene2d.framings(loaded))),

@@ -139,7 +139,7 @@ class PageTime:
         self.longest: float | None = None
 
     def take(self, query: str) -> None:
-        """Process the report of a page on its rig time, the query ``ns=…``.
+        """Process the rig time that a page reports in the query ``ns=…``.
 
         Any other query is ignored.
         """

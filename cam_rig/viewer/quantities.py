@@ -249,7 +249,7 @@ class SceneRanges:
     by_cam: Mapping[str, Ranges]
 
     def of(self, cam: str) -> Ranges:
-        """Return the ranges of a cam, or of all cams if the scene does not contain it."""
+        """Return the axis ranges of a cam, or the common ranges for an unknown cam."""
         return self.by_cam.get(cam, self.all_cams)
 
 
@@ -306,7 +306,7 @@ def close_gap(gaps: Sequence[float]) -> Ranges:
 
 
 def _wider(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return limits ``(k, 2)`` that contain both arguments, for k quantities."""
+    """Return limits ``(k, 2)`` of k quantities that contain two given limits."""
     low, high = np.minimum(first, second), np.maximum(first, second)
     return np.column_stack([low[:, 0], high[:, 1]])
 

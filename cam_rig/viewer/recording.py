@@ -95,7 +95,7 @@ class RunFeed:
         return self._sound_until < self._drawn
 
     def draw(self) -> Iterator[Tick]:
-        """Pass all complete ticks to the receiver, and yield each of them."""
+        """Pass all complete ticks to the receiver, and yield each tick."""
         self._ticks.extend(map(Tick._make, self.pairing.complete()))
         while self.levels and self.pressures:
             end_ns, pressure = self.pressures.popleft()
@@ -299,7 +299,7 @@ class LiveView:
         self._playback.clear()
 
     def draw(self) -> Iterator[Tick]:
-        """Draw all complete ticks, and yield each of them."""
+        """Draw all complete ticks, and yield each tick."""
         for tick in self.feed.draw():
             if self._factor:
                 now = time.monotonic()

@@ -220,7 +220,7 @@ class ResultTable:
         self._levels: dict[tuple[str, float], float] = {}
 
     def motion(self, turn: Turn) -> None:
-        """Set the row of a cam and speed in the table from its newest turn."""
+        """Set the table row of a cam and speed from the newest turn of that cam."""
         force, law = turn.force, self._loaded.laws[turn.cam]
         count = int(lift_offs(force, bool(force[-1] == 0.0)).sum())
         gap = 1e6 * float(gap_of(law, turn.angle, turn).max()) if count else 0.0

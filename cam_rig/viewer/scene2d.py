@@ -298,9 +298,9 @@ class Scene2D:
         return self._framings[cam]
 
     def speed(self, state: CamState, title: str = "") -> None:
-        """Draw the cam's title and speed below it, and a bar with the scale of the force.
+        """Draw the title and speed of the cam, and a bar with the scale of the force.
 
-        They appear from a cam state on.
+        The title and the speed are below the cam. All of them appear from a cam state on.
         """
         self.flush()
         self._rpm, framing = to_rpm(state.speed), self._framing_of(state.cam)

@@ -95,7 +95,7 @@ class Canvas:
     def strips(
         self, entity: str, times: list[rr.TimeColumn], strips: Sequence[FloatArray], **style: float
     ) -> None:
-        """Draw polylines ``(n, 2)`` of the same style at one time."""
+        """Draw polylines ``(n, 2)`` of one style at one time."""
         styles: dict[str, Any] = {name: [value] * len(strips) for name, value in style.items()}
         columns = rr.LineStrips2D.columns(strips=strips, **styles)
         self.rows(entity, times, columns.partition([len(strips)]))

@@ -114,7 +114,7 @@ class TurnAxes:
         canvas.rows(f"{view}/cursor", times, rr.LineStrips2D.columns(strips=list(strips)))
 
     def draw_marks(self, canvas: Canvas, view: str) -> None:
-        """Draw the frames of all rows and the numbers next to them, for every time."""
+        """Draw the frames of all rows and the axis values next to them, for every time."""
         for key, axes in self.axes.items():
             axes.draw(canvas.stream, f"{view}/{key}/axes", {}, self.marks(key))
 
@@ -220,7 +220,7 @@ class TurnChart:
         self._axes.move_cursor(self._canvas, VIEW, times, angle)
 
     def _send(self, times: list[rr.TimeColumn], turn: Turn) -> None:
-        """Draw a turn over those of its speed, unless it equals one of them."""
+        """Draw a turn over the earlier turns of its speed, unless it equals one of them."""
         if self._shown != (turn.cam, turn.speed):
             self._start_step(times, turn.cam, turn.speed)
         curves = {row.key: self._curve(row.key, row.line.factor, turn) for row in self._rows}

@@ -18,10 +18,10 @@ PART = re.compile(r"(?P<name>\w+)(?:\[(?P<index>[\w/-]+)\])?")
 
 
 def number_at(message: Any, path: str) -> float:
-    """Return the number in a message at a path, such as ``wrench.force.z``.
+    """Return the value of a message's field at a path, such as ``wrench.force.z``.
 
     The index of an array, as in ``position[0]``, may be the name of a joint. Raises ValueError if
-    the path is not a number.
+    the field at the path is not a number.
     """
     value = message
     for part in path.split("."):

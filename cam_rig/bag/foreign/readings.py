@@ -23,14 +23,15 @@ from cam_rig.errors import BagError, did_you_mean
 from cam_rig.simulation.instruments import MeasuredRun, ReadingCount, Signal
 from cam_rig.units import NS, FloatArray
 
-#: Largest number of readings of one quantity that are read. Each takes 24 bytes.
+#: Largest number of readings of one quantity that are read. Each reading takes 24 bytes.
 MAX_READINGS = 20_000_000
-#: Number of readings of the lift whose median is compared with the reading in their middle.
+#: Number of successive readings of the lift whose median is compared with the middle reading.
 LIFT_WINDOW = 15
-#: Distance from this median above which a number is not a reading, as a multiple of the lift range.
-#: A follower that bounces stays nearer.
+#: Distance of a number from the median over `LIFT_WINDOW` above which the number is not a reading,
+#: as a multiple of the lift range. The lift of a follower that bounces is nearer to the median.
 SENTINEL_RATIO = 5.0
-#: Largest fraction of such numbers that are recognized, above and below the readings each.
+#: Largest fraction of numbers that are recognized as no readings by `SENTINEL_RATIO`, above and
+#: below the readings each.
 MAX_SENTINELS = 0.01
 
 
@@ -49,13 +50,14 @@ class _Readings:
     has_stamps: bool = False
     #: Number of values of the field's integer type, None if the type is not an integer.
     values_of_type: int | None = None
-    #: Error of the first message that does not contain the number.
+    #: Error of the first message without the joint or the field of the quantity.
     first_error: str = ""
 
     def take(self, message: Any, log_time: int, types: Typestore) -> None:
-        """Store the number in a message.
+        """Read the number from a message, and store it with its stamp and log time.
 
-        A message without the joint or the field is only counted.
+        A message without the joint or the field is counted, and its error is kept if it is the
+        first.
         """
         ns = _stamp_ns(message)
         self.messages += 1

@@ -52,7 +52,7 @@ class MappedField:
 
     @property
     def factor(self) -> float:
-        """Factor from the numbers in the messages to SI, with the sign."""
+        """Factor from the values in the messages to SI, with the sign."""
         if counts := COUNTS.fullmatch(self.unit):
             return self.sign * TURN / int(counts[1])
         return self.sign * QUANTITIES[self.quantity][self.unit]

@@ -18,30 +18,32 @@ from cam_rig.units import TURN, FloatArray
 TURN_RANGE_FACTOR = 1.0 + 1e-6
 #: Largest fraction of wrong angles that are outside the range of the encoder, at each end.
 MAX_OUTSIDE = 0.02
-#: Quantile of the steps of the angle that is their usual size at the full speed of a run.
+#: Quantile of the steps of the angle that is the usual step at the full speed of a run.
 USUAL_STEP_QUANTILE = 0.9
-#: Largest part of a counter's range without readings at which it wraps at the end of its integer
-#: type, in usual steps.
+#: Largest part of a counter's range without readings at which the counter wraps at the end of its
+#: integer type, in usual steps.
 MAX_USUAL_STEPS = 3.0
-#: Smallest range of the readings at which they can wrap without a long step, as a fraction of the
-#: period.
+#: Smallest range of the readings at which the readings can wrap without a long step, as a fraction
+#: of the period.
 MIN_RANGE = 0.75
 #: Largest usual step at which whole turns can be counted, as a fraction of the period. With three
 #: readings per turn or fewer, the cam may have turned in either direction.
 MAX_STEP = 0.33
 #: Quantile of the steps that is compared with `MAX_STEP`: that of the faster speeds of a run.
 FAST_STEP_QUANTILE = 0.75
-#: Number of steps whose median is the usual step, before and after each step. It must be odd.
+#: Number of steps whose median is the usual step, before and after each step. The number must be
+#: odd.
 WINDOW_STEPS = 15
 #: Largest deviation (rad) from the usual step that is never reported as wrong: 7.2°.
 MIN_WRONG = TURN / 50.0
 #: Allowance for the scatter of the steps before an angle is reported as wrong, in standard
 #: deviations.
 MAX_SCATTER = 8.0
-#: Quantile of the steps that are not 0. It is the count of a coarse encoder, otherwise a slow step.
+#: Quantile of the nonzero steps of the angle (absolute values) that estimates the encoder's
+#: resolution. With a coarse encoder it is one count, otherwise one of the smallest steps.
 COUNT_QUANTILE = 0.05
-#: Allowance for rounding before an angle is reported as wrong, in such counts: two readings are
-#: rounded.
+#: Allowance for rounding before an angle is reported as wrong, in counts as estimated by
+#: `COUNT_QUANTILE`. Two readings are rounded.
 MAX_COUNTS = 2.0
 #: Standard deviation of a normal distribution in units of its median absolute deviation.
 MAD_SIGMA = 1.4826
@@ -54,18 +56,20 @@ MAX_RUN = 100
 MAX_WRONG = 0.1
 #: Relative tolerance of an angle that is predicted across wrong angles.
 PREDICTION_RTOL = 0.05
-#: Largest distance of a jump from whole turns at which it is corrected, as a fraction of the usual
-#: step.
+#: Largest distance of a jump from whole turns at which the jump is corrected, as a fraction of the
+#: usual step.
 WHOLE_TURNS_RTOL = 0.25
-#: Allowance for the scatter of the steps in this distance, in standard deviations.
+#: Allowance for the scatter of the steps in the distance of a jump from whole turns, in standard
+#: deviations.
 WHOLE_TURNS_SCATTER = 4.0
 #: Upper limit of the tolerance of a step, as a fraction of the period of a wrapped angle.
 MAX_TOLERANCE = 0.3
-#: Jump of an angle per turn if its numbers, read as radians, are degrees.
+#: Jump of an angle per turn if the angle is in degrees but is read as radians.
 DEGREES_PER_TURN = 360.0
-#: Tolerance of this jump, in the unit of the numbers. The scatter of the steps is added.
+#: Tolerance of a jump of `DEGREES_PER_TURN`, in the unit of the readings. The scatter of the steps
+#: is added.
 DEGREES_ATOL = 0.5
-#: Number of steps that are processed together. It bounds the memory for a long recording.
+#: Number of steps that are processed together. The limit bounds the memory for a long recording.
 BLOCK_STEPS = 100_000
 #: Largest number of times that a note lists.
 MAX_TIMES = 6
@@ -83,7 +87,7 @@ class Counter:
 
     @property
     def span(self) -> float:
-        """Angle (rad) after which the counter starts again at its first value."""
+        """Angle (rad) after which the counter restarts at its first value."""
         return self.count * self.values
 
 
@@ -326,7 +330,10 @@ class _Steps:
         return bool(abs(excess - TURN * round(excess / TURN)) <= tolerance)
 
     def require_radians(self, jumps: list[int], where: str) -> None:
-        """Raise BagError if the angle jumps by 360 rad: it is in degrees and wraps each turn."""
+        """Raise BagError if the angle jumps by 360 rad.
+
+        Such an angle is in degrees and wraps each turn.
+        """
         for index in jumps:
             tolerance = DEGREES_ATOL + self._scatter[index]
             if abs(abs(self._excess(index)) - DEGREES_PER_TURN) <= tolerance:

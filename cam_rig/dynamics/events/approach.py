@@ -37,8 +37,8 @@ from cam_rig.dynamics.velocity_jumps import SAME_ANGLE_RAD
 from cam_rig.laws.polynomials import elevate, find_fall, integrate, restrict, value_at
 from cam_rig.laws.vectors import Vector, max_abs
 
-#: Upper bound of the rounding error of accelerations and gaps, in float epsilons of their largest
-#: ordinate.
+#: Upper bound of the rounding error of accelerations and gaps, in float epsilons of the largest
+#: ordinate of the acceleration or gap.
 ACCELERATION_ROUNDING_ERRORS = 64.0
 #: Upper limit (s) of the rounding of the time of a velocity jump (13). It bounds the rounding for
 #: slow cams.
@@ -48,8 +48,8 @@ MAX_JUMP_ROUNDING_S = 1e-7
 MIN_STEP_FRACTION = 1.0 / 16.0
 #: Largest relative position in a piece of the law: the end itself belongs to the next piece.
 MAX_PIECE_POSITION = 1.0 - 1e-16
-#: Shortest advance (s) of the search. It is used at time 0, where one float epsilon of the time is
-#: 0.
+#: Shortest advance (s) of the search. It takes effect at time 0, where one float epsilon of the
+#: time is 0.
 MIN_WINDOW_S = 1e-300
 
 

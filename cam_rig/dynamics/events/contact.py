@@ -30,8 +30,9 @@ from cam_rig.laws.polynomials import elevate, find_fall, horner, restrict, value
 from cam_rig.laws.vectors import Matrices, Matrix, Records, Vector, index_at, without_refcount
 from cam_rig.units import TURN
 
-#: Shortest step of time that is proven by bounds, as a fraction of `StemContactTable.window`. For
-#: shorter steps a polynomial is cheaper (measured).
+#: Shortest time step in which contact is proven by the bounds (3) and (8), as a fraction of
+#: `StemContactTable.window`. If the bounds allow only a shorter step, the zero of the force
+#: polynomial is searched for in a window instead, which is cheaper (measured).
 MIN_STEP_FRACTION = 0.25
 #: Number of equal cells of a part of a turn. A lower bound of the force is stored for each cell.
 CELLS = 8

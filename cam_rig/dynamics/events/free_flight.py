@@ -23,16 +23,18 @@ from cam_rig.laws.vectors import Matrix, Records, Vector, dot
 #: Largest product of time and fastest rate at which the power series of the impulse response is
 #: used.
 MAX_SERIES_TIME = 0.5
-#: Number of terms of that power series. The first omitted term, 0.5^18/18!, is far below rounding.
+#: Number of terms of the power series of the impulse response. The first omitted term, 0.5^18/18!,
+#: is far below rounding.
 SERIES_TERMS = 18
-#: Size below which a term of that series is negligible, 1/1024 of the float epsilon. The series
-#: stops after two such terms in a row. The first term is 1.
+#: Size below which a term of the power series of the impulse response is negligible, 1/1024 of the
+#: float epsilon. The series stops after two such terms in a row. The first term is 1.
 MIN_SERIES_TERM = 2.0**-62
 #: Product of ‖A‖ and the duration of a window (no unit), as in `linear.exponential.REACH`.
 WINDOW_REACH = 2.0
 #: Largest product ‖A‖ t at which the power series of e^{At} is used without squaring.
 MAX_EXPONENTIAL_REACH = 0.5
-#: Number of terms of that power series. The first omitted term, 0.5^18/18!, is far below rounding.
+#: Number of terms of the power series of e^{At}. The first omitted term, 0.5^18/18!, is far below
+#: rounding.
 EXPONENTIAL_TERMS = 18
 #: Largest number of states of a system in flight: displacement and velocity of two masses.
 MAX_STATES = 4

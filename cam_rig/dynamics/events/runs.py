@@ -267,8 +267,9 @@ def _launch(
 ) -> None:
     """Start a flight at the cam surface.
 
-    The follower moves at ``rebound`` m/s relative to the velocity in ``cam``. ``gap_rate`` (m/s) is
-    the gap rate after all velocity jumps.
+    The follower starts with the velocity in ``cam`` plus ``rebound`` (m/s). ``gap_rate`` (m/s) is
+    the initial gap rate. It differs from ``rebound`` at a lift-off by a velocity jump, where
+    ``cam`` is the motion before the jump and ``gap_rate`` is the rate after it.
     """
     vector, velocity = state["vector"], cam.velocity + rebound
     if run.has_stem:

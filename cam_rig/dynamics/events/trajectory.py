@@ -54,7 +54,8 @@ MIN_VELOCITY_STEP = 1e-12
 MIN_BOUNCE_RATIO = 1e-12
 #: Smallest height of a bounce in m, for very small lifts: 1e-5 of the size of an atom.
 MIN_BOUNCE_HEIGHT = 1e-15
-#: Upper bound of the rounding error of a contact force, in float epsilons of its largest ordinate.
+#: Upper bound of the rounding error of a contact force, in float epsilons of the largest ordinate
+#: of the force.
 ROUNDING_ERRORS = 64.0
 
 
@@ -82,7 +83,8 @@ class Trajectory:
     jump. `cam_rig.dynamics.events.runs` describes the state machine.
     """
 
-    #: Number of events per turn above which a run fails. No physical series of bounces reaches it.
+    #: Number of events per turn above which a run fails. No physical series of bounces reaches this
+    #: number.
     max_events: ClassVar[int]
 
     def __init__(

@@ -37,7 +37,8 @@ from cam_rig.dynamics.events.run_table import (
 from cam_rig.dynamics.events.runs import compute_stem_stretch, run_events
 from cam_rig.laws.vectors import Matrix, Records, Vector, without_refcount
 
-#: Result of one turn. The first n numbers of an array are used, 2 for one mass and 4 for two.
+#: Result of one turn. Of an array, the first 2 elements are used for one mass, and the first 4 for
+#: two masses.
 TURN_RESULT = np.dtype(
     [
         ("landings", "i8"),  # number of landings

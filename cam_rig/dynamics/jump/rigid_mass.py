@@ -13,7 +13,7 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.laws.law import TIE_RTOL, extremes
 from cam_rig.units import TURN, FloatArray
 
-#: Number of points per piece of the law at which the force is evaluated for its minimum.
+#: Number of points per piece of the law at which the force is evaluated to find its minimum.
 POINTS_PER_PIECE = 2049
 
 

@@ -21,10 +21,11 @@ from cam_rig.units import RPM, TURN, to_rpm
 MIN_RPM = 1.0
 #: Cam speed at which the search for a jump speed ends, rpm.
 MAX_RPM = 1e5
-#: Smallest damping ratio of a follower with a steady state. Below it the search in steady state
-#: would not end.
+#: Smallest damping ratio of a follower with a steady state. With a smaller ratio the search in
+#: steady state would not end.
 MIN_DAMPING_RATIO = 1e-7
-#: Largest number of evaluations of the force in a search. They take about half a minute.
+#: Largest number of evaluations of the force in a search. This number of evaluations takes about
+#: half a minute.
 MAX_EVALUATIONS = 3e8
 #: Default duration of a run from rest, s, as in Table 2 of the paper.
 REST_DURATION_S = 1.7

@@ -38,8 +38,8 @@ from cam_rig.laws.sampling import (
 )
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-#: Smallest |eigenvalue| of I − Φ at which a steady state exists. Below it one turn hardly changes
-#: a mode in phase or size: the mode is in resonance.
+#: Smallest |eigenvalue| of I − Φ at which a steady state exists. With a smaller eigenvalue one turn
+#: hardly changes a mode in phase or size: the mode is in resonance.
 MIN_EIGENVALUE = 1e-11
 
 

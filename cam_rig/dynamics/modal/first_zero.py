@@ -40,18 +40,19 @@ from cam_rig.units import TURN
 
 #: Relative tolerance of the minimum of the output during the climb, which needs only lower bounds.
 CLIMB_RTOL = 0.25
-#: Smallest step as a fraction of the speed that is tried if the rounding error at its end is too
-#: large. With a smaller step the climb ends as UNRESOLVED.
+#: Smallest step, as a fraction of the speed, that is tried if the rounding error at the end of the
+#: step is too large. With a smaller step the climb ends as UNRESOLVED.
 UNRESOLVED_RTOL = 1e-3
-#: Shortest step as a fraction of the speed. It needs no proof, because rounding decides there.
+#: Shortest step as a fraction of the speed. A step of this length needs no proof, because rounding
+#: decides whether the output is positive.
 MIN_STEP = 1e-11
 #: Chord error for which a step by groups is planned, as a fraction of the minimum of the output at
 #: the start of the step.
 GROUP_FRACTION = 0.75
 #: Factor from a step that was proven by groups to the next step.
 GROUP_GROWTH = 1.5
-#: Largest ratio of a step to the step that its bounds allow. Above it the step is planned again
-#: with a smaller width.
+#: Largest ratio of a step to the step that its bounds allow. At a larger ratio the step is planned
+#: again with a smaller width.
 MAX_WIDTH_RATIO = 3.0
 #: Factor from a step that was not proven to the next step.
 SHRINK = 0.57
@@ -72,7 +73,7 @@ BRACKET_RTOL = 1e-14
 #: Distance (rad) on both sides of the angle of the negative output within which a zero is refined
 #: first.
 NEIGHBOURHOOD = TURN / 64.0
-#: Largest number of iterations of a refinement. It prevents an endless loop.
+#: Largest number of iterations of a refinement. The limit prevents an endless loop.
 MAX_REFINEMENTS = 200
 
 
@@ -133,11 +134,12 @@ class Step(NamedTuple):
 def climb(
     law: LawSeries, mode: Oscillator, low: float, step: float, last: float, max_evaluations: float
 ) -> Climb:
-    """Increase the speed step by step until the least output of the run is zero.
+    """Increase the speed until the minimum of the output over the run is zero.
 
-    The speed starts at ``low`` and ends at ``last`` (rad/s). ``step`` is the first step as a
-    fraction of the speed. Invariant: the output is positive from the first ``low`` up to ``low``
-    (theorem B).
+    The search starts at ``low`` and stops at ``last`` (rad/s) at the latest, or after
+    ``max_evaluations``. ``step`` is the first step as a fraction of the speed. Invariant: the
+    output is positive at all speeds from the start of the search to the present speed (theorem B of
+    docs/proofs.md).
     """
     run, count = mode_on_law(without_refcount(law), mode), len(law.first_pieces) - 1
     if not is_resolved(run, low):

@@ -37,8 +37,8 @@ CUTS = 4
 MIN_RTOL = 1e-13
 #: Smallest width of a part that is cut, as a fraction of its piece. Rounding decides below it.
 MIN_PART_WIDTH = 2.0**-50
-#: Largest number of parts that wait. There are fewer than `CUTS` for each of the 25 cuts down to
-#: `MIN_PART_WIDTH`.
+#: Largest number of parts that wait to be cut. Fewer than `CUTS` parts wait for each of the 25 cuts
+#: down to `MIN_PART_WIDTH`.
 MAX_PARTS = 160
 
 #: A part of a piece.

@@ -22,8 +22,8 @@ from cam_rig.dynamics.events.run_table import CamWeights
 from cam_rig.laws.vectors import Matrices, Matrix, Records, Vector, min_of
 from cam_rig.units import TURN
 
-#: Size of a term below which it is rounding, relative to the largest term. The series stops after
-#: two such terms in a row.
+#: Size of a term below which the term is rounding, relative to the largest term. The series stops
+#: after two such terms in a row.
 SERIES_RTOL = 1e-14
 #: Largest accepted rounding error of the terms of P, as a fraction of the terms with s, s' and s''.
 MAX_ROUNDING = 1e-5

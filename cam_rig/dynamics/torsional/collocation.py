@@ -147,7 +147,7 @@ class ChebyshevPath:
 #: Expected size of the next correction at which Newton's method has converged, relative to the
 #: solution.
 NEWTON_RTOL = 1e-15
-#: Largest relative size of corrections that count as rounding if they no longer shrink.
+#: Largest relative size of corrections that count as rounding if the corrections no longer shrink.
 ROUNDING_RTOL = 1e-12
 #: Largest number of Newton steps.
 MAX_ITERATIONS = 15

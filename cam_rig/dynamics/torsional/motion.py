@@ -175,12 +175,12 @@ def solve(
 PERIODIC_RTOL = 1e-11
 #: Change of the state by one turn at which the iteration ends, relative to the peak twist.
 TARGET_RTOL = 1e-13
-#: Largest number of iterations for a periodic state. Each computes one turn.
+#: Largest number of iterations for a periodic state. Each iteration computes one turn.
 MAX_TURNS = 25
 #: Step of the start state for differences of the turn map, relative to the peak twist.
 SLOPE_STEP = 0.03
-#: Smallest norm of the slope of (turn map − identity). At a smaller one a turn hardly changes the
-#: state, and the shaft is in resonance with the cam.
+#: Smallest norm of the slope of (turn map − identity). With a smaller norm a turn hardly changes
+#: the state, and the shaft is in resonance with the cam.
 MIN_SLOPE_NORM = 1e-8
 
 

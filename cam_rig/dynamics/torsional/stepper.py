@@ -33,8 +33,8 @@ DEGREES = (16, 24, 32, 48, 64)
 #: Largest phase of the shaft's free vibration (rad) that a window of each degree resolves. The
 #: Chebyshev coefficients of an oscillation are Bessel functions of half the phase.
 PHASES = (2.0, 7.0, 14.0, 30.0, 48.0)
-#: Smallest vibration (rad and rad/s) that is kept. A long dwell may damp it below this value, close
-#: to the smallest float, where no digits are left. It is then set to 0.
+#: Smallest vibration (rad and rad/s) that is kept. A long dwell may damp the vibration below this
+#: value, close to the smallest float, where no digits are left. The vibration is then set to 0.
 MIN_VIBRATION = 1e-250
 #: Largest size of the last coefficients of a resolved window, relative to the largest coefficient.
 RESOLVED_RTOL = 1e-13
@@ -44,7 +44,8 @@ MAX_TRIES = 40
 MAX_WINDOWS = 100_000
 #: Largest number of successive windows of zero duration at a joint.
 MAX_STALLS = 3
-#: Shortest duration after a joint, relative to the run. A shorter one is rounding and is omitted.
+#: Shortest duration after a joint, relative to the run. A shorter duration is rounding and is
+#: omitted.
 MIN_REMAINDER = 4e-16
 #: Relative correction at which Newton's method for a crossing has converged.
 CROSSING_RTOL = 1e-10

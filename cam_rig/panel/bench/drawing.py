@@ -37,7 +37,7 @@ MAX_STATES = 64
 #: First bytes of a message with blocks of motion, padded to 8 bytes so that the doubles after them
 #: are aligned.
 MOTION = b"motion  "
-#: First bytes of a message with blocks of sound, of the same length.
+#: First bytes of a message with blocks of sound, padded to the length of `MOTION`.
 SOUND = b"sound   "
 #: Number of points of a contour and of the curves of a turn.
 CONTOUR_POINTS = 360

@@ -26,16 +26,18 @@ from cam_rig.units import NS, TURN, FloatArray
 
 # The meter: speed and level of each tick, and the mean level of a steady speed.
 
-#: Shortest rig time (s) over which a noted level is averaged. It is rounded up to whole turns.
+#: Shortest rig time (s) over which a noted level is averaged. The time is rounded up to whole
+#: turns.
 MEAN_S = 1.0
 #: Time at the present speed before the averaged turns, in time constants of the meter. After 8 time
 #: constants the earlier reading has decayed by 35 dB.
 SETTLING_TIME_CONSTANTS = 8.0
 #: Largest relative difference of two speeds (rpm) that count as equal (rounding).
 SPEED_RTOL = 1e-6
-#: Largest number of ticks that the meter stores: those of 1.1 min at 300 rpm and 12 ticks per turn.
+#: Largest number of ticks that the meter stores: the ticks of 1.1 min at 300 rpm and 12 ticks per
+#: turn.
 MAX_TICKS = 4096
-#: Largest number of readings that a bench notes. It bounds the memory.
+#: Largest number of readings that a bench notes. The limit bounds the memory.
 MAX_READINGS = 10_000
 
 
@@ -174,7 +176,7 @@ class LiveState:
     setup: Setup
     #: State of the node graph: off, starting, running, ended or failed.
     graph: str = "off"
-    #: Reason of a failure of the graph, empty without one.
+    #: Reason of a failure of the graph, empty without a failure.
     failure: str = ""
     #: ROS domain of the nodes.
     domain: int = 0
@@ -195,7 +197,7 @@ class LiveState:
     #: Last lines of the graph's log.
     log: list[str] = field(default_factory=list)
     readings: list[NotedReading] = field(default_factory=list)
-    #: Address of the page that shows the rig in Rerun, empty without one.
+    #: Address of the page that shows the rig in Rerun, empty without such a page.
     rerun_address: str = ""
     #: Number of reports of the follower that contact was lost.
     contact_losses: int = 0

@@ -102,7 +102,7 @@ class BenchPage(LivePage):
 
 #: Lowest and highest speed of the knob, rpm.
 KNOB = (20.0, 1000.0)
-#: Colours of the cams in the chart. Their markers differ too.
+#: Colours of the cams in the chart. The markers of the cams differ in shape too.
 CAM_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN, colours.BLACK)
 #: Real-time factors that a page offers.
 PACES = ("real_time", "0.1x", "0.25x", "0.5x", "2x", "5x", "free")

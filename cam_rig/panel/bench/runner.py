@@ -31,8 +31,8 @@ from cam_rig.viewer.rerun_page import serve
 TWO_MASS = "two_mass"
 #: Names of the models that a bench can run if the rig has their parameters.
 MODELS = ("one_mass", TWO_MASS, "kinetostatic", "elastic_stem", "torsional")
-#: Highest speed of a bench's scene, rpm, unless the knob starts above it. It sets the range of the
-#: viewer's axes.
+#: Highest speed of a bench's scene, rpm, unless the knob starts at a higher speed. It sets the
+#: range of the viewer's axes.
 AXIS_RPM = 600.0
 #: Text of the source of the speeds in a bench's scene.
 SPEEDS_SOURCE = "the knob's first, and what the axes have room for"

@@ -40,7 +40,7 @@ from cam_rig.units import RPM, TURN, FloatArray
 
 #: Smallest number of pieces per event of a law that can be drawn.
 MIN_PIECES = 16
-#: Largest span of a piece of such a law, rad: 12°.
+#: Largest span of a piece of a law that can be drawn, rad: 12°.
 MAX_PIECE_SPAN = TURN / 30
 #: Smallest degree of the pieces. At this degree s''' has no step at a knot between the joints of
 #: the law, whichever ordinate is moved.
@@ -53,9 +53,11 @@ GAUSS_POINTS = 16
 #: alone the error of a law of arcs, whose s'' has steps, is an eighth of the lift. With s alone the
 #: B-spline oscillates between the steps.
 LIFT_WEIGHT = 10.0
-#: Number of points per turn at which the largest distance of these laws is computed.
+#: Number of points per turn at which the largest distance between the drawn law and the law of the
+#: cam file is computed.
 COMPARED_POINTS = 3600
-#: Largest distance of these laws that counts as rounding, relative to the lift.
+#: Largest distance between the drawn law and the law of the cam file that counts as rounding,
+#: relative to the lift.
 ROUNDING_RTOL = 1e-12
 #: Segment types whose ordinates can be drawn.
 DRAWABLE_SEGMENTS = (Bezier, BSpline)
@@ -197,8 +199,8 @@ CONTOUR_POINTS = 360
 #: Number of turns that are simulated for the sound level if contact is lost. The first is left out
 #: as transient.
 LEVEL_TURNS = 6
-#: Value that is sent to the page: `value`, or `message` with the reason for a missing value. It is
-#: empty for infinity, which JSON cannot contain.
+#: Value that is sent to the page: the number as `value`, or the reason for a missing number as
+#: `message`. It is empty for infinity, which JSON cannot contain.
 PageValue = dict[str, float | str]
 
 

@@ -18,10 +18,10 @@ from cam_rig.panel.lab.sheet import CURVE_POINTS, LabSheet
 from cam_rig.panel.server import Message, PanelPages, csv_file, get, page_file, post
 from cam_rig.show import looks as colours
 
-#: Path of the sheet's page if a panel has one sheet, and prefix of the paths if it has the sheets
-#: of a class.
+#: Path of the sheet's page if a panel has one sheet. With one sheet per group of students, it is
+#: the prefix of the paths.
 LAB = "/lab"
-#: Colours of the markers, by added mass or by cam. Their shapes differ too.
+#: Colours of the markers, by added mass or by cam. The shapes of the markers differ too.
 MARKER_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN)
 
 

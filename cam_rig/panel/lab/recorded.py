@@ -20,7 +20,7 @@ from cam_rig.panel.lab.sheet import COLUMNS, LabReading, LabSetup, LabSheet
 
 # The file of a sheet: CSV with a header of comment lines, which a spreadsheet preserves.
 
-#: Key of the first line of a sheet's file. Its value is the lab's name.
+#: Key of the first line of a sheet's file. The value of this key is the lab's name.
 TITLE = "cam_rig lab sheet"
 #: Keys of the other header lines of a sheet's file.
 HEADER_KEYS = ("cam", "rig", "title", "seed", "student", "date")

@@ -102,8 +102,8 @@ class LabSheet(ABC):
     """
 
     name: ClassVar[str]
-    #: Options of each field of `LabSetup`, as multiples of the rig's number. Those of the added
-    #: mass are in kg.
+    #: Options of each field of `LabSetup`, as multiples of the rig's number. The options of the
+    #: added mass are in kg.
     multiples: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     #: Largest relative difference, in either direction, between each number of the hidden rig and
     #: that on the sheet.

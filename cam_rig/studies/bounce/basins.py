@@ -26,14 +26,14 @@ from cam_rig.units import NS, RPM, FloatArray
 
 #: Number of turns that each start runs before its motion is classified.
 TRANSIENT_TURNS = 200
-#: Number of turns after these by which the motion is classified.
+#: Number of turns, after the `TRANSIENT_TURNS`, from which the motion is classified.
 CLASSIFIED_TURNS = 40
 #: Default number of starts along each side of the grid of gap and gap rate.
 DEFAULT_GRID = 40
 #: Range of gap and gap rate of the starts, as a multiple of the range of the motion that starts on
 #: the cam.
 RANGE_FACTOR = 2.0
-#: Largest relative difference of the fastest landings of two motions that count as the same.
+#: Relative tolerance for the fastest landings of two motions that count as the same motion.
 LANDING_RTOL = 1e-3
 #: Number of samples per turn in a phase portrait.
 SAMPLES_PER_TURN = 1500
@@ -52,7 +52,7 @@ class EndMotion(TurnMotion):
     share: float = 0.0  #: fraction of the starts that end in it
 
     def same_as(self, other: EndMotion) -> bool:
-        """Return True if another motion is the same as this motion.
+        """Return True if two motions count as the same motion.
 
         Irregular motions are all the same. Periodic motions are compared by period and landings.
         """

@@ -29,19 +29,19 @@ from cam_rig.units import FloatArray
 NEWTON_RTOL = 1e-13
 #: Largest number of Newton iterations.
 MAX_ITERATIONS = 20
-#: Largest Newton step that counts as rounding if it no longer halves, in the same units. Motions
-#: that stretch small changes strongly do not reach `NEWTON_RTOL`.
+#: Largest Newton step that counts as rounding if the steps no longer halve, in units of lift and
+#: speed scales. Motions that stretch small changes strongly do not reach `NEWTON_RTOL`.
 ROUNDING_RESIDUAL = 1e-10
 #: First step along a branch, in units of lift and speed scales.
 FIRST_STEP = 1e-3
-#: Step along a branch below which the branch ends, in the same units.
+#: Step along a branch below which the branch ends, in units of lift and speed scales.
 MIN_STEP = 1e-9
-#: Longest step along a branch, in the same units.
+#: Longest step along a branch, in units of lift and speed scales.
 MAX_STEP = 5e-3
 #: Largest number of steps along a branch.
 MAX_STEPS = 20_000
-#: Relative step of the swept value for a difference quotient. It affects the iteration, not the
-#: result.
+#: Relative step of the swept value for a difference quotient. The step affects the Newton
+#: iteration, not its result.
 VALUE_STEP = 1e-7
 #: Largest difference between the two halves of a period that count as equal, as a fraction of lift
 #: times speed.
@@ -49,10 +49,10 @@ HALF_PERIOD_RTOL = 1e-3
 #: Distances beyond the end of a branch at which a motion with another number of landings is
 #: searched for, in units of lift and speed scales.
 DISTANCES_BEYOND = (1e-8, 1e-7, 1e-6, 1e-5)
-#: Largest relative difference of the values of two bifurcations that count as the same.
+#: Relative tolerance for the swept values of two bifurcations that count as the same bifurcation.
 BIFURCATION_RTOL = 1e-6
-#: Largest relative difference of the fastest landings of two motions at one value that count as the
-#: same.
+#: Relative tolerance for the fastest landings of two motions at the same swept value that count as
+#: the same motion.
 LANDING_RTOL = 1e-3
 #: Relative change of the derivative just beyond the end of a branch above which the derivative is
 #: discontinuous.
@@ -153,7 +153,7 @@ class Bifurcation:
     landings: int  #: number of landings in the period before the bifurcation
 
     def same_as(self, other: Bifurcation, sweep: Sweep) -> bool:
-        """Return True if both are the same bifurcation, found on two ways."""
+        """Return True if two bifurcations are one bifurcation, found in two ways."""
         value, other_value = sweep.value(self.point), sweep.value(other.point)
         same_kind = self.kind == other.kind and self.period == other.period
         return same_kind and abs(value - other_value) < BIFURCATION_RTOL * sweep.size(value)
@@ -294,9 +294,12 @@ class Family:
     def _corrected(
         self, start: FloatArray, along: FloatArray, by_value: FloatArray
     ) -> tuple[PeriodicMotion, FloatArray]:
-        """Return the periodic motion in a plane of state and swept value, and its vector.
+        """Correct a scaled vector of state and swept value to a periodic motion.
 
-        The plane contains the vector ``start`` and is normal to ``along``.
+        Newton's iteration starts at the point ``start`` and stays in the plane through it that is
+        normal to ``along``. ``by_value`` is the derivative of the state after a period by the swept
+        value. Returns the motion and its scaled vector, ``(n + 1,)``. Raises MotionNotFoundError
+        without convergence.
         """
         vector, last = start, math.inf
         for _ in range(MAX_ITERATIONS):
@@ -322,7 +325,7 @@ class Family:
     def _ahead(
         self, point: FloatArray, along: FloatArray, by_value: FloatArray, length: float
     ) -> tuple[PeriodicMotion, FloatArray]:
-        """Return the periodic motion at a distance along the branch, and its vector.
+        """Return the periodic motion at a distance along the branch, and its scaled vector.
 
         ``point`` and ``along`` are the vector at which the distance starts, and the direction
         there.

@@ -74,14 +74,15 @@ RESTS = Footnote(
 
 
 def _nth_exponent(number: int, row: BounceRow) -> float | None:
-    """Return a Lyapunov exponent (1/turn) by its number from 1.
+    """Return the Lyapunov exponent (1/turn) with a number, counted from 1.
 
     It is None if the model has fewer exponents.
     """
     return row.exponents[number - 1] if number <= len(row.exponents) else None
 
 
-#: Columns of the largest exponent, of a row and of a motion in which starts end.
+#: Columns of the largest Lyapunov exponent and its error. The tables of the sweep (`BounceRow`) and
+#: of the basins (`EndMotion`) share them.
 EXPONENT = (
     Column(
         "lyapunov_exponent",

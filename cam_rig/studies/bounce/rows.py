@@ -150,7 +150,7 @@ class BounceRuns:
 
 #: Arrow types of the columns that are not floating-point numbers.
 ARROW_TYPES = {"motion": "string", "period": "int64", "settled": "int64", "comes_to_rest": "bool_"}
-#: Columns that are fields of `BounceRow` with the same name.
+#: Columns of the Parquet file that have the name of a field of `BounceRow`.
 ROW_FIELDS = (
     "motion",
     "period",
@@ -160,7 +160,7 @@ ROW_FIELDS = (
     "level_db",
     "level_spread_db",
 )
-#: Lists that the figure and the next row need in addition, with their units.
+#: Fields of `BounceRow` with a list, which the figure and the next row need, with their units.
 LIST_UNITS = {"max_landing_speed": "m/s", "states": "SI"}
 
 

@@ -37,7 +37,7 @@ from cam_rig.units import RPM
 BATCH_ROWS = 4
 #: Smallest number of turns for which a motion can be classified as periodic or not.
 MIN_TURNS = 5 * MIN_REPEATS
-#: Largest number of turns of a row. They take about 40 s and 240 MB.
+#: Largest number of turns of a row. A row of this length takes about 40 s and 240 MB.
 MAX_TURNS = 2_000_000
 
 

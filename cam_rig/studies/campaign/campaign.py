@@ -278,9 +278,11 @@ def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
 
 #: Status of a point with all measures, each from a steady motion.
 OK = "ok"
-#: Status of a point for which at least one measure failed. Its reason states the error.
+#: Status of a point for which at least one measure failed. The reason of the point states the
+#: error.
 FAILED = "failed"
-#: Status of a point whose motion is not steady. Its reason states which turns were measured.
+#: Status of a point whose motion is not steady. The reason of the point states which turns were
+#: measured.
 UNSETTLED = "unsettled"
 
 

@@ -66,7 +66,7 @@ class CampaignProgress(Progress):
 
 
 def format_time(seconds: float) -> str:
-    """Return a time (s) as text, in the largest unit in which it is at least 2."""
+    """Return a time (s) as text, in the largest unit in which the time is at least 2."""
     unit, length = next((entry for entry in UNITS if seconds >= 2.0 * entry[1]), UNITS[-1])
     return f"{seconds / length:.2g} {unit}" if length > 1.0 else f"{seconds:.0f} s"
 

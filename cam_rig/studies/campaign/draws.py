@@ -185,7 +185,7 @@ class InputDraws:
 
 
 def steps_of(item: CampaignInput) -> FloatArray:
-    """Return the numbers (SI) that an input takes on a grid."""
+    """Return the values (SI) that an input takes on a grid."""
     variation = item.variation
     if variation.values is not None:
         steps = np.array(variation.values)
@@ -207,7 +207,7 @@ def ends_of(item: CampaignInput) -> FloatArray:
 
 
 def draw(item: CampaignInput, unit: FloatArray) -> FloatArray:
-    """Return the numbers (SI) of an input at probabilities of its distribution.
+    """Return the values (SI) of an input at probabilities of its distribution.
 
     ``unit`` are the probabilities, each in (0, 1).
     """

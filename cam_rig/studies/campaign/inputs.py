@@ -92,7 +92,7 @@ class CampaignInput:
 
 
 def paths_of(configs: Mapping[str, BaseModel]) -> dict[str, tuple[float, str]]:
-    """Return all numbers that can vary, SI, with their dimensions, by path.
+    """Return the numbers that can vary (SI) with their dimensions, by path.
 
     The numbers of a list have separate paths.
     """
@@ -147,7 +147,10 @@ def _hint(path: str, numbers: Mapping[str, object]) -> str:
 
 
 def with_numbers(config: Config, numbers: Mapping[str, float]) -> Config:
-    """Return a config with other numbers (SI) at paths below it."""
+    """Return a copy of a config with new numbers (SI) at the given paths.
+
+    The paths are relative to the config. Without numbers, the config itself is returned.
+    """
     if not numbers:
         return config
     data = _copy(config)
@@ -164,7 +167,7 @@ def _copy(node: Any) -> Any:
 
 
 def _set(node: Any, tokens: list[str], value: float) -> None:
-    """Set a number (SI) at a path, and copy the containers along it."""
+    """Set a number (SI) at a path, and copy the containers along the path."""
     for token in tokens:
         if isinstance(node, dict) and "unit" in node and token.startswith("["):
             break

@@ -13,8 +13,8 @@ from cam_rig.schema.scene import Model
 
 #: Unit of a variation in percent of the base's number.
 PERCENT = "%"
-#: Largest number of points of a campaign. Results read one column at a time, which has 0.8 GB for
-#: this number.
+#: Largest number of points of a campaign. Results are read one column at a time, and a column of
+#: this length takes 0.8 GB.
 MAX_POINTS = 100_000_000
 #: Largest number of steps of a range on a grid.
 MAX_COUNT = 100_000

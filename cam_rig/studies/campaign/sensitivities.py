@@ -231,9 +231,10 @@ def _error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | Non
 
 
 def _numbers(rig: RigConfig, moved: str = "") -> dict[str, complex]:
-    """Return the numbers of the two masses (SI), with the imaginary step in one.
+    """Return the parameters of the two masses (SI), one with the imaginary step.
 
-    ``moved`` is the key of this number in the rig. Without it, all numbers are real.
+    ``moved`` is the key in the rig of the parameter with the step. Without it, all parameters are
+    real.
     """
     numbers = {name: complex(getattr(rig.follower, name).si) for name in FOLLOWER}
     if moved:

@@ -15,7 +15,7 @@ from cam_rig.units import TURN, FloatArray, correlation_length, rms
 
 #: Number of orders of the cam by which the readings of a turn are compared with the model.
 ORDERS = 24
-#: Smallest number of readings of a turn for this comparison.
+#: Smallest number of readings of a turn that is compared with the model.
 MIN_READINGS = 12
 #: Number of angles per turn that are tried as the first offset.
 SEARCH_ANGLES = 2048
@@ -23,15 +23,15 @@ SEARCH_ANGLES = 2048
 MIN_SIGNIFICANCE = 5.0
 #: Smallest shift of the cam angle (rad) by a clock error that is identified.
 MIN_CLOCK_SHIFT = 1e-3
-#: Smallest such shift in counts of the encoder. It is the accuracy of the motion at a varying
-#: speed.
+#: Smallest shift of the cam angle by a clock error that is identified, in counts of the encoder. It
+#: is the accuracy of the motion at a varying speed.
 MIN_CLOCK_COUNTS = 0.5
 #: Distance from the mean within which nine of ten normal readings are, in standard deviations.
 SIGMAS_OF_90_PERCENT = 1.645
 #: Lower limit of the standard deviation of the residuals, as a fraction of the lift range.
 MIN_SPREAD = 1e-6
-#: Largest residual of a reading that is used in the fit, in standard deviations. Landings exceed
-#: it.
+#: Largest residual of a reading that is used in the fit, in standard deviations. The residuals at
+#: landings are larger.
 CLIP_SIGMAS = 4.0
 #: Smallest velocity of the follower at which its direction is determined, relative to the largest
 #: velocity.
@@ -85,7 +85,7 @@ class Alignment:
         return time + self.delay + self.drift * time
 
     def is_significant(self, name: str) -> bool:
-        """Return True if a number of the alignment exceeds its standard error clearly.
+        """Return True if an alignment parameter clearly exceeds its standard error.
 
         ``name`` is in `NAMES`.
         """

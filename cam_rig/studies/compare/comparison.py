@@ -27,7 +27,7 @@ from cam_rig.units import TURN
 
 #: Largest number of readings in each segment of a signal whose spectra are averaged.
 MAX_SEGMENT_READINGS = 1024
-#: Smallest number of these segments.
+#: Smallest number of segments of a signal whose spectra are averaged.
 MIN_SEGMENTS = 4
 #: Smallest ratio of a peak's power to the median power at which the peak is reported.
 MIN_PEAK_RATIO = 30.0
@@ -99,10 +99,11 @@ QUANTITIES = {
     "lift": DrawnQuantity("lift", "mm", 1e3, "µm", 1e6, looks.LIFT),
     "force": DrawnQuantity("contact force", "N", 1.0, "N", 1.0, looks.FORCE),
 }
-#: Largest plausible noise of an instrument, as a fraction of the model's range, by quantity. Gauges
-#: and load cells have less than a tenth of it.
+#: Largest plausible noise of an instrument, as a fraction of the model's range, by quantity. The
+#: noise of gauges and load cells is less than a tenth of this limit.
 MAX_NOISE = {"lift": 0.1, "force": 0.5}
-#: Smallest number of readings of a drawn turn, if the run has this number.
+#: Smallest number of readings of a drawn turn. If the last turn has fewer readings, readings of
+#: earlier turns are added.
 MIN_DRAWN_READINGS = 300
 #: Largest number of readings of a drawn turn.
 MAX_DRAWN_READINGS = 1500
@@ -132,7 +133,7 @@ class SpeedDeparture:
 
     @property
     def level_difference(self) -> float | None:
-        """Measured minus modelled sound level, dB, or None if one of them is missing."""
+        """Measured minus modelled sound level, dB, or None if a level is missing."""
         if self.measured_db is None or self.model_db is None:
             return None
         return self.measured_db - self.model_db
@@ -282,7 +283,7 @@ class AlignmentNumber:
 
 
 def alignment_numbers(pairs: MeasuredPairs) -> list[AlignmentNumber]:
-    """Return the numbers by which a bench's readings were aligned with the cam."""
+    """Return the parameters by which a bench's readings were aligned with the cam."""
     fit, from_lift = pairs.alignment, Origin.FROM_LIFT
     is_identified = fit.is_significant("offset") or fit.errors[0] > 0.0
     origin = (
@@ -331,7 +332,8 @@ def turn_warnings(rows: Iterable[SpeedDeparture]) -> list[str]:
     ]
 
 
-#: Largest plausible drift between two clocks, s/s. Quartz clocks differ by less than a fifth of it.
+#: Largest plausible drift between two clocks, s/s. Quartz clocks differ by less than a fifth of
+#: this limit.
 MAX_CLOCK_DRIFT = 1e-3
 #: Largest ratio between the measured and the modelled lift range, in either direction, without a
 #: warning about cam or unit.

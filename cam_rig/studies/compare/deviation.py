@@ -78,7 +78,8 @@ SYSTEMATIC_NOISE_FRACTION = 0.5
 NOISE_ERROR_FACTOR = 5.4
 #: Largest deviation that a test bench cannot show, as a fraction of the model's range.
 RANGE_RTOL = 2e-4
-#: Largest difference between turns of the model that count as equal, as a fraction of its range.
+#: Largest difference between turns of the model that count as equal, as a fraction of the model's
+#: range.
 TURN_RTOL = 0.02
 #: Largest deviation from an exactly driven model that counts as rounding, relative to the model's
 #: range.

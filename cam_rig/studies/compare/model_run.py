@@ -18,14 +18,15 @@ from cam_rig.units import NS, TURN, FloatArray, to_rpm
 
 #: Largest relative difference between the mean speeds of turns that count as one speed.
 SPEED_RTOL = 0.02
-#: Lower limit of this difference for a coarse encoder, in counts per turn.
+#: Lower limit, in counts per turn, of the largest difference between mean speeds that count as one
+#: speed. It applies to coarse encoders.
 SPEED_COUNTS = 4.0
 #: Largest cam angle (rad) that the cam may turn in a gap within a stretch. A larger angle ends the
 #: stretch.
 MAX_GAP_ANGLE = TURN / 8.0
 #: Number of knots per turn of the curve through a motion with varying speed.
 KNOTS_PER_TURN = 8
-#: Smallest number of readings between two knots of this curve.
+#: Smallest number of readings between two knots of the curve through a motion with varying speed.
 READINGS_PER_PIECE = 6
 #: Number of successive readings of which the angles must be equal if the cam is stopped.
 STILL_READINGS = 16

@@ -65,19 +65,19 @@ class Affine:
         return Affine(self.constant * factor, self.matrix * factor)
 
     def plus(self, number: float | FloatArray) -> Affine:
-        """Return the function with a number added to its values."""
+        """Return the function plus a constant."""
         return Affine(self.constant + number, self.matrix)
 
     def mapped(self, matrix: Any) -> Affine:
-        """Return the function whose values are ``matrix`` times the values."""
+        """Return the function whose values are ``matrix`` times the present values."""
         return Affine(np.asarray(matrix @ self.constant), matrix @ self.matrix)
 
     def rows(self, chosen: Any) -> Affine:
-        """Return the function of some of the values, by indices, a mask or a slice."""
+        """Return the function restricted to some of its rows (indices, mask or slice)."""
         return Affine(self.constant[chosen], self.matrix[chosen])
 
     def dense(self) -> Affine:
-        """Return the same function with a dense matrix."""
+        """Return this function with a dense matrix."""
         return Affine(self.constant, self.matrix.toarray())
 
     @staticmethod
@@ -87,7 +87,7 @@ class Affine:
 
     @staticmethod
     def stacked(parts: list[Affine]) -> Affine:
-        """Return the function whose values are those of all parts, in order."""
+        """Return the function whose values are the values of all parts, in order."""
         matrices = [part.matrix for part in parts]
         is_sparse = sparse.issparse(matrices[0])
         matrix = sparse.vstack(matrices, "csr") if is_sparse else np.vstack(matrices)
@@ -393,9 +393,10 @@ class GrowingProgram:
             self._bounds = {new_row[row]: bounds for row, bounds in self._bounds.items()}
 
     def _use_rows(self, blocks: list[RowBlock]) -> dict[int, int]:
-        """Set the limits of the rows of these blocks, and add new rows to the solver.
+        """Set the limits of the rows of the given blocks, and add new rows to the solver.
 
-        Other rows become free. Returns the index among these rows by the solver's row.
+        All rows outside the blocks become free. Returns the index of each row among the rows of the
+        blocks, by the solver's row.
         """
         in_use: dict[int, Bounds] = {}
         indices: dict[int, int] = {}
@@ -434,7 +435,7 @@ class GrowingProgram:
 
 
 def _keys(block: RowBlock) -> Iterator[tuple[bytes, Bounds]]:
-    """Yield for each row a key and its bounds.
+    """Yield a key and the bounds of each row.
 
     The key identifies the row and does not depend on its constant.
     """

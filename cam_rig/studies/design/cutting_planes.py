@@ -152,7 +152,8 @@ class Solver:
                 contact = ContactRows(
                     self.problem, duration, limit.value, limit.name, limit=True, margin=margin
                 )
-                # The first rows of a force are at its minima for the best law without vibration.
+                # Initial rows of the contact force: at the minima of the force for the law that is
+                # optimal if the vibration of the stem is neglected.
                 program = self.static_program(True)
                 program.at_least("rigid", force_parts(self.problem, contact.fastest, True), -1.0)
                 contact.add_rows_below(self.solve_in_rounds(program, []).unknowns, 0.5)
@@ -162,9 +163,10 @@ class Solver:
     def solve_rows(
         self, sources: list[RowSource], growing: GrowingProgram | None = None
     ) -> ProgramSolution:
-        """Solve one program with the present rows of the sources.
+        """Solve the convex program of all rows that the sources contain so far.
 
-        ``growing`` is a solver to continue from, or None.
+        ``growing`` is a solver that continues from its previous solution. If it is None, the
+        program is solved from scratch.
         """
         self.rounds += 1
         blocks = [block for source in sources for block in source.blocks]

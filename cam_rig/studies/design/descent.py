@@ -58,8 +58,8 @@ FEASIBLE_RTOL = 1e-9
 MARGIN_FRACTION = 0.5
 #: Step of the central differences of branches, as a fraction of the largest s, s' or s''.
 BRANCH_STEP = 1e-5
-#: Step of the central differences of a value, in lifts. It is large, so that flights start and end
-#: within it.
+#: Step of the central differences of a value, in lifts. The step is so large that flights start and
+#: end within it.
 VALUE_STEP = 1e-3
 #: Distance of the evaluated points before and after a joint, as a fraction of a piece.
 JOINT_OFFSET = 1e-6

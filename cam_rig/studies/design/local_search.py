@@ -46,7 +46,7 @@ MIN_DWELL = 1e-3
 SPAN_ATOL = 5e-4
 #: Relative tolerance of the goal at which a search ends.
 GOAL_RTOL = 1e-5
-#: Resolution of the spans, degrees: spans are whole multiples of it.
+#: Resolution of the spans, degrees: every span is a whole multiple of the resolution.
 STEP_DEG = 1e-4
 #: Largest number of designs that one search computes, per free span.
 MAX_DESIGNS = 30
@@ -91,7 +91,7 @@ class EventSpans:
         self.size = self.start.size - self.keep_dwells
 
     def _base(self) -> FloatArray:
-        """Return the spans of the events within their limits, nearest to the start's."""
+        """Return the spans of the events within their limits, nearest to the start spans."""
 
         def total(change: float) -> float:
             return float(np.clip(self.start + change, self.low, self.high).sum() - self.start.sum())
@@ -119,7 +119,10 @@ class EventSpans:
         return np.asarray(rounded)
 
     def possible(self, spans: FloatArray) -> bool:
-        """Return True if the limits and the dwells allow these spans of the events (rad)."""
+        """Return True if the limits and the dwells allow the given spans of the events.
+
+        The spans are in rad.
+        """
         slack = np.radians(STEP_DEG)
         if (spans < self.low - slack).any() or (spans > self.high + slack).any():
             return False
@@ -144,7 +147,7 @@ class EventSpans:
         return np.concatenate([[0.0], ends, [TURN]])
 
     def shift_events(self, spans: FloatArray) -> DesignProblem:
-        """Return the design problem with these spans of the events (rad)."""
+        """Return the design problem with the given spans of the events (rad)."""
         start = self.problem.start
         breaks = np.interp(start.breaks, self._edges(self.start), self._edges(spans))
         breaks[-1] = TURN
@@ -176,7 +179,7 @@ class EventSpans:
     def best(self, search: Multistart) -> tuple[DesignProblem, Multistart]:
         """Return the problem with the best spans, and the search with its agreements.
 
-        This is the number of starts that ended within the tolerance of the best goal.
+        The agreements are the number of starts that ended within the tolerance of the best goal.
         """
         size = self.size
         bounds = list(zip(self.low[:size], self.high[:size], strict=True))

@@ -138,7 +138,7 @@ class LawClass:
 
     @property
     def words(self) -> str:
-        """Description of the class for tables."""
+        """Description of the class of laws for tables."""
         if self.pieces == 1:
             return f"Bézier curves of degree {self.power}"
         return f"B-splines of degree {self.power} in {self.pieces} pieces, C{self.joints} joints"

@@ -144,9 +144,9 @@ class LawDesign(Result):
 
     @property
     def gap(self) -> float:
-        """Relative distance between the goal's result and its bound, ∞ without a bound.
+        """Relative distance between the result of the goal and its bound.
 
-        The distance of a sound level is that of the sound pressure.
+        It is infinite without a bound. The distance of a sound level is that of the sound pressure.
         """
         goal = self.goal
         if goal.bound is None:
@@ -274,7 +274,7 @@ class Front(Result):
         return [front, self.table("quantities", "Quantities", [self], single=True, hidden=True)]
 
     def summary(self) -> list[str]:
-        """Return the number of computed points as text, or nothing for a complete front."""
+        """Return the number of computed points as text, empty for a complete front."""
         text = f"interrupted: {len(self.designs)} of {self.requested_points} points"
         return [text] if self.interrupted else []
 

@@ -268,7 +268,8 @@ class QuantityRows:
     convex: Callable[[DesignProblem, bool], bool] = lambda _problem, _goal: True
     #: Scale of the rows, by default the value of the start.
     scale: Callable[[DesignProblem, Term, Sense], float] = _value_of_start
-    #: Conversion of a value (SI, dB) to the unit of the rows. Its inverse is the next field.
+    #: Conversion of a value (SI, dB) to the unit of the rows. `from_rows` is the inverse
+    #: conversion.
     to_rows: Conversion = _unchanged
     from_rows: Conversion = _unchanged
 

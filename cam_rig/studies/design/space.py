@@ -300,9 +300,9 @@ class Space:
         return max(MIN_PARTS, parts, round(PARTS_PER_TURN / self.spans.size))
 
     def hull(self, ordinates: Affine, parts: int | None = None) -> Affine:
-        """Return the ordinates of all pieces after these are cut into parts.
+        """Return the ordinates of all pieces of a polynomial, each cut into parts.
 
-        The polynomial lies in their convex hull.
+        The polynomial lies in the convex hull of the ordinates.
         """
         parts = parts or self.parts
         degree = ordinates.constant.size // self.spans.size - 1

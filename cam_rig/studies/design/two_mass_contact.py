@@ -42,8 +42,8 @@ MAX_ROWS = 4
 #: Distance of the force from its limit below which a speed is evaluated in every round, in force
 #: scales.
 CLOSE_DISTANCE = 0.1
-#: Distance above which a row is removed: the solution's force is then higher than the limit by more
-#: than this, in force scales.
+#: Distance above which a row is removed, in force scales: the solution's force at the row exceeds
+#: the limit by more than this distance.
 REMOVE_ABOVE = 0.15
 #: A row is added if the force is below the level by more than half of this value, in force scales.
 ROW_LEVEL_ATOL = 6e-3
@@ -61,7 +61,8 @@ MIN_LEVEL_FALL = 1e-3
 MARGIN = 0.01
 #: Factor by which the margin is increased if the exact search finds a loss of contact.
 MARGIN_FACTOR = 1.6
-#: Numbers of the evaluated turns of a run from rest, as far as it lasts. Its last turn is added.
+#: Numbers of the evaluated turns of a run from rest, as far as the run lasts. The last turn of the
+#: run is added.
 TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
 
 
@@ -254,7 +255,7 @@ class ContactRows:
 FIRST_STRIDE = 8
 #: Relative excess of the law over the allowed amplitude above which a row is added.
 CUT_RTOL = 1e-4
-#: Largest number of elements of a table of phases. It bounds the memory.
+#: Largest number of elements of a table of phases. The limit bounds the memory.
 MAX_TABLE = 2_000_000
 
 

@@ -44,14 +44,14 @@ MAX_SEARCHES = 6
 #: Relative gap between law and bound at which the search ends.
 GAP_RTOL = 2e-3
 #: Largest distance of the level above the margin at which a law is checked by the exact search, in
-#: force scales. At a larger distance the speed is raised without it.
+#: force scales. At a larger distance the speed is raised without an exact search.
 EXACT_DISTANCE = 0.1
 #: First estimate of the change of the level (force scales) per relative change of the speed.
 FIRST_SLOPE = -11.0
 #: Largest relative change of the speed per round.
 MAX_STEP = 0.06
-#: Smallest ratio of a law's jump speed to the fastest speed of its search. Below it the search has
-#: located only the bound.
+#: Smallest ratio of a law's jump speed to the fastest speed of its search. Below this ratio the
+#: search has located only the bound.
 MIN_SPEED_FRACTION = 0.95
 #: Multiples of the best law's jump speed at which a bound is searched for.
 BOUND_FACTORS = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 1.15, 1.3)
@@ -60,7 +60,7 @@ BOUND_FACTORS = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 
 class SearchPhase(Enum):
     """Next action of the search after a program was solved at a speed."""
 
-    #: The law of the program violates rows that were not in use. They were added.
+    #: The law of the program violated rows that were not in use. These rows were added.
     CUT = auto()
     #: The law keeps contact on the grid, and the exact search finds a lower jump speed. The grid
     #: was refined there.

@@ -22,12 +22,12 @@ from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.studies.fit_cam.outliers import exclude_outliers, max_outliers
 from cam_rig.units import TURN, FloatArray
 
-#: Smallest number of successive readings at one level that can be a dwell. Fewer are within the
-#: scatter by chance.
+#: Smallest number of successive readings at one level that can be a dwell. A shorter run of
+#: readings is within the scatter by chance.
 MIN_RUN_READINGS = 5
-#: Smallest span (rad) of such a run, from its first to its last reading, and of a dwell. Over this
-#: span a harmonic law with a lift of 10 mm is 0.04 mm below its top, far more than the scatter of a
-#: gauge.
+#: Smallest span (rad) of a dwell, and of a run of readings at one level from its first to its last
+#: reading. Over this span a harmonic law with a lift of 10 mm is 0.04 mm below its top, far more
+#: than the scatter of a gauge.
 MIN_DWELL_SPAN = math.radians(15.0)
 #: Smallest number of readings between the computed ends of a dwell: the number of coefficients of
 #: the parabola that is compared with its level.
@@ -49,7 +49,7 @@ END_ANGLES = 200
 #: Number of decimals of a dwell's start and span in degrees, as in a cam file.
 DEGREE_DECIMALS = 4
 #: Smallest distance (rad) between two dwells that are both kept: with a smaller distance the
-#: shorter dwell is dropped. A cam file allows half of it.
+#: shorter dwell is dropped. A cam file allows half of this distance.
 MIN_EVENT_SPAN = math.radians(2.0 * MIN_EVENT_DEG)
 #: Powers of the angle with which a law may leave its dwell: a jump of the third, fourth or fifth
 #: derivative.

@@ -16,19 +16,19 @@ from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable, widest_
 from cam_rig.studies.fit_cam.half_lobe import nose_of_half_lobe
 from cam_rig.units import TURN, FloatArray
 
-#: Largest difference (rad) of two angles that count as the same angle. It is above the rounding of
-#: angles that are written in degrees with four decimals.
+#: Largest difference (rad) of two angles that count as equal. It is above the rounding of angles
+#: that are written in degrees with four decimals.
 ANGLE_ATOL = 1e-6
-#: Lower limit of the step of a gauge, m, far below that of any gauge. It is used for calculated
+#: Lower limit of the step of a gauge, m, far below the step of any gauge. It is used for calculated
 #: lifts, whose rounding is not zero.
 MIN_RESOLUTION = 1e-9
 #: Largest plausible reading of a gauge, m. A larger reading is in another unit than its heading.
 MAX_LIFT = 10.0
-#: Largest difference of the levels before and after a range without readings that count as the same
-#: level, as a fraction of the lift. A missing rise or fall has a far larger difference.
+#: Tolerance of equal levels before and after a range without readings, as a fraction of the lift.
+#: The levels before and after a missing rise or fall differ far more.
 GAP_LEVEL_RTOL = 0.05
-#: Largest difference of repeated readings at one angle, in scatters. One step of the gauge is
-#: added. Of 10⁸ pairs of readings with normal errors, about two thousand differ by more.
+#: Largest difference of repeated readings at one angle, in scatters. One step of the gauge is added
+#: to this limit. Of 10⁸ pairs of readings with normal errors, about two thousand differ by more.
 MAX_REPEAT_SCATTERS = 6.0
 
 
@@ -112,7 +112,7 @@ class Readings:
         return self.gap[1] > math.radians(MAX_GAP_DEG) + ANGLE_ATOL
 
     def select(self, indices: NDArray[np.int64]) -> Readings:
-        """Return the readings with these indices.
+        """Return the readings with the given indices.
 
         The gap is that of all readings.
         """
@@ -208,8 +208,9 @@ END_MARK_STEPS = 5.0
 #: Smallest distance of the lift of an end mark from the range of the other lifts, as a fraction of
 #: that range. A reading at the end of a table is within the range, or close to it.
 END_MARK_RANGE = 0.2
-#: Largest change of a lift in the opposite direction if it only rises or only falls, and largest
-#: distance of its ends from those of the range. Both are fractions of the range.
+#: Two tolerances for a lift that only rises or only falls, both as a fraction of its range: largest
+#: change in the opposite direction, and largest difference between the range and the distance of
+#: the first from the last lift.
 ONE_WAY_RTOL = 0.05
 
 
@@ -248,15 +249,15 @@ def _require_return(file: str, name: str, rows: _Rows) -> None:
         )
 
 
-#: Largest distance of a reading from the end of the range at which it is on that level, as a
-#: fraction of the range. It is above the scatter, and small enough for the nose of a cam without a
-#: dwell to be short.
+#: Largest distance of a reading from an end of the range at which the reading is on the level of
+#: that end, as a fraction of the range. It is above the scatter, and small enough for the nose of a
+#: cam without a dwell to be short.
 LEVEL_RTOL = 0.02
 #: Smallest fraction of the turn at the highest level at which the readings have the wrong sign: the
 #: level is then that of the base circle. Few lobes rest as long at their nose.
 MIN_TOP_PART = 0.25
-#: Smallest ratio of this fraction to that at the lowest level, also required for the wrong sign.
-#: Laws with two dwells have similar fractions.
+#: Smallest ratio of the fraction of the turn at the highest level to the fraction at the lowest
+#: level, also required for the wrong sign. Laws with two dwells have similar fractions.
 MIN_TOP_RATIO = 2.0
 
 
@@ -351,7 +352,7 @@ def _cause_of_difference(table: GaugeTable, lines: NDArray[np.int64]) -> str:
 
 
 def _first_out_of_order(angles: tuple[float, ...]) -> int:
-    """Return the index of the first angle that breaks the order of the others."""
+    """Return the index of the first angle that breaks the order of the angles."""
     steps = np.diff(angles)
     sense = 1.0 if np.count_nonzero(steps > 0.0) >= np.count_nonzero(steps < 0.0) else -1.0
     k = int(np.argmax(sense * steps < 0.0))

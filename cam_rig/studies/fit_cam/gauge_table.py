@@ -24,7 +24,7 @@ Shaft = Literal["cam", "crank"]
 #: such as 1 to 120, leave a longer range.
 MAX_GAP_OF_ASSUMED_ANGLES = 0.25 * TURN
 #: Pattern of a stated radius or diameter of the base circle or the roller, in a line before the
-#: numbers.
+#: readings.
 STATED_LENGTH = re.compile(
     r"(?P<part>base|grundkreis|primitiv\w*|roller|rollen?|galet|rodillo|rullo)[\s_-]*"
     r"(?:circle|kreis)?[\s_-]*"
@@ -33,9 +33,9 @@ STATED_LENGTH = re.compile(
     r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>[a-zµμ\"]*)",
     re.I,
 )
-#: Words for the roller in such a line.
+#: Words for the roller in a match of `STATED_LENGTH`.
 ROLLER_WORDS = ("roll", "galet", "rodillo", "rullo")
-#: Beginnings of words for a diameter in such a line.
+#: Beginnings of words for a diameter in a match of `STATED_LENGTH`.
 DIAMETER_WORDS = ("dia", "diá", "durch", "ø")
 
 
@@ -228,7 +228,7 @@ class _GaugeReader(CellTable):
         return angles[0] if angles else None
 
     def _named(self, headings: list[Heading], name: str, allowed: Sequence[int]) -> list[int]:
-        """Return the allowed column indices with this heading, at least one."""
+        """Return the allowed indices of columns with the heading `name`, at least one."""
         indices = [i for i in allowed if headings[i].text == name]
         if not indices:
             names = ", ".join(repr(headings[i].text) for i in allowed)
@@ -245,7 +245,7 @@ class _GaugeReader(CellTable):
     def _angle_factor(
         self, heading: Heading, angles: list[float], options: TableOptions
     ) -> tuple[float, list[str]]:
-        """Return the factor from the numbers to the cam angle in rad, and notes.
+        """Return the factor from the angle column to the cam angle in rad, and notes.
 
         The notes report assumptions.
         """
@@ -275,9 +275,10 @@ class _GaugeReader(CellTable):
         return factor, notes
 
     def _require_turn(self, heading: Heading, factor: float, angles: list[float]) -> None:
-        """Raise ConfigError if assumed angles do not cover the turn.
+        """Raise ConfigError if the readings of an assumed angle leave too wide a gap.
 
-        Assumed angles are numbers whose heading does not identify an angle.
+        An angle is assumed if the heading of its column does not name an angle. The gap in the turn
+        may be at most `MAX_GAP_OF_ASSUMED_ANGLES` (rad).
         """
         gap = widest_gap(np.unique(factor * np.array(angles) % TURN))[1]
         if gap > MAX_GAP_OF_ASSUMED_ANGLES:
@@ -290,9 +291,9 @@ class _GaugeReader(CellTable):
     def _stated_lengths(
         self, comments: list[tuple[int, str]], lift: Heading
     ) -> tuple[dict[str, tuple[float, str]], list[str]]:
-        """Return the radii (m) from lines before the numbers, and notes on ignored statements.
+        """Return the radii (m) from lines before the readings, and notes.
 
-        A number without a unit is in the unit of the lifts.
+        The notes report ignored statements. A radius without a unit is in the unit of the lifts.
         """
         title = [(line, " ".join(cells)) for line, cells in self.rows[: self.first]]
         stated, ignored = dict[str, tuple[float, str]](), list[str]()

@@ -17,7 +17,7 @@ END_FRACTION = 0.03
 #: Fraction of the lift at the nose over which polynomials are fitted, with at least 4 readings.
 NOSE_FRACTION = 0.02
 #: Largest distance of the lift at the nose from the largest lift, in scatters. One step of the
-#: gauge is added.
+#: gauge is added to this limit.
 TIE_SCATTERS = 3.0
 #: Relative rounding error of a difference of one step of the gauge.
 STEP_RTOL = 1e-6

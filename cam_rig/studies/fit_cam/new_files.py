@@ -15,8 +15,8 @@ from cam_rig.schema import RigConfig
 from cam_rig.schema.load import assumed_numbers, quantity_data, to_yaml
 from cam_rig.units import to_rpm
 
-#: Cam speeds of the new scene, as fractions of the jump speed of a rigid follower. The last is
-#: above it.
+#: Cam speeds of the new scene, as fractions of the jump speed of a rigid follower. The last speed
+#: is above the jump speed.
 SPEED_FRACTIONS = (0.4, 0.6, 0.8, 0.9, 1.1)
 #: Cam speeds (rpm) of the new scene if a rigid follower leaves the cam at every speed or never:
 #: those of a test bench.
@@ -30,7 +30,7 @@ MIN_SAMPLE_RATE = 10_000
 
 
 def default_rig(name: str, like: RigConfig) -> str:
-    """Return a rig file with the numbers of the rig `like`, marked as assumed."""
+    """Return a rig file with the parameters of the rig `like`, marked as assumed."""
     data: dict[str, Any] = {"name": name, "title": f"{name}: mass, spring and sound assumed"}
     source = f"the rig {like.name}'s, not this one's: measure it and put it in as given"
     for key, section in (("follower", like.follower), ("radiation", like.radiation)):

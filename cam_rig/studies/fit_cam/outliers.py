@@ -28,11 +28,11 @@ MIN_OUTLIER_RATIO = 2.0
 #: Largest number of readings that are dropped as outliers. A larger number is not caused by single
 #: slips.
 MAX_OUTLIERS = 10
-#: Largest number of readings that are dropped as outliers, as a fraction of all readings, for the
-#: same reason.
+#: Largest number of readings that are dropped as outliers, as a fraction of all readings. A larger
+#: fraction is not caused by single slips.
 MAX_OUTLIER_FRACTION = 0.05
-#: Numbers of adjacent readings that form one outlier, searched for in this order. The largest is
-#: that of a shifted run.
+#: Numbers of adjacent readings that form one outlier, searched for in this order. The largest
+#: number is that of a shifted run.
 OUTLIER_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 #: Smallest number of readings over the turn in a search for outliers of n readings, which uses
 #: every n-th reading. The readings are then at most 3 deg apart, so that the law between them is
@@ -49,7 +49,7 @@ def max_outliers(count: int) -> int:
 
 
 def exclude_outliers(readings: Readings) -> Readings:
-    """Return the readings without those that their neighbours contradict.
+    """Return the readings without outliers, which their neighbours contradict.
 
     The tip of a sharp nose is not an outlier. Raises ConfigError if the gauge has slipped, or if
     the other readings have no lift.

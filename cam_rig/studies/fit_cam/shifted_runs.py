@@ -24,24 +24,26 @@ from cam_rig.units import TURN
 #: Largest number of readings of a shifted run. The law inside a longer run does not follow from the
 #: readings next to it.
 MAX_RUN = 32
-#: Longest span (rad) of a shifted run, for the same reason.
+#: Longest span (rad) of a shifted run. The law inside a longer run does not follow from the
+#: readings next to it.
 MAX_RUN_SPAN = math.radians(15.0)
-#: Number of readings before and after a run that are fitted together with it. With fewer, the
-#: polynomial is nearly undetermined.
+#: Number of readings before and after a run that are fitted together with the run. With fewer
+#: readings, the polynomial is nearly undetermined.
 RUN_FLANK = 5
 #: Number of readings before and after a slip (a sudden shift of the gauge) that are fitted together
-#: with it.
+#: with the slip.
 SLIP_FLANK = 8
 #: Degree of the polynomial through a run and its neighbours. It is high enough for the law over
 #: them, and with the shift there are fewer coefficients than neighbours.
 RUN_DEGREE = 5
-#: Degree of the polynomial through the neighbours of a slip. They span less than those of a run.
+#: Degree of the polynomial through the neighbours of a slip. These neighbours span a smaller angle
+#: than the neighbours of a run.
 SLIP_DEGREE = 4
-#: Smallest difference of two adjacent readings that may be the edge of a run, in scatters. It only
-#: selects the edges to examine, so it is lower than the limit of an outlier.
+#: Smallest difference of two adjacent readings that may be the edge of a run, in scatters. The
+#: limit only selects the edges to examine, so it is lower than the limit of an outlier.
 MIN_EDGE_SCATTERS = 4.0
 #: Smallest significant shift of a run, in standard errors of the shift. Up to 14 000 runs are
-#: tried, so it is above the limit of a single reading.
+#: tried, so this limit is above the limit of a single reading.
 MIN_SHIFT_ERRORS = 8.0
 #: Smallest significance of a run that is considered, as a fraction of the largest. The shortest of
 #: these runs is used, because good readings between two dirt specks look like a longer run.
@@ -80,13 +82,13 @@ class Shift:
         return abs(self.shift) / self.error
 
     def is_clear(self, scatter: float) -> bool:
-        """Return True if the shift explains readings with this scatter (m)."""
+        """Return True if the shift explains readings with a scatter (m)."""
         is_complete = self.residual <= MAX_RESIDUAL_SCATTERS * scatter
         return is_complete and self.significance > MIN_SHIFT_ERRORS
 
 
 def find_shifted_runs(readings: Readings) -> NDArray[np.bool_]:
-    """Return the mask of readings in runs of two or more that have the same shift.
+    """Return the mask of readings in runs of two or more with a common shift.
 
     No reading is marked if there are more than `MAX_RUNS` runs.
     """

@@ -35,14 +35,14 @@ from cam_rig.units import FloatArray
 #: standard errors of the scatter. A tolerance that is too small gives many knots. A tolerance that
 #: is too large has little effect.
 SCATTER_MARGIN_ERRORS = 2.0
-#: Factor by which the tolerance is increased repeatedly until a spline is within it.
+#: Factor by which the tolerance is increased repeatedly until a spline is within the tolerance.
 WIDENING_FACTOR = 2.0
-#: Largest median distance of readings (deg) without a warning that they do not determine the law
-#: between them. The peak acceleration of shipped laws is within 2 % at 5 deg, and within 5 % at 10
-#: deg.
+#: Largest median distance of readings (deg) without a warning that the readings do not determine
+#: the law between them. The peak acceleration of shipped laws is within 2 % at 5 deg, and within 5
+#: % at 10 deg.
 MAX_CLOSE_STEP_DEG = 5.0
 #: Largest distance of the law beyond the range of its readings that is not reported, as a fraction
-#: of the lift. It must also be within the tolerance.
+#: of the lift. The distance must also be within the tolerance of the fit.
 MAX_BEYOND_READINGS = 0.01
 #: Smallest distance of a reading from its neighbours, in scatters, at which its residual is
 #: compared with the scatter, and not only with the other residuals. It is below the limit of an

@@ -117,7 +117,7 @@ class FitRequest:
         return spline_cam(name, fit, kind or "roller", fit.base_radius, fit.roller_radius)
 
     def _require_compatible(self, file_count: int) -> None:
-        """Raise ConfigError for options that apply only to the other shape."""
+        """Raise ConfigError for options that the requested shape does not have."""
         if self.shape == "arcs":
             if self.tolerance is not None:
                 raise ConfigError("--tolerance cannot be combined with --shape arcs")
@@ -211,7 +211,11 @@ class FitRequest:
 def _given_or_stated(
     tables: list[GaugeTable], name: str, given: float | None, is_used: bool = True
 ) -> tuple[float | None, list[str]]:
-    """Return the given length (m), or that stated in the first such table, and notes on it."""
+    """Return the given length (m), or a length that a table states, and notes.
+
+    Without a given length, the first table that states the length determines it. The notes report
+    the source, and the statements that are not used.
+    """
     stated = [(table.file, *table.stated[name]) for table in tables if name in table.stated]
     if given is None and is_used and stated:
         file, length, note = stated[0]
@@ -221,7 +225,7 @@ def _given_or_stated(
 
 
 class FitOptions(TypedDict, total=False):
-    """Options of `fit_cam` except the shape, which selects the class of the result."""
+    """Options of `fit_cam` except the shape, which selects the type of the result."""
 
     follower: FollowerKind | Sequence[FollowerKind] | None
     column: str | None

@@ -18,8 +18,8 @@ from cam_rig.units import FloatArray, round_to_error
 #: Half the width of the interval that contains 95 % of a normal distribution, in standard
 #: deviations.
 NORMAL_95 = 1.96
-#: Relative standard error above which an identified value gets a warning: it has fewer than one
-#: digit.
+#: Relative standard error above which an identified value gets a warning: fewer than one digit of
+#: the value is significant.
 CAUTION_RELATIVE_ERROR = 1.0 / 3.0
 #: Largest relative standard error at which a parameter is identified. Its 95 % interval then
 #: excludes zero.

@@ -27,8 +27,8 @@ class ParameterLimits:
     logarithm: bool = False
 
 
-#: Limits of the parameters by their keys in a rig file. They exclude values that overflow, and are
-#: far outside those of any follower.
+#: Limits of the parameters by their keys in a rig file. The limits exclude values that overflow,
+#: and are far outside the values of any follower.
 PARAMETERS = {
     "mass": ParameterLimits("kg", 1e-6, 1e6, logarithm=True),
     "spring_stiffness": ParameterLimits("N/m", 1e-6, 1e12, logarithm=True),

@@ -162,7 +162,7 @@ def _law_of(cams: CamSet, name: str | None) -> Law:
 
 
 def _require_none(source: str, **options: object) -> None:
-    """Raise an error if an option is set that this kind of source cannot use."""
+    """Raise an error if an option is set that the source cannot use."""
     for name, value in options.items():
         if value is not None:
             raise ConfigError(f"--{name} cannot be combined with {source}; leave it out")

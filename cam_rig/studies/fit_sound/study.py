@@ -106,7 +106,7 @@ class SoundFit(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return the numbers and the residual."""
+        """Return the fitted gain and corner frequency, and the residual."""
         return [
             f"{self.cam}: gain {self.gain:.4g} Pa·s/N, corner {self.corner_frequency:.4g} Hz; "
             f"{self.rms:.3f} dB RMS over {len(self.levels)} speeds (2 numbers fitted)"

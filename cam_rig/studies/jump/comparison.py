@@ -316,8 +316,8 @@ def find_jumps(
 MIN_RAMP = 1.0
 #: Largest slope of a ramp, rpm/s. At this slope contact is lost within the first turn.
 MAX_RAMP = 1e5
-#: Sample rate (Hz) of the run along a ramp. Its samples are not used, and its events do not depend
-#: on the rate.
+#: Sample rate (Hz) of the run along a ramp. The samples are not used, and the events do not depend
+#: on the sample rate.
 SAMPLE_RATE_HZ = 1000
 
 

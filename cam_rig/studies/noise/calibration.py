@@ -19,7 +19,8 @@ from cam_rig.simulation.simulate import Acoustics
 from cam_rig.simulation.sound_constants import PublishedCam, fit_two_constants
 from cam_rig.units import TURN, FloatArray, rms
 
-#: Number of terms of the speed response. With the gain it is a cubic, like the regressions.
+#: Number of terms of the speed response. Together with the gain the response is a cubic, like the
+#: regressions.
 RESPONSE_TERMS = 3
 #: Step of a difference quotient: relative for a constant, in dB for a term of the response.
 DERIVATIVE_STEP = 1e-4
@@ -82,7 +83,7 @@ SAMPLES = 1024
 HARMONICS = 150
 #: Number of starts of a fit of resonance modes, which has several local minima.
 STARTS = 8
-#: Seed of the random generator of these starts.
+#: Seed of the random generator of the starts of a fit of resonance modes.
 SEED = 1
 
 #: Function that returns |pressure per force|² from log constants ``x`` and frequency (Hz).

@@ -90,7 +90,7 @@ class NoiseSetup:
 
     @property
     def shape(self) -> ArcShape:
-        """Geometry of the arc cam in its file."""
+        """Geometry of the arc cam according to its cam file."""
         return ArcShape.of(self.loaded.cams[self.roles.arcs])
 
     @property

@@ -27,8 +27,9 @@ from cam_rig.units import TURN, ComplexArray, FloatArray, to_rpm
 
 # Fourier integrals of the parts of a contact force: polynomials, vibrations, landings.
 
-#: Smallest ratio of the angular frequency of a vibration to its decay rate at which it is
-#: integrated as a sum of two complex exponentials. Below it this sum would be ill-conditioned.
+#: Smallest ratio of the angular frequency of a vibration to its decay rate at which the vibration
+#: is integrated as a sum of two complex exponentials. At a smaller ratio this sum would be
+#: ill-conditioned.
 MIN_RATE_RATIO = 0.1
 
 
@@ -253,7 +254,7 @@ def order_spectrum(
 QUANTITIES = {"force_db": "contact force [dB re 1 N]", "level": "sound [dB re 20 µPa]"}
 #: Range of the displayed levels below the highest, dB. Lower levels are not displayed.
 RANGE = 60.0
-#: Default of the highest computed order. At 400 rpm its frequency is 667 Hz.
+#: Default of the highest computed order. At 400 rpm the frequency of this order is 667 Hz.
 HIGHEST = 100
 
 

@@ -24,8 +24,8 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.schema import RigConfig
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Smallest overlap of two contacts of successive turns, as a fraction of a turn, for which they
-#: count as the same contact. It is above rounding.
+#: Smallest overlap of two contacts of successive turns at which they count as one contact, as a
+#: fraction of a turn. It is above rounding.
 OVERLAP = 1e-9
 
 

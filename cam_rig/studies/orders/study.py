@@ -174,7 +174,7 @@ class OrdersResult(Result):
         return [orders, self.speeds, self.table("run", "The model", run, single=True, hidden=True)]
 
     def summary(self) -> list[str]:
-        """Return a sentence on the sound if it is left out."""
+        """Return a sentence with the reason if the sound is left out."""
         study = self.studies[0]
         keys = " and ".join(study.rig.missing_for_sound(MODELS[study.model].lifts_off))
         return [f"sound left out: rig {study.rig.name} has no {keys}"] if keys else []

@@ -254,7 +254,7 @@ class MeasuredResult(Result):
 
 
 #: A mirrored contour is used if its error is below this fraction of the error without mirroring.
-#: For a symmetrical cam both errors are the same.
+#: For a symmetrical cam the two errors are equal.
 MIRRORED_IS_BETTER = 0.5
 
 

@@ -31,9 +31,9 @@ MAX_POINTS = 1_000_000
 
 
 def _of_discs(take: Callable[[Contour], Any]) -> Callable[[CamContour], Any]:
-    """Return a function that concatenates an array of all discs of a cam.
+    """Return a function that maps a CamContour to one array over all its discs.
 
-    `take` returns the array of one disc.
+    `take` returns the array of one disc. The arrays of the discs are concatenated.
     """
     return lambda shape: np.concatenate([take(disc) for disc in shape.discs])
 

@@ -34,7 +34,7 @@ NO_VALUE = "–"
 
 
 def _worst(key: str, unit: str, name: str, heading: str) -> Column:
-    """Return the column of the worst value of a check: that nearest to its limit.
+    """Return the column of the worst value of a check: the value nearest to its limit.
 
     A cam may have several checks of the same name. `name` is this name.
     """

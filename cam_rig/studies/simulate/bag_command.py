@@ -120,7 +120,7 @@ def export(
 
 
 def _track(ticks: Iterable[TickSamples], progress: Progress) -> Iterator[TickSamples]:
-    """Yield the ticks, and report the progress after each of them."""
+    """Yield the ticks, and report the progress after each tick."""
     for tick in ticks:
         yield tick
         progress.advance()

@@ -23,7 +23,7 @@ from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import FloatArray
 
-#: Largest number of samples of a motion. They take 1 GB.
+#: Largest number of samples of a motion. A motion of this length takes 1 GB.
 MAX_TOTAL_SAMPLES = 20_000_000
 #: Name of the cam in the scene of a motion.
 CAM = "cam"

@@ -316,7 +316,7 @@ class SceneRun(Result):
 def run_scene(
     scene: str | Path | LoadedScene, *, on_tick: Callable[[], None] = lambda: None
 ) -> SceneRun:
-    """Simulate a scene without ROS, with the numbers that the nodes compute.
+    """Simulate a scene without ROS, with the same results as the nodes.
 
     The command is ``cam-rig simulate``.
 

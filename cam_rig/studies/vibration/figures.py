@@ -35,7 +35,7 @@ LABELS = (
 
 #: Index of the row whose abscissa starts at the middle of the low dwell.
 RESIDUAL_ROW = 1
-#: Largest angle from the middle of the low dwell that this row displays, °.
+#: Largest angle from the middle of the low dwell that row `RESIDUAL_ROW` displays, °.
 AROUND = 60.0
 #: Largest number of columns, one per cam. Further cams are in a new block of rows below.
 MAX_COLUMNS = 5

@@ -32,8 +32,8 @@ PROPOSED = "bezier15"
 LOWER = "poly345"
 #: Name of the cam with the paper's polynomial of higher degree.
 HIGHER = "poly4567"
-#: Measures of residual vibration by field, with their names. The claims are tested with both,
-#: because the paper does not state its measure.
+#: Measures of residual vibration by field, with their names. The claims are tested with both
+#: measures, because the paper does not state which one it uses.
 RESIDUAL = {"residual_amplitude": "residual amplitude", "peak_to_peak": "peak to peak"}
 #: Default speeds, rpm. They are below the lowest jump speed of the paper's laws, 389 rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
@@ -53,7 +53,7 @@ class Row:
 
     @property
     def contact_lost(self) -> bool:
-        """True if the follower loses contact below this speed."""
+        """True if the follower loses contact below the speed of the row."""
         return self.contact_lost_rpm < self.rpm
 
 
@@ -217,7 +217,7 @@ def vibration(
     return measure(cam_set, resolve_speeds(rpm), progress)
 
 
-#: Name of this computation, for the error message of a rig without stem.
+#: Name of the computation of this study, for the error message of a rig without stem.
 BY = "the vibration of a mass on its stem"
 
 

@@ -63,7 +63,7 @@ def chord_errors(function, low, high):
 
 
 def test_norm_of_a_free_vibration():
-    """(16), (17) and (18) are satisfied, and nearly reached by some cases."""
+    """Inequalities (16), (17) and (18) are satisfied, and nearly reached by some cases."""
     closest = np.zeros(3)
     for seed in range(4 * CASES):
         rng = np.random.default_rng(seed)
@@ -110,7 +110,7 @@ def pieces_of(table, motion, duration, rng):
 
 
 def test_output_in_pieces():
-    """(15), (19), (20) and (21) are satisfied in random pieces and turns."""
+    """Inequalities (15), (19), (20) and (21) are satisfied in random pieces and turns."""
     floors = chords = pairs = 0
     for seed, law, rig, duration, speed, on_law, motion in runs():
         table, mode, _ = on_law

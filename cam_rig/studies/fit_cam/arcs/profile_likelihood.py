@@ -44,7 +44,7 @@ DERIVATIVE_STEP = 1e-6
 UNKNOWN_ERROR = 1e-3
 #: Largest number of doublings of the first step. An end beyond a factor of 10⁹ counts as infinite.
 MAX_DOUBLINGS = 30
-#: Largest end of the interval of the prime radius, in lifts. An end beyond it counts as infinite.
+#: Largest end of the interval of the prime radius, in lifts. A larger end counts as infinite.
 MAX_PRIME_LIFTS = 100.0
 
 

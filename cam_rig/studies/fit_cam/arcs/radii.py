@@ -16,11 +16,11 @@ GivenRadii = Literal["base", "roller", "both"] | None
 #: smaller of base and nose radius of the pitch curve (under a flat face: of the base radius). A
 #: smaller radius is a cusp, as with a roller radius of half the lift on a cam with a sharp nose.
 MIN_RADIUS_LEFT = 0.1
-#: Radius of nose or base that remains after an assumed radius has been replaced, as the same
-#: fraction.
+#: Radius of nose or base that remains after an assumed roller radius has been replaced, as a
+#: fraction of the same radius as in `MIN_RADIUS_LEFT`.
 REPLACED_RADIUS_LEFT = 0.5
-#: Lower limit of the radius of nose or base, as a fraction of the radius on the pitch curve. It
-#: keeps both positive while a given base radius is checked.
+#: Lower limit of the radius of nose or base, as a fraction of the radius on the pitch curve. The
+#: limit keeps both radii positive while a given base radius is checked.
 MIN_RADIUS_RATIO = 1e-6
 
 

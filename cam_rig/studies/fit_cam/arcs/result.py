@@ -19,10 +19,11 @@ from cam_rig.studies.fit_cam.arcs.radii import GivenRadii
 from cam_rig.studies.fit_cam.suspects import list_farthest, list_outliers, relative_residuals
 from cam_rig.units import rms
 
-#: Given shape of the flanks, or None if it is not given.
+#: Given shape of the flanks, or None if no shape is given.
 Flank = Literal["straight", "curved"] | None
 #: Smallest ratio of the r.m.s. residuals of two interpretations at which the readings exclude the
-#: worse one. With a smaller ratio, it could be the closer one in another set of readings.
+#: worse one. With a smaller ratio, the worse interpretation could be the closer one in another set
+#: of readings.
 MIN_EXCLUDED_RATIO = 1.1
 #: Largest r.m.s. residual of arcs that describe the readings, as a multiple of the readings'
 #: scatter. The scatter is too small if the errors of neighbouring readings are equal.

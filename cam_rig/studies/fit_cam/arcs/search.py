@@ -24,11 +24,12 @@ ANGLE = Parameter.ANGLE
 
 #: Start value of the prime circle's radius in the search, in lifts: a usual proportion of cams.
 START_PRIME_LIFTS = 3.0
-#: Start value of the nose radius in the search, as a fraction of its range.
+#: Start value of the nose radius in the search, as a fraction of the range of the nose radius.
 START_NOSE = 0.3
-#: Start values of the flanks' curvature in the search, as fractions of its largest value: slightly
-#: convex, strongly convex, and concave. The search misses a contour without the first under a large
-#: roller, without the second at a sharp nose, and without the third at a nose as large as the base.
+#: Start values of the flanks' curvature in the search, as fractions of the largest curvature:
+#: slightly convex, strongly convex, and concave. The search misses a contour without the first
+#: under a large roller, without the second at a sharp nose, and without the third at a nose as
+#: large as the base.
 START_FLANKS = (0.3, 0.7, -0.3)
 #: Relative tolerance of a rough search, which only ranks starts and interpretations.
 ROUGH_RTOL = 1e-8

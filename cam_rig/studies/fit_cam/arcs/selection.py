@@ -46,7 +46,7 @@ MAX_RMS_RATIO = 0.05
 #: that it does not bound the contour.
 FREE_BASE_LIFTS = 100.0
 #: Ratio of the nose radius of the pitch curve to a given roller radius, below which the search has
-#: ended at its bound.
+#: ended at the lower bound of the nose radius.
 BOUND_RATIO = 1.01
 #: Largest ratio of the r.m.s. residual to the smallest one at which an interpretation is refined. A
 #: rough search ends close to its minimum, so refinement does not change the order at larger ratios.
@@ -126,7 +126,7 @@ def fit_arcs(
 
 
 def _fit_without_outliers(fit: Callable[[Columns], ArcsFit], columns: Columns) -> ArcsFit:
-    """Return the fit that excludes the same outliers that its arcs determine.
+    """Return a fit whose arcs determine the outliers that the fit excludes.
 
     The last fit is returned if the outliers still change after `MAX_OUTLIER_ROUNDS` repetitions.
     """

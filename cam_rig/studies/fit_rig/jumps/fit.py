@@ -37,8 +37,8 @@ from cam_rig.units import RPM, FloatArray, rms, round_to_error
 #: Largest scatter of the residuals at which a follower fits the readings, as a fraction of the mean
 #: jump speed.
 MAX_SCATTER = 0.04
-#: Largest ratio of the scatter to the given reading error at which the given error is used. Above
-#: it the scatter replaces the error.
+#: Largest ratio of the scatter to the given reading error at which the given error is used. At a
+#: larger ratio the scatter replaces the given error.
 MAX_ERROR_RATIO = 2.0
 #: Lower limit of the start value of the follower's mass, kg.
 MIN_OWN_MASS = 0.05

@@ -14,7 +14,7 @@ from cam_rig.units import FloatArray
 #: fewer samples, a single sample next to a landing decides.
 MIN_FLYING_SAMPLES = 4
 #: Smallest zero offset of the force sensor that counts as significant, in standard errors.
-#: `MIN_ZERO_FRACTION` of the preload is added to it.
+#: `MIN_ZERO_FRACTION` of the preload is added to this limit.
 MIN_ZERO_ERRORS = 6.0
 #: Smallest zero offset of the force sensor that counts as significant, relative to the preload.
 MIN_ZERO_FRACTION = 0.005

@@ -24,10 +24,11 @@ MAX_CHANCE_SSE = 60.0
 
 
 def contradicts(partial: FitSolution, complete: FitSolution) -> bool:
-    """Return True if the fit to all segments does not explain some of them.
+    """Return True if the fit to all segments does not explain some segments.
 
-    The test is the growth of the sum of squares of these segments. If one follower explains both,
-    it grows by about the number of parameters. Case: a stem that a rigid mass cannot fit in flight
+    ``partial`` is the fit to these segments alone. The test is the growth of their sum of squares.
+    If one follower explains all segments, the sum grows by about the number of parameters. Case: a
+    stem that a rigid mass cannot fit in flight
     (``test_parameters_of_all_speeds_may_contradict_some``).
     """
     partial_likelihood, complete_likelihood = partial.likelihood, complete.likelihood
@@ -50,9 +51,9 @@ def contradicts(partial: FitSolution, complete: FitSolution) -> bool:
 
 
 def log_ratio(first: FitSolution, other: FitSolution) -> float:
-    """Return the log likelihood ratio of two fits, the first by the other.
+    """Return the log of the likelihood of the first fit relative to the other fit.
 
-    It uses the segments and samples that both have.
+    The ratio uses the segments and samples that both fits have.
     """
     common = [
         (i, other.segments.index(h)) for i, h in enumerate(first.segments) if h in other.segments
@@ -74,7 +75,7 @@ def log_ratio(first: FitSolution, other: FitSolution) -> float:
 
 
 #: Limit of the square of a residual in a comparison of restitutions: six standard deviations
-#: squared. A sample on the wrong side of a landing counts no more than this.
+#: squared. It limits the effect of a sample on the wrong side of a landing.
 MAX_SQUARE = 36.0
 
 
@@ -88,9 +89,10 @@ def log_ratio_of_all(first: FitSolution, other: FitSolution) -> float:
 
 
 def _square_difference(first: FitSolution, i: int, other: FitSolution, k: int) -> float:
-    """Return the difference of two fits' squared errors of the samples they exclude.
+    """Return the difference of the squared errors of two fits for excluded samples.
 
-    ``i`` and ``k`` are the indices of the segment in both fits.
+    The samples are those that at least one of the fits excludes. ``i`` and ``k`` are the indices of
+    the segment in both fits.
     """
     samples = np.flatnonzero(~(first.likelihood.force_masks[i] & other.likelihood.force_masks[k]))
     if not samples.size:

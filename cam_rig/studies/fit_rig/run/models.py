@@ -40,7 +40,8 @@ FREE_BACKLASH_ERRORS = 6.0
 #: Smallest backlash that becomes a free parameter, relative to the lift. A smaller backlash is
 #: rounding.
 MIN_BACKLASH_FRACTION = 1e-7
-#: Largest ratio of the residual patterns of two fits that are attributed to the same noise.
+#: Largest ratio of the residual patterns of two fits at which the patterns are attributed to one
+#: common noise.
 MAX_PATTERN_RATIO = 2.0
 #: Restitutions from which a fit of lifts alone starts, one search each.
 START_RESTITUTIONS = (0.05, 0.25, 0.45, 0.65)
@@ -239,9 +240,9 @@ def _has_backlash(fit: FitSolution) -> bool:
 
 
 def _in_contact_if_patterned(one_mass: AnyCandidate) -> AnyCandidate | FitSolution:
-    """Fit one mass to the speeds in contact, and return the fit if it has a pattern.
+    """Fit one mass to the speeds in contact, and return that fit if it has a pattern.
 
-    Without a pattern in its force residual, ``one_mass`` is returned.
+    If there is no such fit, or its force residual has no pattern, ``one_mass`` is returned.
     """
     in_contact = _fit_in_contact(one_mass, one_mass.smooth, one_mass.values)
     return one_mass if in_contact is None or not has_residual_pattern(in_contact) else in_contact
@@ -269,7 +270,10 @@ def _search_two_masses(
 
 
 def _add_restitution(one_mass: Candidate, in_contact: FitSolution) -> FitSolution:
-    """Add the restitution of the speeds with flights to a fit without them."""
+    """Add the restitution to a fit of the speeds without flights.
+
+    The restitution is that of the speeds with flights.
+    """
     if len(in_contact.segments) == len(one_mass.segments):
         return in_contact
     flying = extend_solution(one_mass, in_contact)

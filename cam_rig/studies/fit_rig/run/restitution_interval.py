@@ -27,7 +27,8 @@ from cam_rig.studies.fit_rig.run.search import (
 #: First step from the likeliest restitution (absolute, no unit). Each further step is twice as
 #: long.
 FIRST_STEP = 0.01
-#: Number of bisections of the last step. They locate the end of the interval to an eighth of it.
+#: Number of bisections of the last step. They locate the end of the interval to an eighth of that
+#: step.
 HALVINGS = 3
 #: Largest number of searches for the interval. Each starts from the best restitution of the
 #: previous search.
@@ -38,9 +39,11 @@ MIN_RESTART_LOG_RATIO = 1.0
 #: Allowance of a log likelihood ratio for one sample on the wrong side of a landing, with a
 #: residual of three standard deviations.
 SAMPLE_LOG_RATIO = 0.5 * 3.0**2
-#: Restitutions over the whole range that are tested in addition, if they are outside the interval.
+#: Restitutions over the whole range that are tested after the search for the interval, if they are
+#: outside the interval.
 OTHER_RESTITUTIONS = (0.1, 0.3, 0.5, 0.7, 0.9)
-#: Smallest restitution that is reported with a value. Below it only the upper limit is reported.
+#: Smallest restitution that is reported with a value. For a smaller restitution only the upper
+#: limit is reported.
 SMALL_BOUNCE = 0.02
 
 

@@ -24,7 +24,8 @@ COARSE_RESTITUTIONS = (1e-3, *(0.025 * k for k in range(1, 37)))
 FINE_RESTITUTION_STEPS = 16
 #: Number of Gauss-Newton steps that fit the phase of a segment in a trial.
 PHASE_STEPS = 4
-#: Step of the phase (rad) for the difference quotients of these Gauss-Newton steps.
+#: Step of the phase (rad) for the difference quotients of the Gauss-Newton steps that fit the phase
+#: of a segment.
 PHASE_DERIVATIVE_STEP = 1e-6
 #: Largest mean square residual, in squared standard deviations, that noise explains. It is above 1
 #: because of samples next to landings.

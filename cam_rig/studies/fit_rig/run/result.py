@@ -66,7 +66,7 @@ class InstrumentEstimate:
 
     @property
     def value_text(self) -> str:
-        """Value of the error in the displayed unit as text, with the digits of its error."""
+        """Instrument error in the displayed unit as text, rounded to its standard error."""
         value = self.value / self.scale
         if self.error is None:
             return format_number(value, ".4g")

@@ -23,7 +23,7 @@ from cam_rig.units import TURN, FloatArray
 
 #: Largest number of equal parts of a turn. The residuals are averaged over each part.
 MAX_TURN_PARTS = 256
-#: Smallest number of samples in each of these parts.
+#: Smallest number of samples in each part of a turn over which residuals are averaged.
 MIN_PART_SAMPLES = 6
 
 

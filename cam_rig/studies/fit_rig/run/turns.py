@@ -17,7 +17,7 @@ from cam_rig.units import TURN, FloatArray, correlation_length, to_rpm
 # Search for steady speeds: straight lines through the counts of an encoder.
 
 #: Largest distance of the angle from a straight line at a steady speed, rad. One count of the
-#: encoder is added.
+#: encoder is added to this limit.
 MAX_RIPPLE = 0.01
 #: Smallest number of turns of a segment with steady speed.
 MIN_TURNS = 1.0
@@ -200,14 +200,17 @@ MAX_SAMPLES = 40_000
 MIN_SAMPLES = 20
 #: Smallest force, relative to the largest, of a follower that is certainly on the cam.
 MIN_PRESS_FRACTION = 0.05
-#: Fraction of the samples of a follower in contact that may be below this force, because of noise.
+#: Fraction of the samples of a follower in contact that may be below `MIN_PRESS_FRACTION`, because
+#: of noise.
 UNPRESSED_SHARE = 0.01
 #: Smallest negative force, relative to the largest force, that shows a vibration of the sensor: no
 #: cam pulls.
 MIN_PULL_FRACTION = 0.1
-#: Smallest fraction of samples with such a force at which the sensor counts as vibrating.
+#: Smallest fraction of samples with a negative force of at least `MIN_PULL_FRACTION` at which the
+#: sensor counts as vibrating.
 PULL_SHARE = 0.001
-#: Largest scatter of the lift from turn to turn at which it is steady, relative to its range.
+#: Largest scatter of the lift from turn to turn at which the lift is steady, relative to the range
+#: of the lift.
 MAX_LIFT_SCATTER = 0.02
 
 
