@@ -205,7 +205,7 @@ def check_executor_options(jobs: int | None, dask: str | None) -> None:
     if dask is not None:
         if jobs is not None:
             raise ConfigError(
-                "--jobs and --dask: the cluster has its own workers; allowed: one of them"
+                "--jobs cannot be combined with --dask: the cluster sets the number of workers"
             )
         require("distributed")
         _client_arguments(dask)

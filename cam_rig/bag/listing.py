@@ -199,7 +199,8 @@ def mcap_files(bag: Path) -> list[Path]:
 def require_agreement(bag: Path, listing: Listing) -> None:
     """Raise BagError if the files of a bag differ from metadata.yaml.
 
-    The order and the numbers of messages are compared.
+    They differ if files have exchanged names, if two files are copies, or if the number of messages
+    of a file or of the bag differs.
     """
     actual = {file.name: _extent(file) for file in listing.files}
     _require_order(bag, listing, actual)

@@ -118,7 +118,7 @@ def elevate(ordinates: FloatArray, target: int) -> FloatArray:
 
 
 def taylor(ordinates: FloatArray) -> FloatArray:
-    """Return the matrices from basis values at u to the Taylor coefficients at u.
+    """Return the matrices that convert Bernstein basis values to Taylor coefficients.
 
     The shape is ``(n, p + 1, p + 1)``, one matrix per column. Coefficient r is f^(r)(u)/r!.
     """

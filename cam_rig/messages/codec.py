@@ -98,10 +98,10 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
 
 
 def encode_block(rows: FloatArray) -> tuple[Dimensions, FloatArray]:
-    """Return a block, shape (6, n), as a labelled array with rows `COLUMNS`.
+    """Return the dimensions and the data of the message for a block, shape (6, n).
 
-    The block contains the samples of a tick. The first result are the labels and sizes of the
-    dimensions.
+    The block contains the samples of a tick, one row per entry of `COLUMNS`. The dimensions are
+    pairs of label and size.
     """
     return [(BLOCK_LABEL, rows.shape[0]), (SAMPLE_LABEL, rows.shape[1])], rows
 

@@ -284,8 +284,8 @@ def greatest_between(curve: Curve, edges: FloatArray) -> Extreme:
 
 @lru_cache(maxsize=32)
 def stroke(law: Law) -> float:
-    """Return the sum of the least and the greatest displacement of a law, m.
+    """Return the smallest plus the largest displacement of a law, s_min + s_max, m.
 
-    It is s_max of a law that starts at 0.
+    It equals s_max if s_min is 0. It is not the difference s_max − s_min.
     """
     return sum(extreme.value for extreme in extremes(law, 0))

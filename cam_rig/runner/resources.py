@@ -324,7 +324,10 @@ def remove_segments(
 
 
 def _open_ports(folder: Path) -> set[str]:
-    """Return the names of ports mapped by the processes that this user can inspect."""
+    """Return the names of the Fast DDS shared-memory ports that processes have mapped.
+
+    Only processes that this user can inspect are included.
+    """
     port, names = re.compile(rf"{re.escape(str(folder))}/(fastdds_port\d+)$", re.MULTILINE), set()
     for maps in Path("/proc").glob("[0-9]*/maps"):
         with suppress(OSError):

@@ -57,7 +57,10 @@ def rig_time_alone(time: FloatArray, _angle: FloatArray) -> list[rr.TimeColumn]:
 
 
 def within_turn(_time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
-    """Return the column of the angle within the turn only, for overlaid turns."""
+    """Return a single time column: the cam angle modulo 360°, in whole degrees.
+
+    Successive turns overlap on this timeline.
+    """
     return [rr.TimeColumn(TURN_DEGREES, sequence=_floor_degrees(angle) % 360)]
 
 

@@ -46,7 +46,10 @@ def test_a_flight_continues_over_a_change_of_speed(laws, follower):
 @pytest.mark.parametrize("model", ["elastic_stem", "one_mass", "two_mass"])
 @pytest.mark.parametrize("degrees", [90.0, 180.0, 270.0])
 def test_a_change_of_speed_changes_the_cam_velocity_only(laws, paper_rig, model, faster, degrees):
-    """A change of speed is an impact on the mass on the cam, or lifts it off."""
+    """A rise of the surface speed causes an impact, a fall causes a lift-off.
+
+    There is no event in a dwell, without a change of speed, or with the model elastic_stem.
+    """
     # If the cam surface gets faster, the impulse is J = m Δv with the mass on the cam. If it gets
     # slower, the follower keeps its velocity. In a dwell and without a change there is no event.
     law, p = laws["poly345"], replace(MODELS[model].parameters(paper_rig), preload=200.0)

@@ -41,7 +41,7 @@ class CollocationTable:
 
 @lru_cache(maxsize=32)
 def collocation_table(degree: int) -> CollocationTable:
-    """Return the N + 1 nodes and the matrices for polynomials of degree N."""
+    """Return the N + 1 nodes and the integration matrices for degree N."""
     k = np.arange(degree + 1)
     angles = np.pi * (degree - k) / degree
     weights = np.ones(degree + 1)

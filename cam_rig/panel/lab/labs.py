@@ -42,7 +42,7 @@ from cam_rig.schema.load import cam_path, load_cam
 from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
 from cam_rig.units import NS, RPM, RPM_PER_RAD_S, TURN, FloatArray
 
-# Observation of the rig at a speed: a turn of its steady state, its contact and its sound.
+# Observation of the rig at a speed: contact force and sound over one turn of the steady state.
 
 #: Sample rate (Hz) of the force and of the sound.
 RATE_HZ = MIN_RATE_HZ

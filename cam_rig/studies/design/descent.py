@@ -106,7 +106,7 @@ class PointwiseTerm:
 
     @cached_property
     def _grid(self) -> FloatArray:
-        """Cam angles (rad) at which the branches are linearised.
+        """Cam angles (rad) at which the branches (see `QuantityRows`) are linearised.
 
         They lie in all pieces of the events, and on both sides of their joints.
         """

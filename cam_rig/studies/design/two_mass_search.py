@@ -1,4 +1,4 @@
-"""Highest jump speed of two masses, by cutting planes at a speed that is searched for.
+"""Search for the law with the highest jump speed of two masses, by cutting planes.
 
 The level of a program is the least contact force of its best law, in scales. It decreases as the
 speed rises and as rows are added. The jump speed of the class is where the level of all rows is

@@ -306,8 +306,8 @@ def _average(table: GaugeTable, column: GaugeColumn, rows: _Rows) -> Readings:
         )
     if not highest <= MAX_LIFT * 1e3:
         raise ConfigError(
-            f"{readings.name}: the largest lift is {highest:g} mm; allowed: {MAX_LIFT * 1e3:g} mm, "
-            "so check its unit"
+            f"{readings.name}: the largest lift must be at most {MAX_LIFT * 1e3:g} mm, got "
+            f"{highest:g} mm; check the unit of the lifts"
         )
     differences = np.maximum.reduceat(lifts, starts) - np.minimum.reduceat(lifts, starts)
     worst = int(np.argmax(differences))

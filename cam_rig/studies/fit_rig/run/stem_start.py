@@ -38,7 +38,7 @@ def has_residual_pattern(fit: Candidate) -> bool:
 
 
 def residual_pattern(fit: Candidate) -> tuple[float, float]:
-    """Return the sum of squares of the mean force residuals over parts of a turn.
+    """Return a statistic of the force residual that repeats each turn, and its parts.
 
     The second result is the number of parts. The squares are in standard deviations. White noise
     gives the number of parts, within √2 of its root. Noise that is correlated over n samples gives
