@@ -126,7 +126,7 @@ def test_a_motion_with_lift_offs_is_steady_or_reported_as_unsettled(measured, re
 
 
 def test_one_rigid_mass_is_the_same_by_either_name(measured):
-    """Contact force measures of one_mass equal their `_rigid` variants, unlike those of two_mass."""
+    """Force measures of one_mass equal their `_rigid` variants, unlike those of two_mass."""
     names = [f"{n}_contact_force{r}@300rpm" for r in ("", "_rigid") for n in ("peak", "least")]
     _, rigid = measured(*names, base=BASE | {"model": "one_mass"})
     assert rigid.measures[0, :2] == pytest.approx(rigid.measures[0, 2:], rel=1e-9)
