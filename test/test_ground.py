@@ -264,7 +264,10 @@ def test_a_wrong_cluster_is_an_error_of_one_line(monkeypatch):
         pass
     with pytest.raises(ConfigError, match="allowed: an address"):
         check_executor_options(None, "nowhere.json")
-    with pytest.raises(ConfigError, match="allowed: one of them"), executor_pool(2, "tcp://x:1"):
+    with (
+        pytest.raises(ConfigError, match="cannot be combined with --dask"),
+        executor_pool(2, "tcp://x:1"),
+    ):
         pass
 
 

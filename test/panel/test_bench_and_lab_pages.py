@@ -213,6 +213,7 @@ def test_the_theory_is_displayed_on_request(chromium, tmp_path):
         assert not line.get_attribute("d")
         assert not page.page.locator("#plotted").is_visible()
         page.page.locator("#plot_it").press("Enter")
+        page.until(page.page.locator("#theory").is_visible)  # a hidden button gets no focus
         page.page.locator("#theory").press("Enter")
         page.until(lambda: line.get_attribute("d"))
         assert page.page.locator("#formula_jump math").is_visible()
@@ -244,6 +245,6 @@ def test_readings_and_an_answer_are_recorded_by_keyboard(chromium, tmp_path, lab
         assert (reading.measured, answer.answer) == (displayed, 251.5)
         assert page.text("recorded").startswith("Respuesta 2: 251,5 ")
         page.page.locator("#plot_it").press("Enter")
-        assert page.page.locator("#plot .point").count() == 1
+        page.until(lambda: page.page.locator("#plot .point").count() == 1)
         for width in (400, 1000, 1600):
             assert page.width(width) <= width
