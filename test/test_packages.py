@@ -435,7 +435,7 @@ def test_no_function_is_longer_than_a_screen(nodes):
     assert {name: count for name, count in lines.items() if count > MAX_FUNCTION} == {}
 
 
-def test_no_name_is_sought_among_too_many():
+def test_folders_have_at_most_20_entries():
     """Each folder below cam_rig has at most 20 modules and folders."""
     entries = (ROOT / "cam_rig").rglob("*")
     folders = [path for path in entries if path.is_dir() and path.name != "__pycache__"]
