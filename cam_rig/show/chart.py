@@ -37,7 +37,7 @@ TOP_MARGIN = 0.1
 #: Margin for labels below the axes, as a fraction of their height.
 BOTTOM_MARGIN = 0.12
 #: Margin above the highest number of an axis over time, as a fraction of the range below it.
-TOP_MARGIN = 0.05
+TENS_MARGIN = 0.05
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ def tens_range(low: float, high: float) -> tuple[float, float]:
     """Return the ends of an axis on which Rerun places its labels.
 
     Rerun labels the multiples of a power of ten. The axis contains at least three of them, so that
-    labels are displayed, and a margin of `TOP_MARGIN` above the highest.
+    labels are displayed, and a margin of `TENS_MARGIN` above the highest.
     """
     step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
@@ -181,7 +181,7 @@ def tens_range(low: float, high: float) -> tuple[float, float]:
         else:
             first -= 1.0
     low, last = min(low, float(first * step)), float(last * step)
-    return low, max(high, last + TOP_MARGIN * (last - low))
+    return low, max(high, last + TENS_MARGIN * (last - low))
 
 
 def step_marks(low: float, high: float, step: float, max_count: int = 4) -> dict[float, str]:
