@@ -88,7 +88,8 @@ class SpeedRow:
     torque_mean: float  #: mean torque, N·m
 
 
-#: Weights of s, s' and s'' that give s', which converts a force to a torque.
+#: Weights of the lift s and its derivatives s' and s'' by the cam angle that select s'. The torque
+#: on the cam is the contact force times s'.
 SLOPE = np.array([[0.0, 1.0, 0.0]])
 
 

@@ -15,9 +15,9 @@ from cam_rig.units import FloatArray
 class MeterSimulator:
     """Simulator of the sound-level meter at the microphone of a scene.
 
-    The microphone node uses it too. A new weighting starts a new measurement with the next block,
-    while the sound continues. A weighting that is changed and changed back between two blocks does
-    not, because a recording of it could not be repeated.
+    The microphone node uses it too. If a weighting is changed, a new measurement starts with the
+    next block of samples, while the sound continues. No new measurement starts if the weighting is
+    changed back before the next block, because a replay of the recording could not repeat it.
     """
 
     source: SoundSource

@@ -92,9 +92,9 @@ Part = TypeVar("Part")
 
 @dataclass
 class WholeTurns(Generic[Part]):
-    """Collector of settled ticks into whole turns.
+    """Collector that groups the data of settled ticks by whole turns.
 
-    Means are formed over whole turns only.
+    Means are formed over whole turns only. The last, incomplete turn at each speed is left out.
     """
 
     settling: TransientFilter
@@ -442,8 +442,9 @@ class Turns:
 def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float:
     """Return ⟨(ω_c (F − q))²⟩ of one periodic turn, (N/s)².
 
-    `rate` is ω_c in rad/s, `force` (N) and `impulse` (N·s) are the samples of the turn. The
-    structure is linear: its response is that from rest plus a decay that makes it periodic.
+    F is the contact force, and q its low-pass filtered value, the response of the structure. `rate`
+    is ω_c in rad/s. `force` (N) and `impulse` (N·s) are the samples of the turn. The periodic
+    response is that from rest plus a decaying term, because the filter is linear.
     """
     from_rest = structure_response(rate, TURN_RATE_HZ, 0.0, float(force[-1]), force, impulse)
     decay = np.exp(-rate / TURN_RATE_HZ * np.arange(1, force.size + 1))

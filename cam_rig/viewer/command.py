@@ -48,10 +48,10 @@ class Screen:
 def delay_report(
     page: PageTime | None, clock: Callable[[], float] = time.monotonic
 ) -> Iterator[Callable[[float, str], str]]:
-    """Yield a function that appends the delay of the page to a status text.
+    """Yield a function that appends the delay of the browser page to a status text.
 
-    Its arguments are the rig time (s) of the drive and the text. The longest delay is printed when
-    the context ends.
+    Its arguments are the rig time (s) that the drive has reached, and the status text. It returns
+    the text unchanged if `page` is None. The longest delay is printed when the context ends.
     """
     printed = clock()
 

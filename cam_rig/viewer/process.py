@@ -124,7 +124,7 @@ def _wait_for_ports(process: subprocess.Popen[bytes], ports: tuple[int, ...]) ->
 def window() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     """Start an empty Rerun viewer, and yield its process and its address.
 
-    The address is that for a live run.
+    A live run sends its recording to this address.
     """
     port = find_free_port()
     with listening("--port", str(port), "--expect-data-soon", ports=(port,)) as process:

@@ -57,7 +57,7 @@ window.fetch = (what, how) => {
   return here ? ask(asked) : Promise.resolve(new Response(null, { status: 204 }));
 };
 </script>"""
-#: Content security policy. It allows the panel to display the page in a frame.
+#: Content security policy. It allows cam-rig's control panel to display the page in a frame.
 POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
     f"frame-ancestors http://{LOCAL_HOST}:*"

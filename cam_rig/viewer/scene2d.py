@@ -31,20 +31,23 @@ AROUND = 1.09
 #: Height of the space below the ring for a line of text and the bar of a force, relative to the
 #: ring's radius.
 TEXT_SPACE = 0.36
-#: Height of the space for a follower in flight above the law's largest lift, relative to that lift.
+#: Height of the space for a follower in flight above the largest lift of the law, relative to that
+#: lift.
 FLIGHT = 0.3
-#: Smallest height of this space, relative to the follower's reach.
+#: Smallest height of the space for a follower in flight, relative to the follower's largest
+#: distance from the cam axis.
 FLIGHT_OF_REACH = 0.05
 #: Height of the free space at the lower edge of the view, relative to the height of the view.
 MARGIN = 0.03
 #: Width of the free space at each side of the view, relative to the height of the view.
 SIDE = 0.01
-#: Number of lifts at which the program determines which numbers of the ring the follower covers.
+#: Number of lifts for which the program determines which numbers on the ring of degrees the
+#: follower covers.
 LIFTS = 13
-#: Distance from the follower below which a number of the ring is left out, relative to the ring's
-#: radius.
+#: Distance from the follower below which a number on the ring of degrees is left out, relative to
+#: the radius of the ring.
 CLEARANCE = 0.14
-#: Length of the arrow of the largest force, relative to the picture's height.
+#: Length of the arrow of the largest force, relative to the height of the picture.
 ARROW = 0.22
 
 
@@ -52,7 +55,8 @@ ARROW = 0.22
 class Framing:
     """Frame of the picture of a cam with its follower, in mm.
 
-    `ring` is the radius of the ring of degrees. `low` and `high` are opposite corners, shape (2,).
+    `shape` is the geometry of the follower. `ring` is the radius of the ring of degrees around the
+    cam. `low` and `high` are opposite corners of the frame, shape (2,).
     """
 
     shape: FollowerShape
@@ -72,9 +76,10 @@ class Framing:
         return float(self.high[1] - self.low[1])
 
     def numbers(self) -> tuple[FloatArray, list[str]]:
-        """Return positions ``(n, 2)`` (mm) and texts of the visible numbers on the ring.
+        """Return positions (mm) and texts of the visible numbers on the ring of degrees.
 
-        Numbers that the follower covers at some lift are left out.
+        The positions have the shape (n, 2). Numbers that the follower covers at some lift are left
+        out.
         """
         positions, numbers = shapes.ring_numbers(self.ring)
         covered = np.zeros(len(numbers), dtype=bool)
@@ -105,9 +110,9 @@ def force_scale(loaded: LoadedScene, speed: float) -> float:
 
 
 def bounds(by_cam: dict[str, Framing]) -> tuple[list[float], list[float]]:
-    """Return the limits of x and y (mm, y down) of a view of all cams.
+    """Return the limits of x and y (mm, y down) of a view into which every cam fits.
 
-    Every cam is as high as the highest.
+    Each cam is scaled to the height of the highest, as in the picture.
     """
     highest = max(framing.height for framing in by_cam.values())
     corners = [
@@ -210,9 +215,10 @@ UNSEEN = -0.1
 
 
 def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
-    """Return True for the first sample of each picture of the turn, shape (n,).
+    """Return True for the samples at which a picture is drawn, shape (n,).
 
-    ``angle`` is the unwrapped cam angle and ``step`` its increment per sample, both in rad.
+    A turn has `FRAMES_PER_TURN` pictures, each at its first sample. `angle` is the unwrapped cam
+    angle and `step` its increment per sample, both in rad.
     """
     frame = np.floor(np.append(angle[:1] - step, angle) * (FRAMES_PER_TURN / (2.0 * np.pi)))
     return np.asarray(np.diff(frame) > 0.0)
@@ -354,7 +360,10 @@ class Scene2D:
     def _send(
         self, time: FloatArray, angle: FloatArray, lift: FloatArray, force: FloatArray
     ) -> None:
-        """Send the poses, the gaps, the readings and the forces of some pictures."""
+        """Send the poses, the gaps, the readings and the forces of n pictures.
+
+        The parameters are those of `frames`.
+        """
         times, shape = self._canvas.times(time, angle), self._shape
         motion = Motion.at(self._law, angle)
         drawn = np.minimum(lift, self._max_lift)

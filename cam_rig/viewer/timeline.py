@@ -28,7 +28,7 @@ TURN_DEGREES = "turn_degrees"
 #: Rig time has whole ns, and half a ns is 1.2e-6° at 400 rpm and 3e-5° at 10 000 rpm. The distance
 #: of samples is larger than this tolerance.
 ANGLE_ROUNDING_DEG = 1e-4
-#: Function that returns the time columns of rows at times (s) and unwrapped cam angles (rad).
+#: Function that returns the time columns of data at rig times (s) and unwrapped cam angles (rad).
 Times = Callable[[FloatArray, FloatArray], list[rr.TimeColumn]]
 
 
@@ -98,7 +98,10 @@ class Canvas:
     def strips(
         self, entity: str, times: list[rr.TimeColumn], strips: Sequence[FloatArray], **style: float
     ) -> None:
-        """Draw polylines ``(n, 2)`` of one style at one time."""
+        """Draw polylines ``(n, 2)`` of one style at one time.
+
+        `times` has one row, and `style` contains values such as `radii` for all polylines.
+        """
         styles: dict[str, Any] = {name: [value] * len(strips) for name, value in style.items()}
         columns = rr.LineStrips2D.columns(strips=strips, **styles)
         self.rows(entity, times, columns.partition([len(strips)]))
@@ -106,7 +109,10 @@ class Canvas:
     def points(
         self, entity: str, times: list[rr.TimeColumn], positions: Any, **columns: Any
     ) -> None:
-        """Draw points ``(n, 2)`` at one time."""
+        """Draw points ``(n, 2)`` at one time.
+
+        `times` has one row, and `columns` contains further data of the points, such as labels.
+        """
         points = rr.Points2D.columns(positions=positions, **columns)
         self.rows(entity, times, points.partition([len(positions)]))
 
@@ -168,9 +174,9 @@ class FramePace:
         return now - self._sent >= 1.0 / self.rate
 
     def chosen(self, count: int) -> NDArray[np.intp]:
-        """Return the indices of the pictures to send, evenly among ``count`` pictures.
+        """Return the indices of the pictures to send, evenly among `count` new pictures.
 
-        The newest is always among them.
+        The newest picture is always among them.
         """
         now = self._clock()
         max_count = max(1, int((now - self._sent) * self.rate))
@@ -200,8 +206,9 @@ class FramePace:
 class Turn(NamedRows):
     """Samples of one turn of a cam at one speed.
 
-    `speed` is in rad/s, `angle` the unwrapped cam angle in rad, shape (n,), and `rows` has the rows
-    of `NamedRows`, shape (6, n).
+    `speed` is in rad/s, and `angle` is the unwrapped cam angle in rad, shape (n,). `rows` contains
+    time (s), lift (m), velocity (m/s), acceleration (m/s²), contact force (N) and landing impulse
+    (N·s), shape (6, n), and the twist (rad) as a seventh row if the model has an elastic shaft.
     """
 
     cam: str
@@ -224,7 +231,8 @@ class TurnCollector:
     def add(self, start: CamState, angle: FloatArray, rows: FloatArray) -> None:
         """Add the samples of the next tick, which starts at a cam state.
 
-        ``angle`` is the unwrapped cam angle (rad), and ``rows`` are those of the block.
+        `angle` is the unwrapped cam angle in rad, shape (n,). `rows` contains the samples as in
+        `Turn`. If the cam or its speed has changed, the earlier ticks are dropped.
         """
         last = self._ticks[-1][0] if self._ticks else start
         if (start.cam, start.speed) != (last.cam, last.speed):

@@ -126,9 +126,10 @@ class Access:
 
 @dataclass
 class Guard:
-    """Web application that checks host, origin and token of each request to another.
+    """Web application that checks host, origin and token of each request.
 
-    The path ``/`` leads to ``home``.
+    A request that is accepted is passed to `app`. The path ``/`` leads to `home`. `policy` is the
+    content security policy of every response.
     """
 
     app: ASGIApp
