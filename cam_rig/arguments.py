@@ -48,8 +48,9 @@ MAKERS = {
 }
 #: Pattern of a long option of a command in a message.
 OPTION = re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)")
-#: Option -> parameter, if the names differ. A parameter may also be the option with a unit as
-#: suffix.
+#: Parameter of a Python function by the name of the command's option, if the names differ. A
+#: parameter may also have the name of the option with a unit as suffix, such as offset_deg for
+#: --offset.
 ALIASES = {"cam": "one_cam", "all": "every", "limit": "limits", "from": "start", "range": "values"}
 
 
@@ -90,7 +91,10 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def name_parameters(message: str, parameters: Collection[str]) -> str:
-    """Return a message with parameters of a function in place of options."""
+    """Return an error message with options of a command replaced by parameters.
+
+    `parameters` are the names of the function's parameters. An option without a parameter is kept.
+    """
 
     def parameter(option: re.Match[str]) -> str:
         same = option[1].replace("-", "_")

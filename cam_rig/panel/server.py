@@ -234,7 +234,7 @@ SEND_TIMEOUT_S = 30.0
 class LivePage:
     """Websocket of an open page, with a queue that never blocks the sender.
 
-    Only the newest message of each kind is queued.
+    Of the messages of one kind, only the newest is queued.
     """
 
     def __init__(self, socket: WebSocket) -> None:

@@ -17,7 +17,7 @@ Item = TypeVar("Item")
 
 #: Line width of Markdown text outside a table, in characters.
 MARKDOWN_WIDTH = 100
-#: Largest number of significant digits of a decimal number on a page.
+#: Largest number of significant digits of a decimal number in a table of a report or browser page.
 MAX_PAGE_DIGITS = 4
 
 #: Content of a cell: text, number in the unit of its column, or None for an empty cell.
@@ -56,7 +56,7 @@ class Header:
         return f"{self.heading} [{self.unit}]" if self.unit else self.heading
 
     def format(self, cell: Cell) -> str:
-        """Return the text of a cell."""
+        """Return the text of a cell in the number format of its column."""
         if cell is None:
             return self.missing
         return cell if isinstance(cell, str) else format_number(cell, self.number_format)
@@ -115,12 +115,15 @@ class DataTable:
 
     @property
     def text_rows(self) -> list[list[str]]:
-        """Texts of the cells, row by row."""
+        """Texts of the cells in the number formats of their columns, row by row."""
         return [[c.format(v) for c, v in zip(self.columns, r, strict=True)] for r in self.rows]
 
     @property
     def typeset_rows(self) -> list[list[str]]:
-        """Typeset texts of the cells, row by row."""
+        """Texts of the cells for a page, row by row.
+
+        They have minus signs and powers of ten instead of hyphens and exponents.
+        """
         return [[c.typeset(v) for c, v in zip(self.columns, r, strict=True)] for r in self.rows]
 
     def relabel(self, labels: Mapping[str, str]) -> DataTable:

@@ -48,9 +48,10 @@ def regression(rpm: FloatArray, level: FloatArray) -> FloatArray:
 
 
 def cubic_projection(rpm: FloatArray) -> FloatArray:
-    """Return the matrix that converts levels at n speeds to their cubic regression, (n, n).
+    """Return the matrix that converts levels to their cubic regression, (n, n).
 
-    Its product with the levels is the regression at the same speeds `rpm`, shape (n,).
+    `rpm` contains the n cam speeds. The product of the matrix and the levels at these speeds is the
+    regression at the same speeds.
     """
     powers = np.polynomial.polynomial.polyvander(rpm / rpm.mean() - 1.0, REGRESSION_DEGREE)
     return np.asarray(powers @ np.linalg.pinv(powers))

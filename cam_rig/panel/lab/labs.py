@@ -50,16 +50,17 @@ RATE_HZ = MIN_RATE_HZ
 TURN_POINTS = 720
 #: Resolution of the force sensor, N.
 RESOLUTION_N = 0.1
-#: Lowest speed of the knob, as a fraction of the lowest expected jump speed.
+#: Lowest speed of the speed knob, as a fraction of the lowest expected jump speed.
 KNOB_FROM = 0.5
-#: Highest speed of the knob, as a multiple of the highest expected jump speed.
+#: Highest speed of the speed knob, as a multiple of the highest expected jump speed.
 KNOB_TO = 1.25
 
 
 def observe(law: Law, follower: AnyFollower, radiation: RadiationParameters, rpm: float) -> LabTurn:
-    """Return the observed turn of a follower at a speed (rpm): force (N) and sound.
+    """Return the turn at a speed (rpm) as the sensors of a lab observe it.
 
-    The observation is that of the sensors of a lab.
+    The result contains the contact force (N) over the turn, the sound, and whether contact was
+    lost.
     """
     speed = rpm * RPM
     blocks = _turns(law, follower, speed)
@@ -112,7 +113,7 @@ def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
 
 
 #: Largest relative differences between the numbers of the hidden rig and those on the sheet, in
-#: labs that do not ask for the stem.
+#: labs whose question does not concern the stem.
 TOLERANCES = {"spring_stiffness": 0.08, "mass": 0.04, "preload": 0.15, "damping": 0.25}
 
 # The jump speed of springs, masses and preloads.
@@ -142,10 +143,12 @@ class JumpSheet(LabSheet):
         return _jump_rpm(self.law, follower_of(self.true_rig(setup, self.seed)))
 
     def turn(self, setup: LabSetup, rpm: float, number: int) -> LabTurn:
-        """Return the observed turn, by the model of two masses if the rig splits its mass.
+        """Return the observed turn at a speed (rpm).
 
-        The lamp stays on above a speed at which contact was lost. Between two resonances of the
-        stem the follower may stay in contact again, but on the way up it has left the cam before.
+        The model has two masses if the rig splits its mass. The field `was_lost` switches on the
+        lamp of the page, also at speeds above one at which contact was lost. Between two resonances
+        of the stem the follower may be in contact again, but on the way up to this speed it has
+        left the cam before.
         """
         rig = self.true_rig(setup, self.seed)
         radiation = RadiationParameters.from_rig(rig)
@@ -203,7 +206,11 @@ def _rigid_rpm(law: Law, rig: RigConfig) -> float:
 
 
 def _knob_range(sheet: LabSheet, speeds: list[float], max_factor: float) -> Span:
-    """Return the range of a knob (rpm) for some jump speeds (rpm)."""
+    """Return the range of the speed knob (rpm) for given jump speeds (rpm).
+
+    It is from `KNOB_FROM` times the lowest to `max_factor` times the highest speed, rounded
+    outwards to 10 rpm. Raises ConfigError if a cam has no jump speed.
+    """
     if not (min(speeds) > 1.0 and math.isfinite(max(speeds))):
         cams = " and ".join(map(repr, sheet.cams))
         raise ConfigError(
