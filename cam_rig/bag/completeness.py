@@ -155,9 +155,9 @@ class Loss:
 def loss_of(holdings: Holdings, scene: SceneConfig | None, closed: bool, own: bool) -> Loss:
     """Return the missing messages of a recording.
 
-    `scene` is None if it is not known. `closed` is True if the recording was closed, so that
-    nothing is missing after its end. `own` is True if this package wrote the file, with the
-    messages of each topic numbered from 1.
+    `holdings` describes the messages that the recording contains. `scene` is None if it is not
+    known. `closed` is True if the recording was closed, so that nothing is missing after its end.
+    `own` is True if this package wrote the file, with the messages of each topic numbered from 1.
     """
     # The missing end is counted tick by tick, which takes too long for the hundred thousand turns
     # of a long scene.
@@ -193,7 +193,7 @@ def _loss_by_scene(holdings: Holdings, scene: SceneConfig, closed: bool) -> Loss
     missing = _missing_messages(holdings, list(_moves(states)))
     gaps = [_gap_words(run, total) for run in _runs(missing)]
     last_ns = max(holdings.times.get(topics.DIAGNOSTICS.name, {0}))
-    if not closed and last_ns < last_state.time_ns:  # their number is not known
+    if not closed and last_ns < last_state.time_ns:  # how many are missing is unknown
         gaps.append(f"{topics.DIAGNOSTICS.name} after {last_ns / 1e9:.6g} s (not counted)")
     ends = f"it was closed after tick {last_tick} of {total}" if last_tick < total else ""
     return Loss(tuple(gaps), sum(len(names) for _, names in missing), ends=ends)

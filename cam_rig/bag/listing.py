@@ -226,6 +226,7 @@ def require_agreement(bag: Path, listing: Listing) -> None:
 def require_order(bag: Path, listing: Listing) -> None:
     """Raise BagError if some files of a bag have exchanged names.
 
+    A file is recognized by the number of messages and the start time that metadata.yaml lists.
     Damaged files are not compared.
     """
     actual = dict[str, Extent | None]()

@@ -158,7 +158,7 @@ INDEXES = {
 #: Values of `Topic.per` (occasion of a message) of those topics whose messages are logged at the
 #: time of their stamp.
 STAMP_LOGGED = ("state", "tick", "instant", "speed")
-#: Largest number of channels of a file that are read. Rigs have fewer topics.
+#: Largest number of MCAP channels (topics) of a file that are read. Rigs have fewer topics.
 MAX_CHANNELS = 1000
 
 

@@ -69,7 +69,8 @@ def decoded(
 ) -> Iterator[tuple[Topic, Any]]:
     """Yield topic and decoded message of some topics in the order of the bag.
 
-    `decoders` contains a function per topic. Raises BagError for a message that a decoder refuses.
+    `decoders` contains a function per topic that converts its messages. Raises BagError if a
+    function refuses a message (RefusedError).
     """
     for topic, _, message in messages(bag, tuple(decoders), namespace):
         try:

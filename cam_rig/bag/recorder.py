@@ -80,7 +80,7 @@ class BagRecorder:
         return stamps
 
     def idle(self) -> None:
-        """Flush the bag if due.
+        """Write buffered messages to the file if the last flush is too long ago.
 
         The method must be called a few times per second.
         """

@@ -139,6 +139,7 @@ class PendingDiagnostics:
     def __init__(self) -> None:
         self._waiting: dict[Diagnostic, None] = {}
         # The recorder takes its own messages directly, and receives them through DDS as well.
+        # Messages that were written are stored here, so that the second copy is ignored.
         self._written: deque[Diagnostic] = deque(maxlen=4 * MAX_WAITING)
 
     def take(self, stamp: int, node: str, cdr: bytes) -> None:

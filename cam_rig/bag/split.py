@@ -38,7 +38,10 @@ class Split:
 
     @property
     def last_number(self) -> int:
-        """Largest file number for which the name of a file must have room."""
+        """Largest file number for which the name of a file must have room.
+
+        It is 0 if the bag is not divided into several files.
+        """
         return MAX_NUMBER if self.size or self.duration else 0
 
     @property

@@ -219,7 +219,10 @@ class BagWriter:
 
     @contextmanager
     def _creation_errors(self, path: Path) -> Iterator[None]:
-        """Convert an OSError within the block into a BagError for a path."""
+        """Convert an OSError within the block into a BagError.
+
+        `path` is the file or folder that is created, which the error names.
+        """
         try:
             yield
         except BlockingIOError:

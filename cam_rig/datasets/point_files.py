@@ -318,7 +318,10 @@ def _read_origin(data: bytes) -> dict[str, str]:
 
 
 def versions() -> dict[str, str]:
-    """Return the installed versions of `PACKAGES`."""
+    """Return the installed versions of the packages in `PACKAGES`, by name.
+
+    The version of a missing package is "not installed".
+    """
     installed = dict.fromkeys(PACKAGES, "not installed")
     for name in PACKAGES:
         with suppress(PackageNotFoundError):

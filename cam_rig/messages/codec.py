@@ -221,7 +221,8 @@ def _within_turn(state: CamState, angle: float) -> CamState:
 def _shaped(dimensions: Dimensions, data: FloatArray, name: str) -> FloatArray:
     """Return the data of a labelled array in the shape of its dimensions.
 
-    `name` is the content in error messages.
+    `name` names the array in error messages. Raises RefusedError unless there are two dimensions
+    that match the number of data.
     """
     shape = tuple(size for _, size in dimensions)
     if len(shape) != 2 or shape[0] * shape[1] != data.size or data.size == 0:

@@ -179,7 +179,10 @@ def motion_depth(samples_per_turn: int) -> int:
 
 @lru_cache(maxsize=1024)
 def recorded_topic(name: str) -> Topic | None:
-    """Return the topic with a recorded name, in any namespace, or None."""
+    """Return the topic of the rig that has the name of a recorded topic, or None.
+
+    The recorded name may begin with any namespace.
+    """
     return next((t for t in RECORDING if name == t.name or name.endswith(t.name)), None)
 
 

@@ -75,7 +75,10 @@ class Content:
 
     @cached_property
     def figure_uris(self) -> dict[str, list[str]]:
-        """Data URIs of each figure by its key, one per strip, from the top."""
+        """Data URIs of each figure by its key, one per strip, from the top.
+
+        A tall figure consists of several strips, and a page can break between two of them.
+        """
         return {key: uris(draw(), self.dpi) for key, draw in self.figures.items()}
 
 
@@ -104,7 +107,7 @@ class Section(NamedTuple):
 
     @property
     def key(self) -> str:
-        """Name of the section in links."""
+        """Name of the section in links: the last part of its template's name."""
         return self.template.rpartition("/")[2]
 
 

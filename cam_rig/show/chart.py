@@ -96,9 +96,10 @@ class Axes:
         x: Mapping[float, str],
         y: Mapping[float, str],
     ) -> None:
-        """Draw the frame, a line at each marked y, and all labels, as static data.
+        """Draw the frame, horizontal grid lines and all labels, as static data.
 
-        `x` and `y` contain the labels by the value of the mark.
+        `x` and `y` contain the labels of the axes by their values. There is a grid line at each
+        label of y.
         """
         lines = rr.LineStrips2D(self.grid(y), colors=colours.GREY, radii=THIN)
         stream.log(entity, lines, static=True)
@@ -106,19 +107,28 @@ class Axes:
         self.draw_labels(stream, f"{entity}/y", self.y_label_positions(y), y)
 
     def grid(self, y: Mapping[float, str]) -> list[FloatArray]:
-        """Return the polylines `(n, 2)` of the frame and of a line at each marked y."""
+        """Return the polylines `(n, 2)` of the frame and of the grid lines.
+
+        There is a horizontal line at each key of `y`, the labels of the y axis by value.
+        """
         (left, right), (low, high) = self.x, self.y
         frame = self.place(np.array([left, left, right]), np.array([high, low, low]))
         return [frame, *(self.place(np.array([left, right]), np.array([v, v])) for v in y)]
 
     def x_label_positions(self, x: Mapping[float, str]) -> FloatArray:
-        """Return the positions `(n, 2)` of the labels of marked x."""
+        """Return the positions `(n, 2)` in the plane of the labels of the x axis.
+
+        `x` contains the labels by their values.
+        """
         values = np.array([*x])
         marks = self.place(values, np.full_like(values, self.y[0]))
         return marks + np.array([0.0, 0.01 * self.height])
 
     def y_label_positions(self, y: Mapping[float, str]) -> FloatArray:
-        """Return the positions `(n, 2)` of the labels of marked y."""
+        """Return the positions `(n, 2)` in the plane of the labels of the y axis.
+
+        `y` contains the labels by their values.
+        """
         values = np.array([*y])
         shift = np.array([-0.05 * self.width, -self.raised * self.height])
         return self.place(np.full_like(values, self.x[0]), values) + shift

@@ -186,7 +186,7 @@ class StrictCommand(TyperCommand):
         return super().parse_args(ctx, args)
 
 
-#: Scene of a command without a scene argument.
+#: Name of the scene that a command uses if its argument for the scene is missing.
 DEFAULT_SCENE = "tm21_sweep"
 
 # Arguments and options shared by several commands, each with one meaning and one help text.
@@ -246,7 +246,8 @@ Dask = Annotated[
     ),
 ]
 
-#: Output option -> its declaration. A command has those that its result can be written as.
+#: Declaration of each output option of the commands, by name. A command has the options for those
+#: formats in which its result can be written.
 OUTPUT_OPTIONS = {"plot": Plot, "csv": Csv, "json": Json}
 
 

@@ -23,9 +23,9 @@ MAX_PAGE_DIGITS = 4
 #: Content of a cell: text, number in the unit of its column, or None for an empty cell.
 Cell = str | float | None
 
-#: Minus sign of a number, as opposed to the hyphen of a word.
+#: Pattern of a hyphen that is the minus sign of a number, not part of a word.
 _MINUS_SIGN = re.compile(r"(?<![\w)\]-])-(?=\.?\d)")
-#: Number with a decimal exponent, such as 1.2e-6: mantissa and exponent.
+#: Pattern of a number with a decimal exponent, such as 1.2e-6: mantissa and exponent.
 _SCIENTIFIC = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)(?!\w)")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -156,9 +156,10 @@ class DataTable:
 
 
 def relabel(text: str, labels: Mapping[str, str]) -> str:
-    """Replace names in a text by their labels.
+    """Replace names of cams in a text by their display names.
 
-    Within a longer text only names with a digit or "_" are replaced, as others may be words.
+    `labels` contains the display names by name. Within a longer text only names with a digit or "_"
+    are replaced, because others may be words.
     """
     return labels[text] if text in labels else _relabel_codes(text, labels)
 

@@ -58,7 +58,7 @@ COLUMNS = (
 class Chunk:
     """Successive rows of an exported file."""
 
-    numbers: FloatArray  #: ``(k, n)``, rows in the order of `COLUMNS`
+    numbers: FloatArray  #: ``(k, n)``, one row per entry of `COLUMNS`
     cams: tuple[str, ...]  #: cam of each tick
     counts: tuple[int, ...]  #: number of rows of each tick
 

@@ -101,11 +101,12 @@ class MeasuredRun:
 #: step of one count. For a step of n counts it is √n times as large, because the size of a count is
 #: known to this accuracy only.
 COUNT_ATOL = 1e-3
-#: Upper limit of that deviation for any number of counts, in counts.
+#: Upper limit of the deviation of an angle step from a whole number of an encoder's counts (see
+#: `COUNT_ATOL`), in counts.
 MAX_COUNT_ATOL = 0.05
 #: Largest difference of angles (rad) that count as equal (rounding).
 EQUAL_ANGLE_ATOL_RAD = 1e-12
-#: Smallest angle per count (rad) that is recognized as an encoder's.
+#: Smallest angle (rad) that is recognized as one count of an encoder.
 MIN_COUNT_RAD = 1e-8
 
 

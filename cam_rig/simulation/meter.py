@@ -48,7 +48,8 @@ class MeterSimulator:
     def read(self, block_rows: FloatArray, speed: float) -> Reading:
         """Return the meter's reading over a block of samples.
 
-        `block_rows` is `(6, n)` in the order of `COLUMNS`. `speed` is the cam speed, rad/s.
+        `block_rows` contains time, lift, velocity, acceleration, contact force and landing impulse
+        in SI units, shape (6, n). `speed` is the cam speed in rad/s.
         """
         self.meter, block = self._next, Samples(block_rows)
         return self.meter.read(self.source.pressure(block.force, block.impulse, speed))

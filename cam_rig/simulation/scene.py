@@ -227,7 +227,7 @@ def _shipped_rig() -> RigConfig:
 class LoadedScene:
     """Scene with its cams, laws and rig, all validated.
 
-    The files are empty for a scene that is made from arguments.
+    The paths of the files are empty for a scene that is made from arguments.
     """
 
     scene: SceneConfig

@@ -165,7 +165,8 @@ def step_levels(
 ) -> dict[str, dict[float, float]]:
     """Return the sound level (dB) of a run by cam and speed (rad/s).
 
-    `StepLevels` describes the mean.
+    It is the mean that `StepLevels` computes. `transient_turns` is the number of turns that are
+    left out at the start of each speed.
     """
     step = StepLevels(transient_turns)
     for tick in ticks:
@@ -321,8 +322,9 @@ class MicrophoneSimulator:
     def listen(self, block_rows: FloatArray, speed: float) -> float:
         """Return the r.m.s. sound pressure (Pa) over a block of samples.
 
-        `block_rows` is `(6, n)` in the order of `COLUMNS`. `speed` is the cam speed (rad/s). The
-        filter state continues from the block before.
+        `block_rows` contains time, lift, velocity, acceleration, contact force and landing impulse
+        in SI units, shape (6, n). `speed` is the cam speed in rad/s. The state of the filter
+        continues from the block before.
         """
         block = Samples(block_rows)
         self.state, pressure = rms_pressure(
@@ -384,7 +386,8 @@ TURN_RATE_HZ = 12_000
 #: Speed (rpm) at which the speed response is 0 dB: the middle of the range 200 to 400 rpm. The
 #: response is a polynomial of (rpm − 300)/100.
 RESPONSE_CENTRE_RPM = 300.0
-#: Scale of the speed in that polynomial, rpm: half the range 200 to 400 rpm.
+#: Scale of the speed in the polynomial of the speed response (see `RESPONSE_CENTRE_RPM`), rpm: half
+#: the range 200 to 400 rpm.
 RESPONSE_SCALE_RPM = 100.0
 
 

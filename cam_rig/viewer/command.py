@@ -189,9 +189,10 @@ def _show(bag: Path | None, scene: Path | None, options: ViewOptions, web: bool)
 def convert(
     bag: Path, scene: Path | None, path: Path, view_options: ViewOptions, force: bool
 ) -> float:
-    """Write a bag as a Rerun recording.
+    """Write a bag as a Rerun recording, with a progress bar.
 
-    Returns the rig time (s) at which playback starts.
+    `scene` is a file that replaces the scene attached to the bag, or None. `force` is True to
+    overwrite `path`. Returns the rig time (s) at which playback starts.
     """
     from cam_rig.bag.reader import read_counts, scene_of, shortcomings
     from cam_rig.messages.topics import FOLLOWER_SAMPLES

@@ -80,7 +80,10 @@ def displayed_titles(loaded: LoadedScene) -> dict[str, str]:
 
 
 def names_width(loaded: LoadedScene) -> float:
-    """Return the width of the longest title, as a fraction of the axes' width."""
+    """Return the width of the longest title of a cam, with the spaces around it.
+
+    It is a fraction of the width of the axes.
+    """
     return (LETTER * max(map(len, displayed_titles(loaded).values())) + AROUND) / WIDTH
 
 
@@ -164,8 +167,8 @@ class LevelChart:
     def _draw_names(self, start: tuple[int, float] | None) -> None:
         """Draw the name of each cam next to its last point.
 
-        With `start`, a time (ns) and a cam angle (rad), the names appear from there on. None draws
-        them for every time.
+        If `start` is a time (ns) and a cam angle (rad), the names appear from there on. If it is
+        None, they are static data, visible at every time.
         """
         ends, titles = self._ends(), displayed_titles(self._loaded)
         if not ends:
@@ -245,7 +248,7 @@ def band_power(
     pulse = 0.25 * np.pi * (np.sinc(x - 0.5) + np.sinc(x + 0.5))
     lines = np.fft.rfft(force) + np.fft.rfft(impulse) * sample_rate * pulse
     power = 2.0 * np.abs(transfer * lines / force.size) ** 2
-    if force.size % 2 == 0:  # the line at half the sample rate has no mirror line
+    if force.size % 2 == 0:  # no mirror image of the highest line
         power[-1] *= 0.5
     numbers = band_numbers(sample_rate)
     band = np.rint(10.0 * np.log10(frequency[1:])).clip(numbers[0], numbers[-1]) - numbers[0]
@@ -311,7 +314,10 @@ class BandChart:
         self._canvas.rows(self._entity, times, columns)
 
     def draw_once(self, levels: FloatArray) -> None:
-        """Draw bars for the levels (dB) of all bands, for every time."""
+        """Draw bars for the levels (dB) of all bands as static data.
+
+        Static data are visible at every time.
+        """
         self._canvas.set_style(self._entity, rr.LineStrips2D, strips=[self._skyline(levels)])
 
     def _skyline(self, levels: FloatArray) -> FloatArray:

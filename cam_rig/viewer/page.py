@@ -19,7 +19,8 @@ from cam_rig.files import MIB
 from cam_rig.interrupts import interruptible
 from cam_rig.units import NS
 
-#: Timeline of the cursor. It equals `cam_rig.viewer.timeline.RIG_TIME`, whose module imports Rerun.
+#: Name of the Rerun timeline on which the time cursor of the page moves. It equals
+#: `cam_rig.viewer.timeline.RIG_TIME`, whose module imports Rerun.
 TIMELINE = "rig_time"
 #: Path that a page requests to report its rig time (ns), or -1 before it displays a recording. The
 #: response is the name of the recording to display.

@@ -67,7 +67,7 @@ def show(path: Path) -> None:
 def wait(process: subprocess.Popen[bytes]) -> None:
     """Wait until the viewer is closed.
 
-    Raises CamRigError if it fails.
+    Raises CamRigError if the process of the viewer ends with an exit code other than 0.
     """
     code = process.wait()
     if code != 0:
@@ -139,7 +139,10 @@ def find_free_port() -> int:
 
 
 def stream_address(port: int) -> str:
-    """Return the address of a Rerun viewer for a live run at a port."""
+    """Return the address at which a Rerun viewer receives a live run.
+
+    `port` is its port on this machine.
+    """
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 

@@ -138,7 +138,8 @@ class RunFeed:
 
 #: Number of samples of a run below which the curves keep every sample.
 WHOLE_BELOW = 1_000_000
-#: Number of intervals of a longer run, for each of which a curve keeps its minimum and its maximum.
+#: Number of intervals (buckets) into which the samples of a long run are divided. For each of them
+#: a curve keeps its minimum and its maximum.
 BUCKETS = 250_000
 
 
@@ -275,7 +276,7 @@ class LiveView:
         ranges = scene_ranges(loaded)
         plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, ranges.all_cams, window)
         self._address, self._stream = address, rr.RecordingStream(APPLICATION)
-        #: Part of the recording that is being written; None for a viewer.
+        #: File of the recording that is being written, None if the run is sent to a viewer.
         self._part = new_recording(Path(address)) if "://" not in address else None
         try:
             if self._part is not None:

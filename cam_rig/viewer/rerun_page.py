@@ -94,7 +94,11 @@ def serve_file(path: Path, begin: float = 0.0) -> Iterator[str]:
 
 @contextmanager
 def serve() -> Iterator[Pages]:
-    """Serve the recording of a live run until the context ends."""
+    """Serve the recording of a live run to a browser until the context ends.
+
+    The result contains the address for the browser, and the folder into which the recording must be
+    written.
+    """
     with temporary_folder() as folder:
         pages = RerunPages(None, folder)
         with _serving(pages) as address:

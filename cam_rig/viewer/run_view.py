@@ -162,7 +162,10 @@ class RunView:
         self._time_series.add(quantities.LEVEL, end, level)
 
     def close(self, end: CamState) -> None:
-        """Draw the speed of the cam up to the end of the run."""
+        """Draw the speed of the cam up to the end of the run.
+
+        `end` is the last cam state.
+        """
         if self._last is not None:
             self._time_series.add(quantities.SPEED, end, self._last.speed)
 

@@ -26,7 +26,8 @@ from cam_rig.viewer.timeline import Canvas, FramePace
 
 #: Radius of the ring of degrees around a cam, relative to the cam's largest radius.
 RING = 1.04
-#: Radius of the circle that contains the ring's numbers, relative to the radius of these numbers.
+#: Radius of the circle that encloses the numbers on the ring of degrees, relative to the radius at
+#: which they are placed.
 AROUND = 1.09
 #: Height of the space below the ring for a line of text and the bar of a force, relative to the
 #: ring's radius.
@@ -198,7 +199,8 @@ def _lines(left: tuple[str, str, str], right: tuple[str, str, str]) -> str:
     return "\n".join(["```", *lines, "```"])
 
 
-#: Entity path of the view. The rig is a child, because a view ignores its own transform.
+#: Entity path of the picture. Cam and follower are in a child entity, because a Rerun view ignores
+#: the transform of its own entity.
 VIEW = "scene"
 #: Number of pictures per turn, chosen for smooth slow motion at every speed.
 FRAMES_PER_TURN = 72
@@ -276,7 +278,8 @@ class Scene2D:
         framing, self._law = self._framing_of(state.cam), self._loaded.laws[state.cam]
         self._shape, self._max_lift = framing.shape, framing.max_lift
         zoom = self._highest / framing.height
-        # In a plane of Rerun y points down. Widths scale with the third root of the determinant.
+        # In a plane of Rerun y points down, so y is mirrored. Rerun scales line widths by the third
+        # root of the determinant, so the third axis is scaled too.
         flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, zoom])[None])
         self._canvas.rows(self._root, self._canvas.times_of(state), flip)
         outline = shapes.close_outline(profile) * MM
@@ -407,7 +410,10 @@ class Scene2D:
     def _texts(
         self, state: CamState, entity: str, positions: FloatArray, texts: list[str], colour: int
     ) -> None:
-        """Draw texts with their upper middles at ``positions``, (n, 2), from a state on."""
+        """Draw texts that appear from a cam state on.
+
+        `positions` are the upper middles of the texts in mm, shape (n, 2).
+        """
         style: dict[str, Any] = {"colors": colour, "radii": UNSEEN, "show_labels": True}
         columns: dict[str, Any] = {name: [value] * len(texts) for name, value in style.items()}
         times = self._canvas.times_of(state)

@@ -70,7 +70,10 @@ def _floor_degrees(angle: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int6
 
 @dataclass(frozen=True)
 class Canvas:
-    """Canvas: a recording to draw into, and the timelines of the drawn data."""
+    """Recording to draw into, and the timelines of the drawn data.
+
+    `times` returns the columns of these timelines for data at rig times (s) and cam angles (rad).
+    """
 
     stream: rr.RecordingStream
     times: Times = time_columns
@@ -80,15 +83,21 @@ class Canvas:
         return self.times(np.array([time]), np.array([angle]))
 
     def times_of(self, state: CamState) -> list[rr.TimeColumn]:
-        """Return the time columns of one row at a cam state."""
+        """Return the time columns of a single row of data, at the time of a cam state."""
         return self.times_at(state.time_ns / NS, state.unwrapped)
 
     def log_static(self, entity: str, shape: Any) -> None:
-        """Draw a shape, or set the style of later shapes, for every time."""
+        """Send a shape, or the style of later shapes, as static data.
+
+        Static data are visible at every time.
+        """
         self.stream.log(entity, shape, static=True)
 
     def set_style(self, entity: str, kind: Any, **style: Any) -> None:
-        """Set the common style and properties of all later shapes of a kind."""
+        """Set the common style and properties of all later shapes of an entity.
+
+        `kind` is the Rerun archetype of the shapes, such as ``rr.Points2D``.
+        """
         self.log_static(entity, kind.from_fields(**style))
 
     def rows(self, entity: str, times: list[rr.TimeColumn], columns: Any) -> None:

@@ -133,7 +133,10 @@ def label(
     text: str,
     colour: int = colours.BLACK,
 ) -> None:
-    """Draw a text whose upper middle is at ``position``, for every time."""
+    """Draw a text as static data, visible at every time.
+
+    `position` is its upper middle.
+    """
     point = rr.Points2D([position], labels=[text], colors=colour, radii=UNSEEN, show_labels=True)
     canvas.log_static(entity, point)
 
@@ -204,7 +207,10 @@ class TurnChart:
         self._draw_legend()
 
     def add(self, end: CamState, turn: Turn) -> None:
-        """Add a turn that ended with a cam state, unless it overlaps the last turn."""
+        """Add a turn that ended with a cam state.
+
+        A turn that has samples in common with the last added turn is ignored.
+        """
         hold = turn.cam, turn.speed
         if hold == self._last_step and turn.angle[0] <= self._last_angle:
             return

@@ -87,7 +87,7 @@ def only_field(message: Any) -> str:
     paths = list(numeric_fields(message))
     if len(paths) == 1:
         return paths[0]
-    for name in ("range", "fluid_pressure", "temperature"):  # next to limits and variances
+    for name in ("range", "fluid_pressure", "temperature"):  # the others are limits, variances
         if name in paths:
             return name
     raise ValueError(f"the field must be named; the message has {_name_list(paths)}")

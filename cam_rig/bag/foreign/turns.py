@@ -42,14 +42,15 @@ FAST_STEP_QUANTILE = 0.75
 WINDOW_STEPS = 15
 #: Deviation (rad) from the usual step up to which an angle is never reported as wrong: 7.2°.
 MIN_WRONG = TURN / 50.0
-#: Allowance for the scatter of the steps before an angle is reported as wrong, in standard
-#: deviations.
+#: Deviation from the usual step due to scatter that is tolerated before an angle is reported as
+#: wrong, in standard deviations of the steps.
 MAX_SCATTER = 8.0
 #: Quantile of the nonzero steps of the angle (absolute values) that estimates the encoder's
 #: resolution. With a coarse encoder it is one count, otherwise one of the smallest steps.
 COUNT_QUANTILE = 0.05
-#: Allowance for rounding before an angle is reported as wrong, in counts as estimated by
-#: `COUNT_QUANTILE`. Two readings are rounded.
+#: Deviation from the usual step due to rounding that is tolerated before an angle is reported as
+#: wrong, in counts of the encoder (see `COUNT_QUANTILE`). It is 2, because both readings of a step
+#: are rounded.
 MAX_COUNTS = 2.0
 #: Standard deviation of a normal distribution divided by its median absolute deviation.
 MAD_SIGMA = 1.4826
@@ -69,7 +70,8 @@ WHOLE_TURNS_RTOL = 0.25
 #: Largest deviation of a jump from whole turns due to the scatter of the steps, in standard
 #: deviations.
 WHOLE_TURNS_SCATTER = 4.0
-#: Upper limit of the tolerance of a step, as a fraction of the period of a wrapped angle.
+#: Largest tolerance of a step between two readings, as a fraction of the period after which the
+#: angle wraps.
 MAX_TOLERANCE = 0.3
 #: Jump of an angle per turn if the angle is in degrees but is read as radians.
 DEGREES_PER_TURN = 360.0
@@ -250,8 +252,9 @@ class _Steps:
     def _expected(self, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
         """Return the smallest and the largest expected change of the angle (rad), (2, n).
 
-        The change is that from the readings `first` to the later readings `last`. The cam may turn
-        as before or as after, and in proportion to time or to the number of readings.
+        The change is that from the readings `first` to the later readings `last`. It is
+        extrapolated from the usual steps before and after these readings, in proportion to time and
+        to the number of readings.
         """
         before, after = self._before[first], self._after[np.minimum(last, self.step.size) - 1]
         count, seconds = last - first, self.time[last] - self.time[first]
@@ -355,7 +358,8 @@ class _Steps:
     def require_radians(self, jumps: list[int], where: str) -> None:
         """Raise BagError if the angle jumps by 360 rad.
 
-        Such an angle is in degrees and wraps each turn.
+        Such an angle is in degrees and wraps each turn. `jumps` are the readings before each jump,
+        and `where` names the angle in the message.
         """
         for index in jumps:
             tolerance = DEGREES_ATOL + self._scatter[index]

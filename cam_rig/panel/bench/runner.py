@@ -34,7 +34,7 @@ MODELS = ("one_mass", TWO_MASS, "kinetostatic", "elastic_stem", "torsional")
 #: Highest speed of the scene that the bench runs, rpm, unless the speed knob starts at a higher
 #: speed. It sets the range of the viewer's axes.
 AXIS_RPM = 600.0
-#: Text of the source of the speeds in a bench's scene.
+#: Text that the scene of the bench contains as the source of its speeds.
 SPEEDS_SOURCE = "the knob's first, and what the axes have room for"
 #: Initial speed of the speed knob, rpm.
 START_RPM = 200.0

@@ -82,7 +82,7 @@ class Board:
 
     @property
     def cam(self) -> CamConfig:
-        """Cam on which the ordinates are drawn.
+        """Cam whose ordinates are changed on the board.
 
         Its follower, spans and dwells are fixed.
         """
@@ -191,9 +191,10 @@ class Board:
         return cam_text(name, self.cam, self.file, valid, reason)
 
     def save_for_page(self, name: Any, ordinates: Any) -> dict[str, Any]:
-        """Write ordinates as a cam file, and return data on the file for the page.
+        """Write a cam file with the given ordinates, and return data on the file.
 
-        The data are the path, the design command, and the reason if the cam cannot be made.
+        The data are the path, the command that optimises the cam (cam-rig design), and the reason
+        if the cam cannot be made.
         """
         path = self.save(name, ordinates)
         arguments = ["cam-rig", "design", str(path), "--maximise", GOAL, "--limit", LIMIT]

@@ -185,10 +185,11 @@ def _knots(law: Law, event: LawEvent, degree: int) -> tuple[FloatArray, list[int
 
 
 def _end_derivatives(law: Law, event: LawEvent, end: int, count: int) -> list[float]:
-    """Return s and its derivatives just outside one end of an event.
+    """Return the lift s and its derivatives just outside one end of an event.
 
-    They are in lifts over the span. `end` is 0 for the start and 1 for the end. `count` is the
-    number of derivatives, including s.
+    An event is the part of the turn between two dwells. The unit of a derivative is
+    lift/span^order, with the span of the event. `end` is 0 for the start and 1 for the end. `count`
+    is the number of results, including s.
     """
     angle = event.start + end * event.span
     break_index = int(np.argmin(np.abs(law.breaks - angle)))
@@ -272,9 +273,10 @@ def evaluate_full(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[
 
 
 def failed_checks(cam: CamConfig, law: Law) -> tuple[list[str], list[str]]:
-    """Return the fatal failed checks of a cam with a law, and all its failed checks.
+    """Return the failed checks of a cam with a law, as texts.
 
-    They are texts. A cam with a fatal failed check cannot exist.
+    The first result contains the fatal ones, which mean that the cam cannot exist. The second
+    contains all failed checks.
     """
     try:
         failed = [check for check in check_cam(cam, law) if not check.passed]

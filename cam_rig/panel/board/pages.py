@@ -224,7 +224,7 @@ class Designs:
         )
 
     async def stop(self) -> None:
-        """Stop the running design, so that it does not outlive the server."""
+        """Stop the running optimisation, so that it does not outlive the server."""
         if self._running is not None:
             self._running.cancel()
             with suppress(asyncio.CancelledError):

@@ -25,7 +25,10 @@ def _send(message: dict[str, Any]) -> None:
 
 
 def answer_laws(_: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
-    """Read laws from standard input, and write their slow results, one line per law."""
+    """Read laws from standard input, and write the results of each as one line.
+
+    They are the slow results, those of `drawable.evaluate_full`.
+    """
     for line in sys.stdin:
         request = json.loads(line)
         law = Law(cam.name, np.array(request["breaks"]), np.array(request["ordinates"]))

@@ -48,7 +48,7 @@ from cam_rig.units import NS, RPM, RPM_PER_RAD_S, TURN, FloatArray
 RATE_HZ = MIN_RATE_HZ
 #: Number of points of a turn that is displayed.
 TURN_POINTS = 720
-#: Resolution of the force sensor, N.
+#: Resolution of the simulated force sensor of a lab, N.
 RESOLUTION_N = 0.1
 #: Lowest speed of the speed knob, as a fraction of the lowest expected jump speed.
 KNOB_FROM = 0.5
@@ -157,7 +157,10 @@ class JumpSheet(LabSheet):
 
     @cached_property
     def knob(self) -> Span:
-        """Range of the knob (rpm), by one rigid mass with the numbers on the sheet."""
+        """Range of the speed knob, rpm.
+
+        It follows from the jump speeds of one rigid mass with the numbers on the sheet.
+        """
         if not self.rig.follower.preload.si:
             raise ConfigError(
                 f"lab {self.name!r}: rig {self.rig.name!r} has a preload of 0 N; allowed: above 0, "
@@ -231,7 +234,7 @@ def _jump_rpm(law: Law, follower: AnyFollower) -> float:
 
 # The natural frequency of the stem, from the residual vibration over speed.
 
-#: Resolution of the sensor on the stem, µm.
+#: Resolution of the simulated sensor on the stem, µm.
 RESOLUTION_UM = 0.1
 #: Largest number of periods of the stem per turn at the highest speed of the knob. The speeds of
 #: neighbouring peaks then differ by at least 1/60.
@@ -274,7 +277,10 @@ class VibrationSheet(LabSheet):
 
     @cached_property
     def knob(self) -> Span:
-        """Range of the knob (rpm) in which contact is kept, by the numbers on the sheet."""
+        """Range of the speed knob, rpm, in which contact is kept.
+
+        It is computed from the numbers on the sheet.
+        """
         followers = [self._follower(setup, None) for setup in self.setups]
         # the stem of the hidden rig may be softer, and its periods must fit in a turn too
         limit = 0.8 * min(map(find_max_rpm, followers))
@@ -335,7 +341,7 @@ def _stem_frequency(follower: FollowerParameters) -> float:
 #: Standard deviation of a reading of the sound-level meter, dB. It is assumed, because no source
 #: states it.
 SCATTER_DB = 0.3
-#: Resolution of the meter, dB.
+#: Resolution of the simulated sound-level meter, dB.
 RESOLUTION_DB = 0.1
 #: Number of speeds over the range of the knob at which the levels are compared to locate a
 #: crossing.

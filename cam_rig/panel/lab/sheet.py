@@ -72,7 +72,7 @@ class LabTurn:
     measured: float | None = None
 
 
-#: Lowest and highest value of a knob or an axis.
+#: Lowest and highest value of a speed knob (rpm), or of an axis of the plot.
 Span = tuple[float, float]
 
 
@@ -231,7 +231,7 @@ class LabSheet(ABC):
     @property
     @abstractmethod
     def knob(self) -> Span:
-        """Range of the speed knob (rpm), by the numbers on the sheet."""
+        """Range of the speed knob (rpm), computed from the numbers on the sheet."""
 
     @abstractmethod
     def true(self, setup: LabSetup) -> float:
