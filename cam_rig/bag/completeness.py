@@ -200,7 +200,7 @@ def _loss_by_scene(holdings: Holdings, scene: SceneConfig, closed: bool) -> Loss
 
 
 def _loss_by_states(holdings: Holdings, closed: bool, own: bool) -> Loss:
-    """Return the messages missing at the end of a recording, by its own cam states.
+    """Return the messages missing at the end of a recording, from its cam states.
 
     A topic must have its messages at the recorded states that follow its newest message. The caller
     finds all other gaps from the sequence numbers.

@@ -105,7 +105,7 @@ def metadata(
 def _yaml(data: dict[str, Any]) -> str:
     """Return data as YAML text.
 
-    libyaml is used if it is available, because it takes a tenth of the time.
+    libyaml is used if it is available. It takes a tenth of the time of PyYAML's Python code.
     """
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     return str(yaml.dump(data, Dumper=dumper, sort_keys=False))

@@ -76,9 +76,10 @@ class Split:
 
 
 def _amount(option: str, text: str, units: dict[str, float]) -> float:
-    """Parse a number with a unit, and return it in the base unit.
+    """Parse a number with a unit, and return it in the base unit (bytes or s).
 
-    `units` contains the factor of each unit, and `option` is the name in the error.
+    `units` contains the factor of each accepted unit. `option` is the name of the option in an
+    error message.
     """
     match = AMOUNT.fullmatch(text)
     if match is None or match[2] not in units:

@@ -101,7 +101,7 @@ FOLLOWER_SAMPLES = _follower(
     twin=FOLLOWER_STATE.name,
     max_bytes=MAX_SAMPLES * len(COLUMNS) * 8 + 1024,
 )
-# Motion for viewers.
+# Topics of the motion, for viewers such as RViz and Foxglove.
 _motion = partial(Topic, per="instant", latched=False, depth=MOTION_DEPTH, derived=True)
 #: Topic of the joint positions. It has no owner, because nodes of other robots may publish joints
 #: too.

@@ -458,10 +458,11 @@ def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float
 def simulate_steady_turns(
     law: Law, model: str, parameters: Any, speeds: Sequence[float] | FloatArray
 ) -> Turns:
-    """Return the samples of the second turn from rest at each speed (rad/s).
+    """Return the samples of a nearly steady turn at each speed (rad/s).
 
-    For a rigid follower that is in contact at the end of the first turn, the first turn is
-    returned, because the second is equal.
+    It is the second turn from rest. For a rigid follower that is in contact at the end of the first
+    turn, it is the first turn, because the second is equal. `model` is the name of the dynamic
+    model, and `parameters` are its parameters.
     """
     forces, impulses = [], []
     for speed in map(float, speeds):

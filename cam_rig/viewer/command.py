@@ -78,8 +78,9 @@ def delay_report(
 def open_screen(view: bool, web: bool, wait_for_client: bool = False) -> Iterator[Screen]:
     """Open the requested display of a live run: a browser page or a window.
 
-    The browser takes precedence over the window. With `wait_for_client` the context starts once a
-    browser has opened the page.
+    `web` requests the page and `view` the window. If both are requested, only the page is opened.
+    If `wait_for_client` is True, the context starts when a browser has opened the page. Raises
+    ConfigError if it is True and no display is requested.
     """
     if wait_for_client and not (view or web):
         raise ConfigError("--wait-for-client requires a viewer; add --web or --view")

@@ -403,7 +403,7 @@ def draw_turn(canvas: Canvas, loaded: LoadedScene, turn: Turn, ranges: Ranges) -
 
 
 def draw_side_by_side(canvas: Canvas, loaded: LoadedScene, turn: Turn, profile: FloatArray) -> None:
-    """Draw one turn of a cam in a view of its own: moving picture and sound.
+    """Draw one turn of a cam in a separate view: moving picture and sound.
 
     The picture shows cam and follower. The sound is shown in third-octave bands. `profile` is the
     contour of the cam in m, shape (n, 2).

@@ -93,9 +93,9 @@ class Framing:
         return positions[~covered], visible
 
     def follower(self) -> list[FloatArray]:
-        """Return the polylines of the follower in mm.
+        """Return the outline of the follower as polylines ``(n, 2)`` in mm.
 
-        Its stem ends above its bearing.
+        The stem is drawn up to a point above its bearing.
         """
         return [strip * MM for strip in self.shape.in_guide()]
 
@@ -200,7 +200,7 @@ def _lines(left: tuple[str, str, str], right: tuple[str, str, str]) -> str:
 
 
 #: Entity path of the picture. Cam and follower are in a child entity, because a Rerun view ignores
-#: the transform of its own entity.
+#: the transform of the entity at its path.
 VIEW = "scene"
 #: Number of pictures per turn, chosen for smooth slow motion at every speed.
 FRAMES_PER_TURN = 72

@@ -24,7 +24,8 @@ from cam_rig.nodes.parameters import LIVE
 from cam_rig.panel.bench.runner import Setup
 from cam_rig.units import NS, TURN, FloatArray
 
-# The meter: speed and level of each tick, and the mean level of a steady speed.
+# Sound-level meter of the bench: speed and level of each tick, and the mean level at a steady
+# speed.
 
 #: Shortest rig time (s) over which a noted level is averaged. The time is rounded up to whole
 #: turns.
@@ -147,15 +148,15 @@ def to_csv(readings: list[NotedReading]) -> str:
     return out.getvalue()
 
 
-#: Name of the drive's state while the cam turns.
+#: State of the drive while the cam turns.
 TURNING = "turning"
-#: Name of the drive's state after a stop.
+#: State of the drive after a stop.
 STOPPED = "stopped"
-#: Name of the drive's state after an emergency stop.
+#: State of the drive after an emergency stop.
 EMERGENCY = "emergency"
-#: Name of the follower's contact state in a tick in which it left the cam.
+#: Contact state of the follower in a tick in which it left the cam.
 LOST = "contact lost"
-#: Name of the follower's contact state in a tick without loss of contact.
+#: Contact state of the follower in a tick without loss of contact.
 IN_CONTACT = "in contact"
 #: Level of a diagnostic message without a fault, as in diagnostic_msgs.
 OK = 0
@@ -194,7 +195,7 @@ class LiveState:
     is_late: bool = False
     #: Paths of the bags that were kept.
     kept_bags: list[str] = field(default_factory=list)
-    #: Last lines of the graph's log.
+    #: Newest lines that the node graph has logged, at most `MAX_LINES`.
     log: list[str] = field(default_factory=list)
     readings: list[NotedReading] = field(default_factory=list)
     #: Address of the page that shows the rig in Rerun, empty without such a page.

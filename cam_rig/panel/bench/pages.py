@@ -58,8 +58,8 @@ class BenchPage(LivePage):
     def queue_changes(self, soon: bool = True) -> None:
         """Queue the changed values for the page.
 
-        If `soon` is False, they are queued only if `LEVEL_EVERY_S` has passed since the last time.
-        Otherwise they are sent with those of a later tick.
+        If `soon` is False, this is done only if `LEVEL_EVERY_S` has passed since the last time. The
+        values are then queued with those of a later tick.
         """
         if soon or time.monotonic() - self._queued_s >= LEVEL_EVERY_S:
             self._queued_s = time.monotonic()

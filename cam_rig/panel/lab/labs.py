@@ -116,7 +116,7 @@ def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
 #: labs whose question does not concern the stem.
 TOLERANCES = {"spring_stiffness": 0.08, "mass": 0.04, "preload": 0.15, "damping": 0.25}
 
-# The jump speed of springs, masses and preloads.
+# Lab of the jump speed for several springs, masses and preloads.
 
 #: Unit of the y axis of the plot of squared speeds, rpm²: 400 rpm is plotted at 160.
 SQUARE_RPM = 1000.0
@@ -232,7 +232,7 @@ def _jump_rpm(law: Law, follower: AnyFollower) -> float:
     return find_jump(law, follower, None).rpm
 
 
-# The natural frequency of the stem, from the residual vibration over speed.
+# Lab of the natural frequency of the stem, from the residual vibration over speed.
 
 #: Resolution of the simulated sensor on the stem, µm.
 RESOLUTION_UM = 0.1
@@ -336,7 +336,7 @@ def _stem_frequency(follower: FollowerParameters) -> float:
     return math.sqrt((follower.spring_stiffness + follower.stem) / follower.mass) / TURN
 
 
-# The speed at which two cams are equally loud.
+# Lab of the speed at which two cams are equally loud.
 
 #: Standard deviation of a reading of the sound-level meter, dB. It is assumed, because no source
 #: states it.
@@ -420,9 +420,9 @@ class NoiseSheet(LabSheet):
 
     @cached_property
     def knob(self) -> Span:
-        """Range of the knob (rpm), from half the lower to the higher jump speed.
+        """Range of the speed knob (rpm), from half the lower to the higher jump speed.
 
-        The jump speeds are those of the numbers on the sheet.
+        The jump speeds are those of one rigid mass with the numbers on the sheet.
         """
         return _knob_range(self, [_rigid_rpm(law, self.rig) for law in self.laws.values()], 1.0)
 
