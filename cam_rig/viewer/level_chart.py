@@ -122,8 +122,8 @@ class LevelChart:
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
         """Add a tick that ends at a cam angle (rad), and return the mean sound level (dB).
 
-        The mean is that of the present cam and speed. Returns None during the transient turns of
-        the scene.
+        The mean is that of the present cam and speed. Returns None unless the tick completes a turn
+        after the transient turns of the scene.
         """
         level = self._measured.add(tick)
         if level is not None:
