@@ -334,8 +334,8 @@ def local_best(
 ) -> BestLaw:
     """Return the best law of local searches from several start laws.
 
-    It has no bound. ``on_best`` is called with the unknowns and the goal's value (SI) of each better
-    law.
+    It has no bound. ``on_best`` is called with the unknowns and the goal's value (SI) of each
+    better law.
 
     Raises
     ------

@@ -74,10 +74,10 @@ class Cells:
 
     @cached_property
     def driving(self) -> list[tuple[Affine, Affine, NDArray[np.intp]]]:
-        """s' and s'' at the Gauss points of each event, as functions of the unknowns.
+        """Values of s' and s'' at the Gauss points of each event.
 
-        Each entry also contains the indices of the unknowns that matter for the event. The two
-        functions depend on these unknowns only.
+        Each entry contains two functions of the unknowns, for s' and s'', and the indices of the
+        unknowns that they depend on. The columns of the functions are these unknowns only.
         """
         u = ((np.arange(self.per_piece)[:, None] + self.gauss[0]) / self.per_piece).ravel()
         driving = []
@@ -90,7 +90,7 @@ class Cells:
 
     @cached_property
     def motion(self) -> list[list[Affine]]:
-        """s, s' and s'' of each event at the ends of its cells.
+        """Values of s, s' and s'' of each event at the ends of its cells.
 
         They are functions of the unknowns. At a joint they are left-hand limits.
         """

@@ -364,7 +364,8 @@ def spline_cam_data(
     name, title : str
         Name and title of the new cam.
     free : tuple of str, optional
-        Which of ``dwells`` and ``events`` have other spans than those of ``cam`` (default: neither).
+        Which of ``dwells`` and ``events`` have other spans than those of ``cam`` (default:
+        neither).
 
     Returns
     -------

@@ -60,8 +60,9 @@ def search_design(
 ) -> LawDesign:
     """Search for the best law of a class between the dwells of a cam.
 
-    ``name`` is that of the designed cam (default: the name of the cam with ``_designed``). ``on_best``
-    is called for each better law, with a function that creates its design and with its goal (SI).
+    ``name`` is that of the designed cam (default: the name of the cam with ``_designed``).
+    ``on_best`` is called for each better law, with a function that creates its design and with its
+    goal (SI).
 
     Raises
     ------
@@ -274,10 +275,10 @@ def design(
 ) -> LawDesign | Front:
     """Design the law that is best for a goal, with a B-spline in each event of a cam.
 
-    The command is ``cam-rig design``. An event is the stretch of the turn between two dwells. Dwells,
-    events and lift are kept. The bound is valid for the whole class of laws and comes from the
-    multipliers of a convex program. A goal or limit that is not convex is searched for from several
-    start laws, without a bound.
+    The command is ``cam-rig design``. An event is the stretch of the turn between two dwells.
+    Dwells, events and lift are kept. The bound is valid for the whole class of laws and comes from
+    the multipliers of a convex program. A goal or limit that is not convex is searched for from
+    several start laws, without a bound.
 
     Parameters
     ----------
@@ -288,8 +289,8 @@ def design(
     minimise, maximise : str, optional
         Quantity to minimise or to maximise, as in `cam-rig design`. Exactly one of them is needed.
     limits : sequence of str, optional
-        Limits such as ``"peak_acceleration<=start"`` or ``"lift@90deg>=30mm"``. The value ``start`` is
-        that of the start law.
+        Limits such as ``"peak_acceleration<=start"`` or ``"lift@90deg>=30mm"``. The value ``start``
+        is that of the start law.
     pieces : int, optional
         Number of polynomial pieces per event, 1 to 200 (default: 16).
     joints : int, optional
@@ -365,8 +366,8 @@ def front(
     """Compute a Pareto front: the best goal for each of several values of ``other``.
 
     The values range from the best value of the other quantity to the value at which it no longer
-    limits the goal. If ``other`` is the span of an event, they cover all possible spans. ``points`` is
-    the number of values, 3 to 200.
+    limits the goal. If ``other`` is the span of an event, they cover all possible spans. ``points``
+    is the number of values, 3 to 200.
 
     Raises
     ------
