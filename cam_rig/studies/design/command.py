@@ -1,4 +1,4 @@
-"""Command ``cam-rig design``: the best law of a class and its bound."""
+"""Command ``cam-rig design``, which designs the best motion law of a class."""
 
 from __future__ import annotations
 

@@ -37,13 +37,15 @@ SOLVER_TUNINGS = (
     {"equilibrate_max_iter": 50, "reduced_tol_gap_rel": 1e-4, "reduced_tol_feas": 1e-4},
 )
 
-#: Tolerances at which the solution of an unconverged solver is still used: the largest violation of
-#: a row, in the scale of its limit, and the largest relative gap between the level and its bound.
+#: Tolerances at which a solution is used although the solver did not converge: the largest
+#: violation of an inequality, relative to `ScaledLimit.scale`, and the largest relative gap between
+#: the level (the maximised variable) and its bound.
 USABLE_ATOL = 1e-5
-#: Largest |t| of the level, in the scale of the goal, up to which a contradiction between limits is
-#: proved.
+#: Largest absolute value of the level (the maximised variable) up to which a contradiction between
+#: limits is proved. It is relative to the scale of the goal.
 MAX_LEVEL = 1e4
-#: Largest slack of a row at which its limit counts as active, in the scale of the limit.
+#: Distance of an inequality from equality up to which its limit counts as active, relative to
+#: `ScaledLimit.scale`. An active limit restricts the best law.
 ACTIVE_TOLERANCE = 1e-5
 
 
@@ -51,8 +53,8 @@ ACTIVE_TOLERANCE = 1e-5
 class Affine:
     """Affine function c + A x with n values, of the unknowns x ``(m,)`` of a program.
 
-    ``constant`` is c ``(n,)``, and ``matrix`` is A ``(n, m)``, sparse or dense. Both may be
-    complex.
+    The unknowns describe a motion law. ``constant`` is c ``(n,)``, and ``matrix`` is A ``(n, m)``,
+    sparse or dense. Both may be complex.
     """
 
     constant: NDArray[Any]
@@ -73,7 +75,7 @@ class Affine:
         return Affine(self.constant + number, self.matrix)
 
     def mapped(self, matrix: Any) -> Affine:
-        """Return the function whose values are ``matrix`` times these values."""
+        """Return the function whose values are those of this function times a matrix."""
         return Affine(np.asarray(matrix @ self.constant), matrix @ self.matrix)
 
     def rows(self, chosen: Any) -> Affine:
@@ -89,7 +91,10 @@ class Affine:
 
     @staticmethod
     def number(value: float, unknowns: int) -> Affine:
-        """Return a function with a single constant value, of ``unknowns`` unknowns."""
+        """Return a function with one constant value, for a program with many unknowns.
+
+        ``unknowns`` is the number of unknowns, on which the value does not depend.
+        """
         return Affine(np.full(1, value), sparse.csr_array((1, unknowns)))
 
     @staticmethod
@@ -155,8 +160,9 @@ class InfeasibleError(DesignError):
 class ConvexProgram:
     """Convex program: the largest level t under limits on ``unknowns`` unknowns.
 
-    ``link`` is a function that must be zero. It relates the last unknowns (s'') to the others (s).
-    ``blocks`` contains the rows of the limits.
+    The unknowns describe a motion law. ``link`` is a function of them that must be zero. It relates
+    the last unknowns (ordinates of s'') to the others (ordinates of s). ``blocks`` contains the
+    rows of the limits.
     """
 
     unknowns: int
@@ -166,9 +172,10 @@ class ConvexProgram:
     def at_least(
         self, name: str, rows: Affine, weight: float = 0.0, necessary: bool = True
     ) -> None:
-        """Add the limit rows + weight · t ≥ 0 to the program.
+        """Add the inequalities rows + weight · t ≥ 0 to the program, with its level t.
 
-        ``name`` is that of the limit in messages. ``necessary`` is explained in `RowBlock`.
+        ``name`` is that of the limit in messages. ``necessary`` is True if every law that satisfies
+        the limit satisfies the inequalities.
         """
         weights = np.full(rows.constant.size, weight)
         self.blocks.append(RowBlock(name, rows, weights, "nonneg", necessary=necessary))
@@ -183,7 +190,8 @@ class ConvexProgram:
     def within(self, name: str, parts: Affine, radius: float = 0.0, weight: float = 0.0) -> None:
         """Add a limit on the root of a sum of squares to the program.
 
-        The limit is √(sum of the squared ``parts``) ≤ radius + weight · t.
+        The limit is √(sum of the squared ``parts``) ≤ radius + weight · t, with the level t that
+        the program maximises. ``name`` is that of the limit in messages.
         """
         cone = Affine.stacked([Affine.number(radius, self.unknowns), parts])
         weights = np.zeros(cone.constant.size)
@@ -191,7 +199,7 @@ class ConvexProgram:
         self.blocks.append(RowBlock(name, cone, weights, "cone", weights.size))
 
     def solve(self) -> ProgramSolution:
-        """Solve the program for the largest level t.
+        """Solve the program for the largest level t, the variable that it maximises.
 
         Sets of solver options are tried in turn until the solver converges.
 
@@ -238,10 +246,10 @@ class ConvexProgram:
         return best
 
     def all_blocks(self) -> list[RowBlock]:
-        """Return all row blocks of the program in a fixed order.
+        """Return all inequalities and equations of the program in a fixed order.
 
-        The link between s and s'' comes first, then equations, other limits, and the limit
-        `MAX_ORDINATE` of the ordinates.
+        The link between the unknowns of s and s'' comes first, then equations, other limits, and
+        the limit `MAX_ORDINATE` of the ordinates.
         """
         linked = self.link.constant.size
         link = RowBlock("", self.link, np.zeros(linked), "zero")
@@ -261,7 +269,8 @@ def _infeasible(blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
     max_share = max(shares.values(), default=0.0)
     ranked = sorted(shares.items(), key=lambda item: (item[0] == ORDINATE_LIMIT, -item[1]))
     names = tuple(name for name, row_part in ranked if row_part > 1e-6 * max_share)
-    # By (40) no unknowns satisfy the rows at any |t| up to `MAX_LEVEL`.
+    # By inequality (40) of docs/proofs.md, no unknowns satisfy the rows at any level up to
+    # `MAX_LEVEL`.
     y, weight = _in_cones(blocks, dual)
     refuted = upper_bound(blocks, y) + abs(weight) * MAX_LEVEL < 0.0
     proved = all(block.necessary for block in blocks) and refuted
@@ -269,13 +278,16 @@ def _infeasible(blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
 
 
 def _join_rows(blocks: list[RowBlock]) -> tuple[Affine, FloatArray]:
-    """Return the rows of all blocks as one function, and their weights of the level t."""
+    """Return the rows of all blocks as one function, and their weights of the level t.
+
+    A row is an inequality or equation c + A x + w t of a program, with the weight w.
+    """
     rows = Affine.stacked([block.rows for block in blocks])
     return rows, np.concatenate([block.weight for block in blocks])
 
 
 def _append_column(matrix: Any, weights: FloatArray) -> Any:
-    """Return a matrix with the weights of the level t as an additional last column."""
+    """Return a matrix with one more column: the weights of the program's level t."""
     return sparse.hstack([matrix, sparse.csr_array(weights[:, None])], "csr")
 
 
@@ -317,7 +329,8 @@ def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, flo
 
     Weak duality requires multipliers that are ≥ 0, or inside the cone of their rows. ``dual`` is
     therefore projected into these cones. The first block links the last unknowns to the others,
-    with coefficients −1. Its multipliers are set to eliminate these unknowns (39).
+    with coefficients −1. Its multipliers are set to eliminate these unknowns, by (39) of
+    docs/proofs.md.
     """
     y = dual.copy()
     rows, weights = _join_rows(blocks)
@@ -333,10 +346,11 @@ def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, flo
 
 
 def upper_bound(blocks: list[RowBlock], multipliers: FloatArray) -> float:
-    """Return the upper bound of the level t that multipliers prove (39).
+    """Return the upper bound of a program's level t that multipliers prove.
 
-    The bound is yᵀc + β Σ|(Aᵀy)ⱼ| for multipliers y with yᵀw = −1, where β is `MAX_ORDINATE`. It is
-    infinite if a multiplier is NaN.
+    By (39) of docs/proofs.md, the bound is yᵀc + β Σ|(Aᵀy)ⱼ| for multipliers y with yᵀw = −1, where
+    β is `MAX_ORDINATE` and the rows of the program are c + A x + w t. It is infinite if a
+    multiplier is NaN.
     """
     if np.isnan(multipliers).any():
         return np.inf
@@ -348,8 +362,8 @@ def upper_bound(blocks: list[RowBlock], multipliers: FloatArray) -> float:
 # Fast solution of successive linear programs that differ by a few rows: each is solved from the
 # solution of the previous program.
 
-#: Feasibility tolerance of rows and multipliers in the simplex solver HiGHS, in the scale of a
-#: limit.
+#: Feasibility tolerance of inequalities and multipliers in the simplex solver HiGHS, relative to
+#: `ScaledLimit.scale`.
 SIMPLEX_TOLERANCE = 1e-9
 #: Options of the simplex solver HiGHS. Presolve is off, because it would prevent the start from the
 #: previous solution.
@@ -394,7 +408,8 @@ class GrowingProgram:
         if self._solver is None:
             self._start(program, highspy)
         self._drop(highspy.HighsBasisStatus.kBasic)
-        rows = self._use_rows(blocks[:-1])  # the last block is given as column bounds
+        # the last block, the limits of ordinates, is given as column bounds
+        rows = self._use_rows(blocks[:-1])
         self._solver.run()
         if self._solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
             self._solver = None
@@ -462,7 +477,10 @@ class GrowingProgram:
         return indices
 
     def _add(self, block: RowBlock, new_rows: list[int]) -> None:
-        """Add the rows ``new_rows`` of a block to the solver, without bounds."""
+        """Add new rows (inequalities or equations) of a block to the solver.
+
+        They have no bounds yet. ``new_rows`` are their indices in the block.
+        """
         matrix = _append_column(block.rows.matrix[new_rows], block.weight[new_rows])
         free = np.full(len(new_rows), np.inf)
         row_starts, columns = (

@@ -1,4 +1,4 @@
-"""Search for the best law of a class by a convex goal under convex limits."""
+"""Search for the best motion law of a class, for a convex goal and convex limits."""
 
 from __future__ import annotations
 
@@ -43,7 +43,8 @@ def best_convex(
         with suppress(DesignError):  # if it fails, the first result is used
             again = _best(Solver(problem, finer_goal, limits, report))
             law = min(best, again, key=lambda result: result.value)
-            assert best.bound is not None and again.bound is not None  # programs have bounds
+            # a solved program has a bound
+            assert best.bound is not None and again.bound is not None
             bound = max(best.bound, again.bound)
             best = replace(law, bound=bound, rounds=best.rounds + again.rounds)
     return best
@@ -52,8 +53,8 @@ def best_convex(
 def _best(solver: Solver) -> BestLaw:
     """Return the best law, found by the search that suits the kind of goal.
 
-    Jump speeds have a search over the speed, for two masses or for one rigid mass. Other goals are
-    the level of a program.
+    For a jump speed of two masses or of one rigid mass it is a search over the speed. Any other
+    goal is maximised by a single convex program.
     """
     run, rig = rows_of(solver.goal.term).run, solver.problem.rig
     try:

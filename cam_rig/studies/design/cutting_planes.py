@@ -36,19 +36,22 @@ from cam_rig.units import RPM, FloatArray, to_rpm
 #: Stride of the rows in the first solution: every n-th of a program's thousands of inequalities is
 #: used.
 ROW_STRIDE = 24
-#: Negative slack beyond which a row counts as violated, in the scale of its limit.
+#: Amount by which an inequality must be violated to be added to the program, relative to
+#: `ScaledLimit.scale`.
 VIOLATION = 1e-9
-#: Slack below which a row is added together with the violated rows, in the scale of its limit.
+#: Slack below which a satisfied inequality is added together with the violated inequalities,
+#: relative to `ScaledLimit.scale`.
 NEARLY_VIOLATED = 1e-3
-#: Largest number of solutions of a program, between which violated rows are added.
+#: Largest number of times that a program is solved. After each solution violated inequalities are
+#: added.
 MAX_ROUNDS = 80
-#: Relative tolerance of a jump speed, of the law or of its bound.
+#: Relative tolerance of the computed jump speed of a law, and of its bound.
 SPEED_RTOL = 2e-5
 
 
 @dataclass(eq=False)
 class WorkingRows:
-    """Rows of a program, of which only those that matter for its solution are used.
+    """Rows (inequalities) of a program, of which only the relevant ones are used.
 
     At first, every ``stride``-th inequality and all equations and cones are used. Rows that a
     solution violates, or nearly violates, are added. ``in_use`` contains one mask per block of
@@ -74,9 +77,9 @@ class WorkingRows:
         ]
 
     def add_violated(self, solution: ProgramSolution) -> bool:
-        """Put the rows in use that a solution violates or nearly violates.
+        """Add the rows to the program that a solution violates or nearly violates.
 
-        Returns True if it violates any row that was not in use.
+        Returns True if the solution violates any row that was not in use.
         """
         violated = False
         for block, in_use in zip(self.all_rows, self.in_use, strict=True):
@@ -88,7 +91,7 @@ class WorkingRows:
 
 #: Function that is called with the unknowns of a better law and the value of its goal (SI).
 OnBetterLaw = Callable[[FloatArray, float], None]
-#: Sources of rows for a program, which add the rows that a solution violates.
+#: Objects that provide inequalities for a program, and add those that a solution violates.
 RowSource = WorkingRows | ContactRows | ResidualRows
 
 
@@ -114,7 +117,7 @@ class Solver:
     """Solver for one goal over one class of laws, under convex limits.
 
     ``on_best`` is called with the unknowns and the goal's value (SI) of each better law. ``rounds``
-    counts the solved programs.
+    counts the solved programs, each of which contains the inequalities used so far.
     """
 
     problem: DesignProblem
@@ -146,10 +149,11 @@ class Solver:
         return replace(self._static[sufficient], blocks=list(self._static[sufficient].blocks))
 
     def row_sources(self, sufficient: bool) -> list[RowSource]:
-        """Return the row sources of the limits whose rows depend on the solution.
+        """Return the sources of inequalities that are added as solutions violate them.
 
-        These are limits of the residual vibration and of jump speeds. If ``sufficient``, the rows
-        keep a margin from the limits, so that a law that satisfies the rows satisfies the limits.
+        They belong to limits of the residual vibration and of jump speeds. If ``sufficient``, the
+        inequalities keep a margin from the limits, so that a law that satisfies them satisfies the
+        limits.
         """
         sources: list[RowSource] = []
         for limit in self.limits:
@@ -173,7 +177,7 @@ class Solver:
     def solve_rows(
         self, sources: list[RowSource], growing: GrowingProgram | None = None
     ) -> ProgramSolution:
-        """Solve the convex program of all rows that the sources contain so far.
+        """Solve the convex program of all inequalities that the sources contain so far.
 
         ``growing`` is a solver that continues from its previous solution. If it is None, the
         program is solved from scratch.
@@ -185,10 +189,10 @@ class Solver:
         return program.solve() if growing is None else growing.solve(program)
 
     def solve_in_rounds(self, program: ConvexProgram, sources: list[RowSource]) -> ProgramSolution:
-        """Solve a program repeatedly, and add violated rows until none is violated.
+        """Solve a program repeatedly, adding inequalities until none is violated.
 
-        The rows of the program are used only as needed, like those of the ``sources``. Returns the
-        last solution.
+        The inequalities of ``program`` are used only as needed, like those of the ``sources``.
+        Returns the last solution.
         """
         rounds = [WorkingRows(program.blocks), *sources]
         for _ in range(MAX_ROUNDS):
@@ -202,10 +206,11 @@ class Solver:
         )
 
     def _confirm(self, sources: list[RowSource], solution: ProgramSolution) -> bool:
-        """Return True if the exact jump search confirms the limits on jump speeds.
+        """Return True if a solution's law satisfies its limits on jump speeds exactly.
 
-        The rows of contact forces are evaluated on a grid of angles and speeds only. If a law loses
-        contact between them, the grid of that source is refined, and the result is False.
+        The programs evaluate contact forces on a grid of angles and speeds only. If the exact
+        search finds a loss of contact between them, the grid of that source is refined, and the
+        result is False.
         """
         law = self.problem.space.law(solution.unknowns, "design")
         for source in sources:
@@ -217,10 +222,10 @@ class Solver:
         return True
 
     def level(self) -> BestLaw:
-        """Return the best law for a goal that is itself the level of a program.
+        """Return the best law for a goal that a single convex program maximises.
 
-        The program is solved twice: with sufficient rows for the law, and with necessary rows for
-        its bound.
+        The program is solved twice: with sufficient inequalities for the law, and with necessary
+        inequalities for its bound.
         """
         scale = -sign_of(self.goal.sense) * self.goal.scale
         solutions = {}
@@ -252,7 +257,8 @@ class Solver:
         # If these necessary rows contradict each other, no law of the class is possible.
         possible = self.static_program(False)
         level_one = Affine.number(1.0, possible.unknowns)
-        possible.at_least("level", level_one, -1.0)  # limits the level of a program without a goal
+        # the program has no goal, so its level needs a limit
+        possible.at_least("level", level_one, -1.0)
         self.solve_in_rounds(possible, [])
 
         def level(speed: float, sufficient: bool) -> float:
@@ -281,9 +287,10 @@ class Solver:
         return BestLaw(best.unknowns, value, bound, self.other_than_goal(best.active), self.rounds)
 
     def _root(self, level: Callable[[float], float], start: float) -> float:
-        """Return the speed (rad/s) at which the level of a program is zero.
+        """Return the speed (rad/s) at which a function of the speed is zero.
 
-        ``level`` is a function of the speed that decreases. The search starts at ``start`` (rad/s).
+        ``level`` is the least contact force that a program reaches at a speed. It decreases with
+        the speed. The search starts at ``start`` (rad/s).
         """
         low = high = start
         ratio = 1.02

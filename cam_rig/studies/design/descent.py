@@ -29,46 +29,51 @@ from cam_rig.studies.design.space import DesignProblem, ScaledLimit, dwells, mea
 from cam_rig.studies.design.two_mass_contact import ResidualRows
 from cam_rig.units import FloatArray
 
-#: Largest number of steps of one descent.
+#: Largest number of steps of one local search. A step solves a linearised program.
 MAX_STEPS = 60
 #: Largest number of times that a rejected step is repeated with corrected rows.
 MAX_CORRECTIONS = 2
-#: Initial size of the trust region: largest change of a B-spline ordinate in one step, in lifts.
+#: Initial trust region: largest change of a B-spline ordinate in one step, relative to the lift.
 FIRST_REACH = 0.1
-#: Largest size of the trust region, in lifts.
+#: Upper limit of the trust region (largest change of a B-spline ordinate in one step), relative to
+#: the lift.
 MAX_REACH = 2.0
-#: Size of the trust region below which the descent ends, in lifts.
+#: Trust region below which a local search ends: largest change of a B-spline ordinate in one step,
+#: relative to the lift.
 MIN_REACH = 1e-5
-#: Relative improvement of the goal below which a step counts as idle. Two idle steps in a row end
-#: the descent.
+#: Relative improvement of the goal below which a step of a local search counts as idle. Two idle
+#: steps in a row end the search.
 GAIN_RTOL = 2e-5
-#: Improvement of the goal that the linearised program predicts within a trust region of
-#: `FIRST_REACH`, relative to the goal, below which the descent ends.
+#: Predicted improvement of the goal below which a local search ends, relative to the goal. It is
+#: the prediction of a linearised program within a trust region of `FIRST_REACH`.
 PROMISE_RTOL = 1e-5
 #: Ratio of the actual to the predicted improvement below which the trust region is halved.
 POOR_GAIN = 0.25
 #: Ratio of the actual to the predicted improvement above which the trust region may be doubled.
 GOOD_GAIN = 0.7
-#: Initial margin by which a program tightens the linearised limits, in their scales.
+#: Initial margin by which a program tightens the linearised limits, relative to their scales.
 MARGIN = 1e-7
-#: Largest increase of the margin after a rejected step, in the scales of the limits.
+#: Largest increase of the margin of the linearised limits after a rejected step, relative to the
+#: scales of the limits.
 MAX_MARGIN_STEP = 1e-3
-#: Largest violation of a limit at which a law counts as feasible, in the scale of the limit.
+#: Largest violation of a limit at which a law counts as feasible, relative to the scale of the
+#: limit.
 FEASIBLE_RTOL = 1e-9
-#: Largest margin of a limit, as a fraction of the distance of the present law from it.
+#: Largest margin of a linearised limit, as a fraction of the distance of the present law from it.
 MARGIN_FRACTION = 0.5
-#: Step of the central differences of a branch (see `PointwiseTerm`) by s, s' or s'', as a fraction
-#: of the largest value of that argument.
+#: Step of the central differences of a function of s, s' and s'', as a fraction of the largest
+#: value of the argument. See `PointwiseTerm`.
 BRANCH_STEP = 1e-5
-#: Step of the central differences of a goal or limit by an ordinate, in lifts. It is large, so that
-#: the change of flights of the follower has an effect.
+#: Step of the central differences of a goal or limit by a B-spline ordinate, relative to the lift.
+#: It is so large that the differences include flights of the follower that appear or end within it.
 VALUE_STEP = 1e-3
-#: Distance from a joint at which a quantity is evaluated on both sides, as a fraction of a
-#: polynomial piece.
+#: Distance from a joint at which a quantity is evaluated on both sides, as a fraction of the length
+#: of a polynomial piece.
 JOINT_OFFSET = 1e-6
-#: Scale of a goal or limit that is a sound level, in dB.
+#: Scale by which inequalities for a sound level are divided, in dB.
 LEVEL_SCALE = 10.0
-#: Margin from all limits at which the search for a first feasible law aims, in their scales.
+#: Margin from all limits at which the search for a first feasible law aims, relative to the scales
+#: of the limits.
 FEASIBILITY_MARGIN = 0.02
 
 
@@ -76,8 +81,9 @@ FEASIBILITY_MARGIN = 0.02
 class PointwiseTerm:
     """Goal or limit on the maximum, over the turn, of functions of s, s' and s''.
 
-    These functions of one cam angle are called branches. The quantity is the maximum of all
-    branches over the turn. ``allowed`` is the limit, NaN for a goal.
+    Such a quantity is, for example, the pressure angle. The functions of one cam angle are called
+    branches, and the quantity is the maximum of all branches over the turn. ``allowed`` is the
+    limit, NaN for a goal.
     """
 
     problem: DesignProblem
@@ -87,20 +93,27 @@ class PointwiseTerm:
 
     @cached_property
     def scale(self) -> float:
-        """Scale of the rows: the largest absolute value of a branch on the start law."""
+        """Scale by which values are divided: the largest |branch| on the start law.
+
+        A branch is one of the functions of s, s' and s'' whose maximum is limited.
+        """
         u = np.linspace(0.0, 1.0, SAMPLES)
         values = np.abs(self.branches(Motion.on_pieces(self.problem.start, u)))
         return float(values[np.isfinite(values)].max(initial=0.0)) or 1.0
 
     def max_value(self, law: Law) -> float:
-        """Return the maximum over the turn of the branches of a law."""
+        """Return the quantity of a law: the maximum of its branches over the turn.
+
+        A branch is one of the functions of s, s' and s'' whose maximum is limited.
+        """
         return max(value for value, _ in maxima(law, self.branches))
 
     @property
     def dwell_value(self) -> float:
-        """Maximum of the branches in the dwells, −∞ if the law has no dwell.
+        """Maximum of the limited functions (branches) in the dwells.
 
-        It is the same for all laws of the class, because they share the dwells.
+        It is the same for all laws of the class, because they share the dwells. It is −∞ if the law
+        has no dwell.
         """
         levels = [self.problem.start.at(start)[0] for start, _ in dwells(self.problem.start)]
         if not levels:
@@ -110,7 +123,7 @@ class PointwiseTerm:
 
     @cached_property
     def _grid(self) -> FloatArray:
-        """Cam angles (rad) at which the branches are linearised.
+        """Cam angles (rad) at which the quantity is linearised.
 
         They lie in all polynomial pieces of the events, and on both sides of the joints between
         them.
@@ -133,11 +146,12 @@ class PointwiseTerm:
         return np.asarray(angles[((edge < position) & (position < 1.0 - edge)).any(axis=0)])
 
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
-        """Return the branches linearised at a law, at many cam angles.
+        """Return the functions of s, s' and s'' (branches) linearised at a law.
 
-        ``unknowns`` are those of the law. The angles are a grid, and the angles of the law's
-        maxima. ``tried`` are the unknowns of rejected laws of this step. Their maxima are added to
-        the angles, and the rows are shifted to be exact at the last of them.
+        There is one value per branch and cam angle. ``unknowns`` are those of the law. The angles
+        are a grid, and the angles of the law's maxima. ``tried`` are the unknowns of laws that this
+        step has rejected. Their maxima are added to the angles, and the values are shifted to be
+        exact at the last of them.
         """
         space = self.problem.space
         laws = [space.law(x, "design") for x in (unknowns, *tried)]
@@ -161,7 +175,8 @@ class PointwiseTerm:
     def _slope(self, motion: Motion, order: int) -> FloatArray:
         """Return the derivatives of the branches by s, s' or s'', by central differences.
 
-        ``order`` 0, 1 or 2 selects s, s' or s''.
+        The branches are the functions of s, s' and s'' whose maximum is limited. ``order`` 0, 1 or
+        2 selects s, s' or s''.
         """
         name = ("s", "slope", "curvature")[order]
         values = getattr(motion, name)
@@ -195,8 +210,8 @@ class ValueTerm:
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
         """Return the value of the goal or limit, linearised at a law.
 
-        ``unknowns`` are those of the law. ``tried`` are the unknowns of rejected laws of this step.
-        The row is shifted to be exact at the last of them.
+        ``unknowns`` are those of the law. ``tried`` are the unknowns of laws that this step of the
+        search has rejected. The result is shifted to be exact at the last of them.
         """
         point, slope = tried[-1] if tried else unknowns, self._slope(unknowns.tobytes())
         constant = self._value(point) - slope @ point
@@ -222,11 +237,11 @@ class ValueTerm:
 
 
 class Iterate(NamedTuple):
-    """Law of a descent with its exact values.
+    """Law of a local search with its exact values.
 
-    ``violation`` is the largest violation of a limit, in the scale of the limit, and negative if
-    all are satisfied. ``goal`` is in its scale, with the sign with which it is minimised.
-    ``active`` names the limits that the law reaches in its program.
+    ``violation`` is the largest violation of a limit, relative to the scale of the limit, and
+    negative if all are satisfied. ``goal`` is relative to its scale, with the sign with which it is
+    minimised. ``active`` names the limits that the law reaches in its program.
     """
 
     unknowns: FloatArray
@@ -242,10 +257,11 @@ LocalTerm = PointwiseTerm | ValueTerm
 class Descent:
     """Local search for one goal under limits, from one law to better laws.
 
-    The goal is convex (`ScaledLimit`) or local, and ``limits`` are the local limits. ``solver`` has
-    the convex limits. ``row_sources`` provide those rows of convex limits that depend on the
-    solution, and keep them from step to step. ``on_feasible`` is called with each law that
-    satisfies all limits. ``reach`` is the present size of the trust region, in lifts.
+    The goal is convex (`ScaledLimit`) or not convex, and ``limits`` are the limits that are not
+    convex. ``solver`` has the convex limits. ``row_sources`` provide inequalities of convex limits
+    that are added when a solution violates them. ``on_feasible`` is called with each law that
+    satisfies all limits. ``reach`` is the trust region: the largest change of a B-spline ordinate
+    in a step, relative to the lift.
     """
 
     solver: Solver
@@ -276,7 +292,7 @@ class Descent:
         return Iterate(unknowns, violation, value / self.goal.scale)
 
     def run(self, unknowns: FloatArray) -> Iterate:
-        """Descend from a law, and return the last law.
+        """Improve a law step by step, and return the last law.
 
         ``unknowns`` describe the first law, which must satisfy the convex limits.
         """
@@ -304,8 +320,9 @@ class Descent:
     def _step(self, current: Iterate) -> Iterate | None:
         """Return a better law in the trust region, or None if no better law was found.
 
-        If the law of a program is not better or violates a limit, the program is repeated. Its rows
-        are then corrected by the exact values of that law, and tightened by its violation.
+        The law is the solution of a program that is linearised at the present law. If it is not
+        better or violates a limit, the program is repeated. It is then corrected by the exact
+        values of the rejected law, and its limits are tightened by the violation.
         """
         tried: list[FloatArray] = []
         margin = MARGIN
@@ -329,9 +346,9 @@ class Descent:
         return None
 
     def _has_converged(self, current: Iterate, solution: ProgramSolution) -> bool:
-        """Return True if the descent cannot improve the present law any more.
+        """Return True if the local search cannot improve the present law any more.
 
-        The law is then feasible, and its program predicts almost no improvement.
+        The law is then feasible, and its linearised program predicts almost no improvement.
         """
         promised, tolerance = (
             current.goal + solution.level,
@@ -346,11 +363,12 @@ class Descent:
     def _adapt(self, current: Iterate, candidate: Iterate, level: float) -> None:
         """Adapt the trust region to the ratio of the actual to the predicted improvement.
 
-        ``level`` is the level of the program that gave the candidate, from which the prediction
-        follows.
+        ``level`` is the level (maximised variable) of the program that gave the candidate. The
+        prediction follows from it.
         """
         gain, promised = current.goal - candidate.goal, current.goal + level
-        if self._speed:  # for a jump speed the level is a force, which predicts no speed
+        # for a jump speed the level of the program is a force and predicts no speed
+        if self._speed:
             promised = gain
         change = np.abs(candidate.unknowns - current.unknowns)[: self._free].max()
         if gain < POOR_GAIN * promised:
@@ -363,7 +381,7 @@ class Descent:
     ) -> ProgramSolution:
         """Return the solution of the program that is linearised at the present law.
 
-        ``tried`` are the unknowns of rejected laws of this step, and ``margin`` tightens the
+        ``tried`` are the unknowns of laws that this step has rejected, and ``margin`` tightens the
         limits. If the present law violates a limit, the program reduces the violation instead of
         the goal.
         """
@@ -375,8 +393,8 @@ class Descent:
         for limit in self.limits:
             slack = limit.rows(current.unknowns, tried) * (-1.0 / limit.scale)
             slack = slack.plus(limit.allowed / limit.scale)
-            # The margin is limited, because next to a dwell that reaches the limit a law has no
-            # more distance.
+            # The margin is limited, because next to a dwell that reaches the limit the slack is
+            # always nearly zero.
             slack = slack.plus(-np.clip(MARGIN_FRACTION * slack(current.unknowns), 0.0, margin))
             program.at_least(limit.name, slack, -1.0 if current.violation > FEASIBLE_RTOL else 0.0)
         if current.violation > FEASIBLE_RTOL:
@@ -401,7 +419,10 @@ class Descent:
         return self.solver.solve_in_rounds(program, sources)
 
     def _trust_region(self, current: Iterate) -> RowBlock:
-        """Return rows that limit the change of each free ordinate to ``reach`` lifts."""
+        """Return inequalities that keep a law close to the present law.
+
+        Each free B-spline ordinate may change by at most ``reach`` lifts.
+        """
         free = self._free
         eye = sparse.eye_array(free, self.problem.space.unknowns)
         point = current.unknowns[:free]

@@ -1,4 +1,4 @@
-"""Figures of a designed law next to its start, and of a front of designs."""
+"""Figures of the design study: designed law and start law, and Pareto front."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from cam_rig.show.looks import DERIVATIVE_NAMES, MM, PER_RADIAN, short
 from cam_rig.studies.design.result import Front, LawDesign
 from cam_rig.units import TURN, to_rpm
 
-#: Height of the figure, inches.
+#: Height of the figure of a designed law, inches.
 HEIGHT = 8.6
-#: Number of points of a curve per turn.
+#: Number of points per turn of the drawn curves.
 SAMPLES = 1441
 #: Line style of the start law, and of bounds.
 START: dict[str, Any] = {"color": "0.45", "ls": "--", "lw": 1.2}

@@ -36,9 +36,11 @@ from cam_rig.studies.design.rows import add, rows_of
 from cam_rig.studies.design.space import DesignProblem, ScaledLimit, Space, measured
 from cam_rig.units import TURN, FloatArray
 
-#: Default lower bound of a free span of an event, as a multiple of the start law's span.
+#: Default lower bound of the span of an event that the search changes, as a multiple of its span in
+#: the start law.
 SHORTEST = 0.5
-#: Default upper bound of a free span of an event, as a multiple of the start law's span.
+#: Default upper bound of the span of an event that the search changes, as a multiple of its span in
+#: the start law.
 LONGEST = 2.0
 #: Shortest length (rad) to which a dwell may shrink when the events become longer.
 MIN_DWELL = 1e-3
@@ -48,10 +50,10 @@ SPAN_ATOL = 5e-4
 GOAL_RTOL = 1e-5
 #: Resolution of the spans in degrees: every span is a whole multiple of it.
 STEP_DEG = 1e-4
-#: Largest number of designs that one Nelder-Mead search computes, per free span.
+#: Largest number of designs that one Nelder-Mead search computes, per span that it varies.
 MAX_DESIGNS = 30
-#: Largest number of times that a random start point without a law is moved halfway to the base
-#: spans.
+#: Largest number of times that random spans without a law are moved halfway to the base spans,
+#: which are those nearest to the start law's.
 MAX_HALVINGS = 4
 
 
@@ -59,8 +61,9 @@ MAX_HALVINGS = 4
 class EventSpans:
     """Search for the spans of the events (rad) whose best law has the best goal.
 
-    ``limits`` are limits on the spans. ``value`` returns the goal of the best law of a problem,
-    with the sign with which it is minimised. If ``keep_dwells``, the dwells keep their lengths.
+    An event is the stretch of the turn between two dwells. ``limits`` are limits on the spans.
+    ``value`` returns the goal of the best law of a problem, with the sign with which it is
+    minimised. If ``keep_dwells``, the dwells keep their lengths.
     """
 
     problem: DesignProblem
@@ -117,9 +120,10 @@ class EventSpans:
         return spans
 
     def _rounded(self, spans: FloatArray) -> FloatArray:
-        """Return spans (rad) rounded to the resolution `STEP_DEG` of a cam file.
+        """Return spans (rad) of events rounded to the resolution `STEP_DEG` of a cam file.
 
-        If the dwells are kept, the last span is what the others leave of the sum of the spans.
+        If the dwells are kept, the sum of the spans must not change, so the last span follows from
+        the others.
         """
         step = np.radians(STEP_DEG)
         rounded = step * np.rint(spans / step)
@@ -187,7 +191,7 @@ class EventSpans:
             if self.possible(spans):
                 try:
                     self._values[key] = self.value(self.shift_events(spans))
-                except DesignError as error:  # other spans may have a law
+                except DesignError as error:  # there may be a law at other spans
                     self._last_error = str(error)
                     return np.inf
         return self._values[key]
@@ -228,8 +232,8 @@ class EventSpans:
     def _start_spans(self, search: Multistart) -> Iterator[FloatArray]:
         """Yield the spans of the events (rad) from which the searches start.
 
-        The base spans come first, then random spans. Random spans at which no law was found are
-        moved towards the base spans.
+        The first are the allowed spans nearest to those of the start law. Random spans follow.
+        Random spans at which no law was found are moved towards the first spans.
         """
         random, size = np.random.default_rng(search.seed), self.size
         yield self.base[:size]
@@ -249,7 +253,7 @@ class EventSpans:
 
 # Local search from several start laws, which are reproducible by their seed.
 
-#: Convex goals whose best laws are used as start laws.
+#: Convex goals whose best laws are used as start laws of local searches.
 GOALS = ("rms_acceleration", "peak_velocity")
 #: Smallest distance of a random start law from the start law of least RMS acceleration, as a
 #: fraction of the way to a random extreme law of the class.
@@ -262,8 +266,9 @@ MAX_GROWTH = 3.0
 def _starts(solver: Solver, sources: list[RowSource], search: Multistart) -> Iterator[FloatArray]:
     """Yield the unknowns of the laws from which local searches start.
 
-    They satisfy the convex limits of the solver and the rows of the sources. The first is the law
-    nearest to the start law. Then come the best laws by `GOALS`, and random laws.
+    They satisfy the convex limits of the solver and the inequalities of the sources. The first is
+    the law nearest to the start law of the design. Then come the best laws for `GOALS`, and random
+    laws.
     """
     problem, space = solver.problem, solver.problem.space
     lift = problem.start.lift

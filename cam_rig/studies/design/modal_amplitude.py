@@ -113,7 +113,7 @@ class Cells:
     def stretches(self) -> Iterator[tuple[float, float, int | None]]:
         """Yield start angle, end angle (rad) and number of each event and dwell in order.
 
-        The number of an event counts from 0. It is None for a dwell.
+        Events are numbered from 0. The number is None for a dwell.
         """
         angle = 0.0
         for index, event in enumerate(self.space.events):
@@ -189,10 +189,10 @@ class ForceAtSpeed:
         return FirstTurn(np.concatenate(angles), np.concatenate(moving), Affine.stacked(force), end)
 
     def _amplitude_of_event(self, event: int) -> Affine:
-        """Return the amplitude that an event excites by itself, at the ends of its cells.
+        """Return the vibration amplitude that an event excites by itself.
 
-        It is complex and a function of the unknowns. Vibration from before the event is not
-        included.
+        It is given at the ends of the event's cells, complex, as a function of the unknowns.
+        Vibration from before the event is not included.
         """
         cells, mode = self.cells, self.cells.mode
         points, weights = cells.gauss
@@ -228,16 +228,17 @@ class ForceAtSpeed:
 
     @cached_property
     def _before(self) -> ComplexArray:
-        """Contact force (N) due to a unit amplitude at the start of a turn, ``(n,)``.
+        """Contact force (N) due to a unit vibration amplitude at the start of a turn.
 
-        The real part is for an amplitude of 1 and minus the imaginary part for an amplitude of i.
+        It is complex with shape ``(n,)``, one value per evaluated angle. For an amplitude a the
+        force is the real part of a times this value.
         """
         return np.asarray(
             2.0 * self.cells.mode.force_factor * np.exp(self.rate * self.first.angles)
         )
 
     def _turns_before(self, turns: FloatArray) -> ComplexArray:
-        """Return the amplitude at the start of each turn due to the earlier turns.
+        """Return the vibration amplitude at the start of each turn due to earlier turns.
 
         It is relative to the amplitude at the end of the first turn. ``turns`` are numbers of turns
         from 1, ∞ for the steady state.
@@ -270,5 +271,8 @@ class ForceAtSpeed:
 
 
 def _scale_last(last: Affine, factor: ComplexArray) -> Affine:
-    """Return the last value of a function times each of the factors ``(n,)``."""
+    """Return the last value of an affine function, times each of n complex factors.
+
+    The result has n values. It describes how an amplitude at one angle decays to n later angles.
+    """
     return Affine(factor * last.constant[-1], factor[:, None] * last.matrix[-1])

@@ -1,4 +1,7 @@
-"""Request of a design: goal, limits, class of laws, and options of the search."""
+"""Request of a design: goal, limits, class of laws, and options of the search.
+
+A design starts from a given law, the start law, and searches for the best law of a class.
+"""
 
 from __future__ import annotations
 
@@ -150,7 +153,7 @@ class LawClass:
 
     @property
     def words(self) -> str:
-        """Description of the class of laws for tables."""
+        """Description of the class of laws for tables, such as its degree and continuity."""
         if self.pieces == 1:
             return f"Bézier curves of degree {self.power}"
         return f"B-splines of degree {self.power} in {self.pieces} pieces, C{self.joints} joints"
@@ -186,13 +189,13 @@ class Multistart:
 
     @property
     def words(self) -> str:
-        """Description of the search for tables."""
+        """Description of a local search for tables: number of start laws and agreement."""
         starts = "1 start" if self.starts == 1 else f"{self.starts} starts"
         return f"local ({starts}, {self.starts_agreeing} ended within 0.1 % of the best)"
 
 
-#: Allowed choices of the properties that a design takes over from the start law: the spans of the
-#: events, the dwells and the lift (default), all but the spans of the events, or only the lift.
+#: Allowed sets of properties that a design takes over from its start law: spans of the events,
+#: dwells and lift (default), dwells and lift, or only the lift.
 KEEP = (("events", "dwells", "lift"), ("dwells", "lift"), ("lift",))
 
 
@@ -319,5 +322,5 @@ class DesignRequest:
 
     @property
     def words(self) -> str:
-        """Description of the goal for titles."""
+        """Description of the goal for titles, such as ``minimise peak acceleration``."""
         return f"{self.verb} {self.goal.words}"

@@ -66,23 +66,25 @@ class LawDesign(Result):
     Attributes
     ----------
     request : DesignRequest
-        Goal, limits, class and options.
+        Goal, limits, class of laws and search options.
     start, law : Law
-        Law of the start, and the designed law.
+        Start law of the design, and the designed law.
     cam, text : CamConfig, str
         Designed cam, and the content of its file.
+    rig : RigConfig
+        Rig for which the law was designed.
     events : tuple of LawEvent
-        Events of the law, rad.
+        Events of the law, which are the stretches between dwells.
     tops : tuple of float
-        Cam angles (rad) within events at which start and law reach their lift.
+        Cam angles (rad) inside events at which the law reaches the extreme lift of the start law.
     measures : tuple of Measure
         Goal first, then the limits.
     rounds : int
-        Number of solved programs.
+        Number of solved convex programs.
     multistart : Multistart or None
-        Search of a design that is not convex, which is without a bound.
+        Local search from several start laws. None for a convex design.
     spans_bound : float or None
-        Bound for laws with the spans of this law, if the spans were searched.
+        Bound for laws with the spans of this law, if the spans of the events were searched for.
     interrupted : bool
         True if the search was interrupted. The law is then without a bound.
     """
@@ -140,7 +142,7 @@ class LawDesign(Result):
 
     @property
     def goal(self) -> Measure:
-        """Values of the goal."""
+        """Goal with its values for the start law and the designed law, and its bound."""
         return self.measures[0]
 
     @property
@@ -205,13 +207,13 @@ class LawDesign(Result):
         return [f"the start is better than the law found: use {more}"]
 
     def _bound_line(self) -> str:
-        """Return a line of text that states the bound of the goal."""
+        """Return a line of text on the bound of the goal, and whether it is certified."""
         goal, search = self.goal, self.multistart
         if self.interrupted:
             return "interrupted: the best law so far, without a bound"
         bound = self.spans_bound if goal.bound is None else goal.bound
         if bound is None:
-            assert search is not None  # a design without a bound has a search
+            assert search is not None  # a design without a bound is from a local search
             return f"{search.words}; no bound: another law may be better"
         limit_text = f"{'below' if goal.sense == '<=' else 'above'} {goal.in_table_unit(bound):.5g}"
         limit_text += f" {goal.term.quantity.typeset}"

@@ -71,7 +71,7 @@ def keep_lift(program: ConvexProgram, problem: DesignProblem, sufficient: bool) 
     low, high = (end.value for end in extremes(problem.start, 0))
     turning = space.turning_points
     spare = SPARE if sufficient else 0.0
-    if turning:  # the Bernstein ordinates lie above the curve near a maximum
+    if turning:  # the Bernstein ordinates lie above the curve there
         spare = TURNING_RTOL
     parts, ordinates = space.parts if turning else LIFT_PARTS, space.derivative(0)
     lift = space.hull(ordinates, parts) if sufficient else space.points(ordinates)
@@ -83,7 +83,8 @@ def keep_lift(program: ConvexProgram, problem: DesignProblem, sufficient: bool) 
         program.equal("lift", lift_at_angle.plus(-level * scale))
 
 
-# Quantities that are linear in the unknowns. Each function returns them in SI units.
+# Quantities that are linear in the unknowns of a law. Each function returns their values in SI
+# units.
 
 
 def _peak(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> list[Affine]:
@@ -140,8 +141,8 @@ def _radius(problem: DesignProblem, _: ScaledLimit, sufficient: bool) -> list[Af
     return [space.bounds(space.weighted(1.0, 0.0, 1.0), sufficient).plus(element.base_radius)]
 
 
-# Quantities whose square is a sum of squares. Each function returns the squared values, which are
-# linear in the unknowns.
+# Quantities whose square is a sum of squares. Each function returns the values to be squared, which
+# are linear in the unknowns.
 
 
 def _rms_acceleration(problem: DesignProblem, _: Term) -> Affine:
@@ -252,7 +253,7 @@ def _value_of_start(problem: DesignProblem, term: Term, sense: Sense) -> float:
 
 
 class JumpRun(NamedTuple):
-    """Run to which a jump speed belongs.
+    """Kind of run that a jump speed is defined for.
 
     ``rigid`` is True for a follower of one rigid mass, and False for two masses. ``duration`` is
     the length of the run from rest in s, or None for the steady state.
@@ -271,42 +272,43 @@ def _unchanged(_problem: DesignProblem, _term: Term, value: float) -> float:
 
 @dataclass(frozen=True)
 class QuantityRows:
-    """Representation of a quantity in a design.
+    """Representation of a quantity in a design, as inequalities or functions.
 
     A goal or limit is convex if it has ``linear``, ``squares``, ``in_rounds`` or ``run``, and
-    ``convex`` returns True. Otherwise it is searched for locally: by ``branches``, or by finite
-    differences.
+    ``convex`` returns True. Otherwise a local search uses its ``branches``, or finite differences.
     """
 
     #: Function that returns values that are linear in the unknowns, each of which is limited.
     linear: Callable[[DesignProblem, ScaledLimit, bool], list[Affine]] | None = None
     #: Function that returns values whose squares add up to the square of the quantity.
     squares: Callable[[DesignProblem, Term], Affine] | None = None
-    #: True if the rows depend on the solution and are added in rounds, as for the residual
-    #: vibration.
+    #: True if the inequalities of the quantity are added as solutions violate them, as for the
+    #: residual vibration.
     in_rounds: bool = False
-    #: Run of a jump speed. At a fixed speed its contact force is linear in the unknowns.
+    #: Kind of run that a jump speed is defined for. At a fixed speed, its contact force is linear
+    #: in the unknowns of a law.
     run: JumpRun | None = None
     #: Function that returns functions of s, s' and s'', whose maximum over the turn is the
     #: quantity.
     branches: Callable[[DesignProblem, Term], Branches] | None = None
     #: Conversion of a limit (SI) to a limit on the maximum of the branches.
     on_branches: Conversion = _unchanged
-    #: Function that returns True if the rows apply to a problem, as a goal (True) or as a limit
-    #: (False).
+    #: Function that returns True if the inequalities of the quantity apply to a problem. Its second
+    #: argument is True for a goal and False for a limit.
     convex: Callable[[DesignProblem, bool], bool] = lambda _problem, _goal: True
-    #: Function that returns the scale of the rows (default: the value of the start law).
+    #: Function that returns the scale by which inequalities are divided (default: the value of the
+    #: start law).
     scale: Callable[[DesignProblem, Term, Sense], float] = _value_of_start
-    #: Conversion of a value (SI, levels in dB) to the unit of the rows. `from_rows` is the inverse
-    #: conversion.
+    #: Conversion of a value (SI, levels in dB) to the unit in which the inequalities state it.
+    #: `from_rows` is the inverse conversion.
     to_rows: Conversion = _unchanged
     from_rows: Conversion = _unchanged
 
     def is_local(self, problem: DesignProblem, goal: bool = False) -> bool:
         """Return True if the quantity needs a local search, which gives no bound.
 
-        This is the case if it has no convex rows for the follower of the problem. ``goal`` is True
-        for a goal and False for a limit.
+        This is the case if it is not convex for the follower of the problem. ``goal`` is True for a
+        goal and False for a limit.
         """
         rows = self.linear or self.squares or self.in_rounds or self.run
         return not (rows and self.convex(problem, goal))
@@ -352,9 +354,9 @@ ROWS = {
 
 
 def rows_of(term: Term) -> QuantityRows:
-    """Return the representation of a term's quantity in a design.
+    """Return the representation of a term's quantity as inequalities or functions.
 
-    It has no rows and no branches if the table `ROWS` has no entry.
+    It is empty if the table `ROWS` has no entry for the quantity.
     """
     return ROWS.get(term.name, QuantityRows())
 
@@ -362,9 +364,10 @@ def rows_of(term: Term) -> QuantityRows:
 def scale_limit(
     problem: DesignProblem, term: Term, sense: Sense, value: float | None
 ) -> ScaledLimit:
-    """Convert the value of a goal or limit (SI, levels in dB) to the unit of its rows.
+    """Return a goal or limit with its value in the unit of its inequalities.
 
-    ``value`` is None for a goal. The result also contains the scale of the rows.
+    ``value`` is in SI (levels in dB), or None for a goal. The result also contains the scale by
+    which the inequalities are divided.
     """
     rows = rows_of(term)
     if value is not None:
@@ -374,7 +377,8 @@ def scale_limit(
         if not math.isfinite(value):
             raise ConfigError(f"limit {term.key}: the start has no such value; use a number")
     scale = 1.0 if rows.run else rows.scale(problem, term, sense)
-    if not (math.isfinite(scale) and scale > 0.0):  # the start's value cannot be a scale
+    # the value of the start law is 0, infinite or NaN
+    if not (math.isfinite(scale) and scale > 0.0):
         scale = 1.0 if value is None else abs(value) or 1.0
     return ScaledLimit(term, sense, value, scale)
 
@@ -382,19 +386,19 @@ def scale_limit(
 def add(
     program: ConvexProgram, problem: DesignProblem, target: ScaledLimit, sufficient: bool
 ) -> None:
-    """Add the rows of a convex goal or limit to a program.
+    """Add the inequalities of a convex goal or limit to a program.
 
-    If ``sufficient``, a law that satisfies the rows satisfies the limit at every angle. Otherwise
-    the rows are only necessary.
+    If ``sufficient``, a law that satisfies them satisfies the limit at every angle. Otherwise they
+    are only necessary.
     """
     rows = rows_of(target.term)
     if rows.squares is not None:
         parts, radius = rows.squares(problem, target.term), 0.0
-        if target.value is not None:  # a level omits the orders above the highest
+        if target.value is not None:  # a sound level omits the harmonics above the highest
             radius = target.value / target.scale * (1.0 - (LEFT_OUT if sufficient else 0.0))
         program.within(target.name, parts * (1.0 / target.scale), radius, target.weight)
         return
-    assert rows.linear is not None  # other quantities have no rows in a program
+    assert rows.linear is not None  # only convex goals and limits are added
     for quantity in rows.linear(problem, target, sufficient):
         room = target.room(quantity, SPARE if sufficient else 0.0)
         program.at_least(target.name, room, target.weight, not sufficient)

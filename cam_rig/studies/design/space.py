@@ -143,11 +143,12 @@ def _second_derivative(law_class: LawClass) -> Any:
     return sparse.csr_array(matrix)
 
 
-#: Smallest number of equal parts into which each polynomial piece is cut to bound its values.
+#: Smallest number of equal parts into which each polynomial piece of a law is cut. The parts give
+#: bounds of its values.
 MIN_PARTS = 24
-#: Largest number of parts per polynomial piece that may follow from `PARTS_PER_PIECE`.
+#: Largest number of parts of a polynomial piece that may follow from `PARTS_PER_PIECE`.
 MAX_PARTS = 48
-#: Smallest number of parts of all polynomial pieces of a turn together.
+#: Smallest number of parts into which all polynomial pieces of a turn together are cut for bounds.
 PARTS_PER_TURN = 256
 #: Number of parts into which each polynomial piece is cut, divided by the number of pieces per
 #: event. Laws with more pieces come closer to their limits, so that their values need tighter
@@ -159,10 +160,11 @@ PARTS_PER_PIECE = 1.5
 class Space:
     """Class of laws that share the dwells and the ends of events of a start law.
 
-    Laws are described by ``unknowns`` numbers. The first ``free`` of them are the free B-spline
-    ordinates of the events in order, in units of the lift. They are followed by all B-spline
-    ordinates of each event's s''. The polynomial pieces of a law, including dwells, have the joints
-    ``breaks`` ``(n + 1,)`` and the ``spans`` ``(n,)``, both in rad.
+    An event is the stretch of the turn between two dwells. Laws are described by ``unknowns``
+    numbers. The first ``free`` of them are the free B-spline ordinates of the events in order, in
+    units of the lift. They are followed by all B-spline ordinates of each event's s''. The
+    polynomial pieces of a law, including dwells, have the joints ``breaks`` ``(n + 1,)`` and the
+    ``spans`` ``(n,)``, both in rad.
     """
 
     start: Law
@@ -189,7 +191,7 @@ class Space:
     def link(self) -> Affine:
         """Condition that the unknown ordinates of s and of s'' belong to the same law.
 
-        It is an affine function of the unknowns whose values are zero for such unknowns.
+        It is a function of the unknowns, and its values are zero if the condition is satisfied.
         """
         rows = []
         for index in range(len(self.events)):
@@ -250,7 +252,8 @@ class Space:
         """
         law_class = self.law_class
         if not any(derivatives[1:]):
-            return np.full(law_class.joints + 1, derivatives[0])  # at rest, to the last digit
+            # the law is at rest, so they are exactly equal
+            return np.full(law_class.joints + 1, derivatives[0])
         table = _to_bezier(law_class)[: law_class.power + 1, : law_class.joints + 1].toarray()
         span = event.span / law_class.pieces * (1.0 if end == 0 else -1.0)
         matrix = np.empty((law_class.joints + 1, law_class.joints + 1))
@@ -350,7 +353,10 @@ class Space:
 
     @property
     def parts(self) -> int:
-        """Number of equal parts into which each polynomial piece is cut for bounds."""
+        """Number of equal parts into which each polynomial piece is cut for bounds.
+
+        More parts give tighter bounds, but larger programs.
+        """
         parts = min(MAX_PARTS, round(PARTS_PER_PIECE * self.law_class.pieces))
         return max(MIN_PARTS, parts, round(PARTS_PER_TURN / self.spans.size))
 
@@ -384,10 +390,11 @@ class Space:
         return self.derivative(order).mapped(matrix)
 
     def points(self, ordinates: Affine) -> Affine:
-        """Return the values of a piecewise polynomial at the ends of all its parts.
+        """Return the values of a piecewise polynomial at many points of each piece.
 
-        ``ordinates`` are its Bernstein ordinates, and `parts` the number of parts of each piece. At
-        a joint between two pieces both one-sided values are returned.
+        Each piece is divided into equal parts (see `parts`), and the points are the ends of the
+        parts. ``ordinates`` are the Bernstein ordinates of the polynomial. At a joint between two
+        pieces both one-sided values are returned.
         """
         degree = ordinates.constant.size // self.spans.size - 1
         table = bernstein.basis(degree, np.linspace(0.0, 1.0, self.parts + 1))
@@ -411,8 +418,8 @@ class Space:
 
 # Input of a design: the start law, the rig and the class of laws, and its scaled goal and limits.
 
-#: Margin by which a designed law must satisfy its limits, in the scale of each limit. It allows for
-#: the rounding of the solver and of the cam file.
+#: Margin by which a designed law must satisfy its limits, relative to the scale of each limit. It
+#: allows for the rounding of the solver and of the cam file.
 SPARE = 2e-8
 
 
@@ -440,7 +447,7 @@ class DesignProblem:
 
     @cached_property
     def mode(self) -> VibrationMode:
-        """Vibration mode of the follower on its elastic stem."""
+        """Vibration mode of the follower's mass on its elastic stem."""
         return mode_of(self.rig)
 
     @cached_property
@@ -468,10 +475,10 @@ def measured(problem: DesignProblem, law: Law, term: Term, sense: Sense) -> floa
 
 @dataclass(frozen=True)
 class ScaledLimit(Limit):
-    """Goal (``value`` None) or limit of a design, with the scale of its rows.
+    """Goal (``value`` None) or limit of a design, with the scale of its inequalities.
 
-    A row is one inequality of a convex program. ``scale`` (SI) divides the rows, so that their
-    values are of order 1.
+    ``scale`` (SI) divides the inequalities of a convex program, so that their values are of order
+    1.
     """
 
     scale: float
@@ -483,17 +490,17 @@ class ScaledLimit(Limit):
 
     @property
     def weight(self) -> float:
-        """Coefficient of the level t in the rows: −1 for a goal, 0 for a limit.
+        """Weight of a program's level t in the inequalities: −1 for a goal, 0 for a limit.
 
-        The level is the variable that a convex program maximises.
+        The level is the variable that the convex program maximises.
         """
         return -1.0 if self.value is None else 0.0
 
     def room(self, quantity: Affine, spare: float) -> Affine:
-        """Return rows that are ≥ 0 if the limit is satisfied by more than ``spare``.
+        """Return values that are ≥ 0 if the limit is satisfied by more than ``spare``.
 
-        ``quantity`` is the limited quantity as a function of the unknowns. The rows and ``spare``
-        are in units of the scale. For a goal the rows are the quantity itself, with a sign such
+        ``quantity`` is the limited quantity as a function of the unknowns. The values and ``spare``
+        are relative to the scale. For a goal the values are the quantity itself, with a sign such
         that larger is better.
         """
         rows = quantity * (-sign_of(self.sense) / self.scale)

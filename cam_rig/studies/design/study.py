@@ -1,4 +1,4 @@
-"""Designs: the best law of a class by a goal, and fronts of two quantities."""
+"""Design study: the law of a class that is best for a goal, and Pareto fronts."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ class DesignSearch:
         return measured(self.problem, self.problem.start, limit.term, limit.sense)
 
     def best(self) -> LawDesign:
-        """Return the best law for fixed spans of the events, those of the problem."""
+        """Return the best law for the spans of the events that the problem has."""
         problem, request = self.problem, self.request
         limits = [
             scale_limit(problem, x.term, x.sense, self._limit_value(x)) for x in request.limits
@@ -346,9 +346,9 @@ def design(
     return search_design(cam, rig, request)
 
 
-#: Smallest number of points of a Pareto front.
+#: Smallest number of points (designs) of a Pareto front.
 MIN_POINTS = 3
-#: Largest number of points of a Pareto front.
+#: Largest number of points (designs) of a Pareto front.
 MAX_POINTS = 200
 #: Tolerance of the shortest and the longest span of a front over the span of an event, as a
 #: fraction of the start law's span.
@@ -426,9 +426,10 @@ def _compute_front(
 def _over_spans(
     problem: DesignProblem, request: DesignRequest, other: Term, points: int, progress: Progress
 ) -> Front:
-    """Return a front over the span of one event.
+    """Return a Pareto front over the span of one event.
 
-    All events are scaled together. Each keeps its middle.
+    For each point the spans of all events are scaled by the same factor. Each event keeps its
+    middle.
     """
     if "events" not in request.keep:
         raise ConfigError(
@@ -452,7 +453,7 @@ def _over_spans(
 
     longest = _last_factor(lambda factor: spans.possible(factor * spans.start), 1.0, LONGEST)
     if not has_law(longest):
-        design_at(longest)  # raises the error with its reason
+        design_at(longest)  # raises the error that states why there is no law
     progress.advance()
     shortest = _last_factor(has_law, longest, SHORTEST)
     progress.advance()

@@ -24,60 +24,63 @@ from cam_rig.studies.design.modal_amplitude import Cells, ForceAtSpeed
 from cam_rig.studies.design.space import SPARE, DesignProblem, ScaledLimit
 from cam_rig.units import RPM, TURN, FloatArray, to_rpm
 
-#: Lowest speed of the grid, as a fraction of the fastest speed.
+#: Lowest speed of the grid of cam speeds at which contact forces are evaluated, as a fraction of
+#: the highest speed.
 MIN_SPEED_RATIO = 0.45
-#: Largest difference in phase (rad) of the vibration between neighbouring speeds of the grid, after
-#: the time in which the vibration decays.
+#: Largest difference in phase (rad) between the vibrations at neighbouring speeds of the grid of
+#: cam speeds, after the time in which the vibration decays.
 PHASE_STEP = 0.5
-#: Largest number of speeds of the grid.
+#: Largest number of cam speeds at which the contact force of a law is evaluated.
 MAX_SPEEDS = 400
-#: Lowest speed of a grid that is extended downwards, as a fraction of the speed at which contact
-#: was lost below the grid.
+#: Lowest speed of the grid of cam speeds after an extension, as a fraction of the speed below the
+#: grid at which contact was lost.
 EXTENSION_RATIO = 0.7
-#: Lowest speed of any grid, rad/s.
+#: Lowest cam speed at which contact forces are evaluated, rad/s.
 MIN_SPEED = 10.0 * RPM
-#: Every n-th speed of the grid, counted from the fastest speed, gets rows in any case.
+#: Stride of the cam speeds that get inequalities in any case: every n-th speed of the grid, counted
+#: from the highest.
 SPEED_STRIDE = 6
-#: Largest number of rows that one evaluation of a law adds per speed: those of its lowest minima.
+#: Largest number of inequalities that one law adds per speed: those at the lowest minima of its
+#: contact force.
 MAX_ROWS = 4
-#: Distance of the force from the required force below which a speed is evaluated again first, in
-#: force scales.
+#: Distance of the contact force from the required force below which a speed is evaluated first in
+#: the next round, relative to `DesignProblem.force_scale`.
 CLOSE_DISTANCE = 0.1
-#: Distance of the force above the required force at which a row is removed from the program, in
-#: force scales.
+#: Distance of the contact force above the required force at which an inequality is removed from the
+#: program, relative to `DesignProblem.force_scale`.
 REMOVE_ABOVE = 0.15
-#: A row is added if the force is below the required force by more than half of this value, in force
-#: scales.
+#: An inequality is added to the program if the contact force is below the required force by more
+#: than half of this value, relative to `DesignProblem.force_scale`.
 ROW_LEVEL_ATOL = 6e-3
-#: Fraction of the fastest speed above which rows are never removed, because the fastest speed may
-#: be lowered later.
+#: Fraction of the highest cam speed above which inequalities are never removed, because the highest
+#: speed may be lowered later.
 KEEP_ABOVE = 0.95
-#: Upper limit of the level of a program, in force scales. It keeps the level finite as long as
-#: there are no rows.
+#: Upper limit of the least contact force that a program maximises, relative to
+#: `DesignProblem.force_scale`. It keeps the program bounded while it has no other inequalities.
 MAX_LEVEL = 100.0
-#: Fall of the level since the last removal of rows at which rows are removed again, in force
-#: scales.
+#: Decrease of the least contact force, since inequalities were last removed, at which they are
+#: removed again. It is relative to `DesignProblem.force_scale`.
 MIN_LEVEL_FALL = 1e-3
-#: Initial lower limit of the contact force, in force scales. It is above 0, because the force is
-#: lower between the evaluated angles and speeds.
+#: Initial required contact force, relative to `DesignProblem.force_scale`. It is above 0, because
+#: the force is lower between the evaluated angles and speeds.
 MARGIN = 0.01
-#: Factor by which the margin is increased if the exact jump search finds a loss of contact that
-#: gives no new row.
+#: Factor by which the required contact force is increased if the exact search finds a loss of
+#: contact that gives no new inequality.
 MARGIN_FACTOR = 1.6
-#: Numbers of the turns of a run from rest at which the force is evaluated, as far as the run lasts.
-#: The last turn of the run is added.
+#: Numbers of the turns of a run from rest at which the contact force is evaluated, as far as the
+#: run lasts. The last turn of the run is added.
 TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
 
 
 @dataclass(eq=False)
 class ContactRows:
-    """Rows of a program that keep the contact force F ≥ t up to a fastest speed.
+    """Inequalities F ≥ t for the contact force of two masses, up to a highest speed.
 
-    The level t is in the force scale of the problem, and the speed ``fastest`` in rad/s.
-    ``duration`` (s) is that of the run from rest, None for the steady state. If ``limit`` is True,
-    the rows belong to a limit and require ``margin`` (in force scales) instead of t. In dwells the
-    margin is required in any case. ``extra_turns`` maps additional speeds (rad/s) to the turn in
-    which contact was lost.
+    The level t is the variable that a program maximises. F and t are relative to the problem's
+    ``force_scale``. ``fastest`` (rad/s) is the highest speed. ``duration`` (s) is that of the run
+    from rest, None for the steady state. If ``limit`` is True, the inequalities belong to a limit
+    and require ``margin`` instead of t. In dwells the margin is required in any case.
+    ``extra_turns`` maps additional speeds (rad/s) to the turn in which contact was lost.
     """
 
     problem: DesignProblem
@@ -116,9 +119,10 @@ class ContactRows:
         self._distances: dict[float, float] = {}
 
     def _speeds(self) -> list[float]:
-        """Return the speeds of the grid (rad/s) in rising order, up to the fastest.
+        """Return the cam speeds (rad/s) at which contact forces are evaluated, rising.
 
-        The speeds of contact losses that the exact jump search has found are included.
+        They are a grid up to the highest speed, and speeds at which the exact search has found a
+        loss of contact.
         """
         ratio = 1.0 + self.step
         top_index = math.floor(self._grid_position + 1e-9)
@@ -130,11 +134,14 @@ class ContactRows:
 
     @property
     def _grid_position(self) -> float:
-        """Number of grid steps from the first fastest speed to the present fastest speed."""
+        """Number of steps of the speed grid from its anchor to the highest speed.
+
+        The anchor is the highest speed at the start of the search.
+        """
         return math.log(self.fastest / self.anchor) / math.log(1.0 + self.step)
 
     def move(self, factor: float) -> None:
-        """Multiply the fastest speed by a factor.
+        """Multiply the highest speed of the search by a factor.
 
         The new speed is rounded to a speed of the grid if the change is about a grid step or more.
         """
@@ -145,7 +152,7 @@ class ContactRows:
         self._lowest_level = np.inf  # at another speed the level may be higher again
 
     def _turns(self, speed: float) -> list[float]:
-        """Return the numbers of the turns that are evaluated at a speed (rad/s).
+        """Return the numbers of the turns whose force is evaluated at a speed (rad/s).
 
         They are turns that the run completes, or only ∞ for the steady state.
         """
@@ -158,8 +165,8 @@ class ContactRows:
     def refine(self, jump: Jump, solution: ProgramSolution) -> None:
         """Add the speed of a loss of contact to the grid of speeds.
 
-        ``jump`` is the loss of contact that the exact jump search found for the law of
-        ``solution``. If no row results, the margin is increased.
+        ``jump`` is the loss of contact that the exact search found for the law of ``solution``. If
+        no inequality results, the required contact force (margin) is increased.
         """
         if jump.speed < self.slowest:
             self._start_grid(max(EXTENSION_RATIO * jump.speed, MIN_SPEED))
@@ -175,13 +182,13 @@ class ContactRows:
         return self._forces[speed]
 
     def add_rows_below(self, unknowns: FloatArray, level: float) -> int:
-        """Add rows where the contact force of a law is too low, and return their number.
+        """Add inequalities where the contact force of a law is too low, and count them.
 
-        The force is compared with ``level``, in force scales. In dwells, where only vibration
-        lowers the force, it is compared with the margin. A row is added at the minimum among
-        neighbouring speeds, and only for the turn with the least force. Speeds at which the force
-        was close to the level before are evaluated first. All speeds are evaluated only if these
-        give no row.
+        The force is compared with ``level``, in units of the force scale. In dwells, where only
+        vibration lowers the force, it is compared with the margin. An inequality is added at the
+        minimum among neighbouring speeds, and only for the turn with the least force. Speeds at
+        which the force was close to the level before are evaluated first. All speeds are evaluated
+        only if these give no inequality.
         """
         speeds = self._speeds()
         close = [speed for speed in speeds if self._distances.get(speed, 0.0) < CLOSE_DISTANCE]
@@ -208,8 +215,9 @@ class ContactRows:
     ) -> tuple[float, FloatArray]:
         """Return the turn with the least contact force at a speed (rad/s).
 
-        The second result is the force in this turn minus the required force, at each evaluated
-        angle, in force scales. The required force is ``level``, or the margin in dwells.
+        The second result is the force in this turn minus the required force at each evaluated
+        angle, relative to the force scale. The required force is ``level``, or the margin in
+        dwells.
         """
         force, turns = self._force_at(speed), np.array(self._turns(speed))
         required = np.where(force.first.moving, level, self.margin)
@@ -219,10 +227,10 @@ class ContactRows:
         return float(turns[worst]), above[worst]
 
     def add_violated(self, solution: ProgramSolution) -> bool:
-        """Add rows where the contact force of a solution is below the required level.
+        """Add inequalities where the contact force of a solution is too low.
 
-        Rows whose force is far above it are removed from time to time. Returns True if any row was
-        added.
+        Inequalities whose force is far above the required force are removed from time to time.
+        Returns True if any inequality was added.
         """
         level = self.margin if self.limit else solution.level
         if (
@@ -234,10 +242,10 @@ class ContactRows:
 
     @property
     def blocks(self) -> list[RowBlock]:
-        """Row blocks of a program: the present rows at speeds up to the fastest."""
+        """Blocks of the program with the present inequalities at speeds up to the highest."""
         scale = self.problem.force_scale
         chosen = [row for row in self._rows if row[0] <= self.fastest]
-        if not self.limit:  # keeps the level finite as long as there are no other rows
+        if not self.limit:  # this keeps the program bounded without other inequalities
             top = Affine.number(MAX_LEVEL * scale, self.problem.space.unknowns).dense()
             chosen.append((self.fastest, top, np.full(1, -1.0)))
         if not chosen:
@@ -250,7 +258,10 @@ class ContactRows:
         return [RowBlock(self.name, affine, weight, "nonneg", necessary=necessary)]
 
     def _remove_rows(self, solution: ProgramSolution) -> None:
-        """Remove the rows whose force in the solution is far above the required force."""
+        """Remove the inequalities whose contact force is far above the required force.
+
+        The force is that of the law of ``solution``.
+        """
         remaining = []
         for speed, rows, weight in self._rows:
             force = rows(solution.unknowns) / self.problem.force_scale
@@ -264,9 +275,9 @@ class ContactRows:
 # Limits and goals on the residual vibration, which remains after each event, over a range of
 # speeds.
 
-#: Stride of the speeds in the first program: every n-th speed of the range has rows.
+#: Stride of the speeds in the first program: every n-th speed of the range has an inequality.
 FIRST_STRIDE = 8
-#: Relative excess of the amplitude over its limit above which a row is added.
+#: Relative excess of the vibration amplitude over its limit above which an inequality is added.
 CUT_RTOL = 1e-4
 #: Largest number of elements of a table of vibration phases (speeds times Gauss points). It limits
 #: the memory.
@@ -312,9 +323,9 @@ def final_amplitude(cells: Cells, event: int, speeds: FloatArray) -> Affine:
 
 @dataclass(eq=False)
 class ResidualRows:
-    """Rows of a program that limit the residual vibration after every event.
+    """Inequalities that limit the residual vibration after every event of a law.
 
-    They are cones |2a| ≤ limit for the complex amplitude a, at some speeds of a range. For a goal
+    They are |2a| ≤ limit for the complex amplitude a, at some speeds of a range. For a goal, minus
     the level t of the program replaces the limit. If ``sufficient``, the limit is tightened by a
     margin.
     """
@@ -332,9 +343,10 @@ class ResidualRows:
             self._add(affine.rows(slice(None, None, FIRST_STRIDE)))
 
     def add_violated(self, solution: ProgramSolution) -> bool:
-        """Add rows at the speeds at which the vibration of a solution is too large.
+        """Add inequalities at speeds at which the vibration of a solution is too large.
 
-        These are the peaks of the amplitude over the speed. Returns True if any row was added.
+        These are the peaks of the amplitude over the speed. Returns True if any inequality was
+        added.
         """
         allowed = self.target.value
         if allowed is None:

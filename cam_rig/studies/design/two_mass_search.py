@@ -1,10 +1,10 @@
 """Search for the law with the highest jump speed of two masses, by cutting planes.
 
-At a fixed speed a convex program maximises the level: the least contact force, in units of the
-force scale of the problem. The level decreases as the speed rises and as rows (inequalities) are
-added. The jump speed of the class is the speed at which the level with all rows is zero. A program
-contains only a few of these rows. After each program, either rows are added or the speed is
-changed: see `SearchPhase`.
+At a fixed speed a convex program maximises the level: the least contact force, relative to the
+force scale of the problem. The level decreases as the speed rises and as inequalities (rows) are
+added. The jump speed of the class is the speed at which the level with all inequalities is zero. A
+program contains only a few of them. After each program, either violated inequalities are added or
+the speed is changed: see `SearchPhase`.
 """
 
 from __future__ import annotations
@@ -27,51 +27,56 @@ from cam_rig.studies.design.cutting_planes import (
 from cam_rig.studies.design.two_mass_contact import MARGIN, ContactRows
 from cam_rig.units import FloatArray, to_rpm
 
-#: Speed at which the search starts, as a fraction of the bound for one rigid mass.
+#: Cam speed at which the search starts, as a fraction of the bound for one rigid mass.
 FIRST_SPEED_FRACTION = 0.95
-#: Contact force below which minima of the force give the first rows, in force scales. They are the
-#: minima for the best law of one rigid mass.
+#: Contact force below which minima of the force give the first inequalities, relative to
+#: `DesignProblem.force_scale`. They are minima for the best law of one rigid mass.
 FIRST_LEVEL = 0.5
-#: Largest number of programs in a search for the jump speed of two masses.
+#: Largest number of programs that one search for a law, or for a bound at one speed, solves.
 MAX_SPEED_ROUNDS = 120
-#: Largest number of laws that the exact jump search may reject before the search over the speed
-#: ends.
+#: Largest number of laws that may fail the exact check of their jump speed before the search over
+#: the speed ends.
 MAX_REJECTED = 24
-#: Largest distance of the level from the margin at which the search over the speed has converged,
-#: in force scales.
+#: Largest difference between the least contact force and the required force at which the search
+#: over the speed has converged, relative to `DesignProblem.force_scale`.
 LEVEL_ATOL = 4e-3
-#: Relative tolerance of the exact jump speed of a law, below the speed that its program promises.
+#: Largest relative amount by which the exact jump speed of a law may be below the speed at which
+#: its program keeps contact.
 JUMP_RTOL = 5e-4
-#: Largest number of repetitions of the two searches, for a law and for a bound.
+#: Largest number of times that the search for a law and the search for a bound are repeated.
 MAX_SEARCHES = 6
 #: Relative gap between the jump speed of the best law and its bound at which the search ends.
 GAP_RTOL = 2e-3
-#: Largest distance of the level above the margin at which a law is checked by the exact jump
-#: search, in force scales. At a larger distance the speed is raised without this costly check.
+#: Largest distance of the least contact force above the required force at which the jump speed of a
+#: law is checked exactly, relative to `DesignProblem.force_scale`. At a larger distance the speed
+#: is raised without this costly check.
 EXACT_DISTANCE = 0.1
-#: First estimate of the change of the level per relative change of the speed, in force scales.
+#: First estimate of the change of the least contact force per relative change of the speed,
+#: relative to `DesignProblem.force_scale`.
 FIRST_SLOPE = -11.0
-#: Largest relative change of the speed after one program.
+#: Largest relative change of the cam speed after one program.
 MAX_STEP = 0.06
-#: Smallest ratio of the best law's jump speed to the highest speed of the search at which the bound
-#: is searched for near the law. For a smaller ratio it is searched for near the highest speed.
+#: Ratio of the best law's jump speed to the highest speed of the search above which a bound is
+#: searched for just above that jump speed. Below this ratio the law is far from optimal, and the
+#: bound is searched for just above the highest speed.
 MIN_SPEED_FRACTION = 0.95
-#: Multiples of a speed that are tried as a bound, in rising order.
+#: Multiples of a speed that are tried in rising order as a bound of all jump speeds.
 BOUND_FACTORS = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 1.15, 1.3)
 
 
 class SearchPhase(Enum):
     """Next action of the search, after a program was solved at one speed."""
 
-    #: The law of the program violates rows that were not in use. They were added: solve again.
+    #: The law of the program violates inequalities that were not in use. They were added, and a new
+    #: program is solved.
     CUT = auto()
-    #: The law keeps contact on the grid of speeds, but the exact jump search finds a lower jump
-    #: speed. The grid was refined there: solve again.
+    #: The law keeps contact at the evaluated speeds, but its exact jump speed is lower. This speed
+    #: was added, and a new program is solved.
     REFINE = auto()
-    #: The level differs from the margin, the small contact force that is required: change the
-    #: speed.
+    #: The least contact force differs from the required force. The speed is changed.
     MOVE = auto()
-    #: The level equals the margin, or the highest allowed speed is reached: end the search.
+    #: The least contact force equals the required force, or the highest allowed speed is reached.
+    #: The search ends.
     CONVERGED = auto()
 
 
@@ -80,12 +85,13 @@ class TwoMassSearch:
     """Search for the law of two masses with the highest jump speed.
 
     ``duration`` (s) is that of a run from rest, None for the steady state. ``best_law`` is the best
-    law so far. ``rejected`` is the number of laws that the exact jump search has rejected.
+    law so far. ``rejected`` is the number of laws that the exact check of the jump speed has
+    rejected.
 
     Invariants: ``best_law.value`` is the exact jump speed of ``best_law.unknowns`` and never
-    decreases. At one speed and margin the level never rises. Rows are added until it converges, and
-    removed only after it has fallen by `MIN_LEVEL_FALL`, so rows are not added and removed
-    endlessly.
+    decreases. At one speed and margin the level (the maximised least contact force) never rises.
+    Inequalities are added until it converges, and removed only after it has fallen by
+    `MIN_LEVEL_FALL`, so inequalities are not added and removed endlessly.
     """
 
     solver: Solver
@@ -156,8 +162,9 @@ class TwoMassSearch:
     ) -> SearchPhase:
         """Decide how the search continues after a program was solved.
 
-        Rows that the solution violates are added, or else the estimated slope of the level over the
-        speed is updated. ``limit`` (rad/s) is the highest allowed speed.
+        Inequalities that the solution violates are added. If there are none, the estimated slope of
+        the least contact force over the speed is updated. ``limit`` (rad/s) is the highest allowed
+        speed.
         """
         excess = solution.level - contact.margin
         if excess <= -LEVEL_ATOL:  # more rows would only lower the level
@@ -178,7 +185,7 @@ class TwoMassSearch:
         return SearchPhase.MOVE
 
     def _reaches(self, contact: ContactRows, solution: ProgramSolution) -> bool:
-        """Return True if the exact jump search confirms the speed that a law shall reach.
+        """Return True if the exact jump speed of a law confirms that of its program.
 
         Otherwise the grid of speeds is refined, and the law counts as rejected.
         """
@@ -205,12 +212,12 @@ class TwoMassSearch:
     def _bound(self, contact: ContactRows, speed: float) -> float:
         """Return a speed above all jump speeds of the class, by (41) of docs/proofs.md.
 
-        The search tries multiples of ``speed`` (rad/s). Its rows are necessary: every law with a
-        higher jump speed satisfies them.
+        The search tries multiples of ``speed`` (rad/s). Its inequalities are necessary: every law
+        with a higher jump speed satisfies them.
         """
         solver = self.solver
         sources = [WorkingRows(solver.static_program(False).blocks), *solver.row_sources(False)]
-        contact.margin = 0.0  # necessary rows must not have a margin
+        contact.margin = 0.0  # necessary inequalities must not have a margin
         program = GrowingProgram()
         for factor in BOUND_FACTORS:
             contact.fastest = speed * factor
