@@ -47,13 +47,16 @@ PORTRAIT_TURNS = 8
 
 @dataclass(frozen=True, eq=False)
 class EndMotion(TurnMotion):
-    """Final motion of the follower, to which a part of the initial states leads."""
+    """Final motion of the follower, to which a part of the initial states leads.
+
+    An initial state is a gap between follower and cam, and the rate of this gap, at cam angle 0.
+    """
 
     landings_per_turn: float
-    max_landing_speed: float  #: m/s, fastest landing of the last turns
+    max_landing_speed: float  #: speed of the fastest landing in the last turns, m/s
     states: FloatArray  #: ``(n, 2)`` gap (m) and its rate (m/s) at cam angle 0
     name: str = ""  #: letter that identifies the motion
-    share: float = 0.0  #: fraction of the starts that end in it
+    share: float = 0.0  #: fraction of the initial states that end in this motion
 
     def same_as(self, other: EndMotion) -> bool:
         """Return True if two final motions count as the same motion.
@@ -74,13 +77,24 @@ class EndMotion(TurnMotion):
 class Basins(Result):
     """Initial states at cam angle 0, and the motion in which each of them ends.
 
-    An initial state is a gap to the cam and its rate.
+    An initial state is a gap between follower and cam, and the rate of this gap.
 
-    Attributes ---------- law : Law Motion law of the cam. rig : RigConfig Rig with the follower.
-    parameters : FollowerParameters Follower as one rigid mass. rpm : float Cam speed, rpm. gap,
-    gap_rate : FloatArray Gaps (m) and gap rates (m/s) of the initial states, ``(n,)`` each. ends :
-    ndarray of int Index into ``motions`` for each initial state, ``(n, n)``: rows by gap rate,
-    columns by gap. motions : tuple of EndMotion Final motions, the most frequent first.
+    Attributes
+    ----------
+    law : Law
+        Motion law of the cam.
+    rig : RigConfig
+        Rig with the follower.
+    parameters : FollowerParameters
+        Follower as one rigid mass.
+    rpm : float
+        Cam speed, rpm.
+    gap, gap_rate : FloatArray
+        Gaps (m) and gap rates (m/s) of the initial states, ``(n,)`` each.
+    ends : ndarray of int
+        Index into ``motions`` for each initial state, ``(n, n)``: rows by gap rate, columns by gap.
+    motions : tuple of EndMotion
+        Final motions, the most frequent first.
     """
 
     schema = "cam_rig.bounce_basins.1"
@@ -226,7 +240,8 @@ def basins(
     if grid < 2:
         raise ConfigError(f"grid must be 2 or more starts along each side, got {grid}")
     p, speed = bouncing(rig, restitution), check_speeds(rpm)[0] * RPM
-    assert isinstance(p, FollowerParameters)  # gap and rate are the state of one mass
+    # only the state of one mass consists of gap and gap rate
+    assert isinstance(p, FollowerParameters)
     expect_many()
     gap, gap_rate = _axes(StroboscopicMap(law, p, speed), grid)
     lines = [[(float(x), float(rate)) for x in gap] for rate in gap_rate]

@@ -28,41 +28,45 @@ from cam_rig.laws import Law
 from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.units import FloatArray
 
-#: Largest Newton step at which the iteration has converged, in scaled units of state and swept
-#: value.
+#: Largest Newton step at which the iteration has converged, relative to the magnitudes of state and
+#: swept value.
 NEWTON_RTOL = 1e-13
 #: Largest number of Newton iterations.
 MAX_ITERATIONS = 20
-#: Largest Newton step that counts as rounding when the steps no longer halve, in scaled units.
-#: Motions that amplify small changes strongly do not reach `NEWTON_RTOL`.
+#: Largest Newton step that counts as rounding when the steps no longer halve, relative to the
+#: magnitudes of state and swept value. Motions that amplify small changes strongly do not reach
+#: `NEWTON_RTOL`.
 ROUNDING_RESIDUAL = 1e-10
-#: First step along a branch of periodic motions, in scaled units of state and swept value.
+#: First step along a branch of periodic motions, relative to the magnitudes of state and swept
+#: value.
 FIRST_STEP = 1e-3
-#: Step along a branch of periodic motions below which the branch ends, in scaled units.
+#: Step along a branch of periodic motions below which the branch ends, relative to the magnitudes
+#: of state and swept value.
 MIN_STEP = 1e-9
-#: Longest step along a branch of periodic motions, in scaled units.
+#: Longest step along a branch of periodic motions, relative to the magnitudes of state and swept
+#: value.
 MAX_STEP = 5e-3
 #: Largest number of steps along a branch of periodic motions.
 MAX_STEPS = 20_000
-#: Step of the swept value for difference quotients, in its scale. It affects the convergence of the
-#: Newton iteration, not its result.
+#: Step of the swept value for difference quotients, relative to its magnitude. It affects the
+#: convergence of the Newton iteration, not its result.
 VALUE_STEP = 1e-7
 #: Largest difference between the states of the two halves of a period that count as equal, as a
 #: fraction of lift times speed.
 HALF_PERIOD_RTOL = 1e-3
-#: Distances beyond the end of a branch, in scaled units, at which the motion is tested for another
-#: number of landings or another derivative.
+#: Distances beyond the end of a branch of periodic motions, relative to the magnitudes of state and
+#: swept value. There the motion is tested for another number of landings or another derivative.
 DISTANCES_BEYOND = (1e-8, 1e-7, 1e-6, 1e-5)
 #: Largest relative difference between the swept values of two bifurcations that count as the same.
 BIFURCATION_RTOL = 1e-6
 #: Largest relative difference between the fastest landings of two motions at the same swept value
 #: that count as the same motion.
 LANDING_RTOL = 1e-3
-#: Relative change of the derivative just beyond the end of a branch above which the derivative is
-#: discontinuous there.
+#: Relative change of a motion's derivative just beyond the end of a branch above which the
+#: derivative counts as discontinuous.
 JUMP_RTOL = 1e-2
-#: Largest value of a test function (no unit) at its computed root for which a multiplier passes ±1
-#: continuously. At a larger value the multiplier jumps.
+#: Largest value of a bifurcation's test function (no unit) at its computed root for which a
+#: multiplier passes ±1 continuously. At a larger value the multiplier jumps.
 PASS_ATOL = 1e-5
 
 # Kinds of bifurcation, as written in tables and JSON. `DESCRIPTIONS` explains each.
@@ -96,11 +100,13 @@ class PeriodicMotion:
     """Motion that repeats after a whole number of turns, for one follower and speed."""
 
     point: OperatingPoint
-    states: FloatArray  #: at the end of each turn, as in `TurnsRun.states`
-    derivative: FloatArray  #: ``(n, n)`` over the period, n = 2 for one mass, 4 for two
+    states: FloatArray  #: state at the end of each turn, ``(turns, n)``, as in `TurnsRun.states`
+    #: derivative of the state after a period by the state before, ``(n, n)``: n = 2 for one mass, 4
+    #: for two
+    derivative: FloatArray
     landings: int  #: number of landings in the period
-    max_landing_speed: float  #: fastest landing against the cam, m/s
-    min_landing_speed: float  #: slowest landing against the cam, m/s
+    max_landing_speed: float  #: speed of the fastest landing relative to the cam, m/s
+    min_landing_speed: float  #: speed of the slowest landing relative to the cam, m/s
 
     @property
     def period(self) -> int:
@@ -184,13 +190,15 @@ Ahead = Callable[[float], tuple[PeriodicMotion, FloatArray]]
 class Family:
     """Periodic motions of one period (in turns), as functions of the swept quantity.
 
-    Vectors of state and swept value ``(n + 1,)`` are scaled, with n numbers in a state.
+    The swept quantity is, for example, the cam speed. Vectors ``(n + 1,)`` of the n numbers of a
+    state and of the swept value are scaled by their magnitudes.
     """
 
     law: Law
     sweep: Sweep
     period: int
-    _scale: FloatArray = field(init=False)  #: of the state and of the swept value
+    #: scales of the state and of the swept value, ``(n + 1,)``
+    _scale: FloatArray = field(init=False)
 
     def at(self, value: float, state: State) -> PeriodicMotion:
         """Return the periodic motion at a swept value (SI) near a state.
@@ -251,9 +259,9 @@ class Family:
         return motions, bifurcations
 
     def _scale_of(self, value: float, state: State) -> FloatArray:
-        """Return the scales of the state and of the swept value, ``(n + 1,)``.
+        """Return the magnitudes by which state and swept value are scaled, ``(n + 1,)``.
 
-        They are the magnitudes at a swept value (SI) and a state, which make vectors dimensionless.
+        ``value`` is a swept value (SI), and ``state`` a state with n numbers.
         """
         point = self.sweep.at(value)
         usual = StroboscopicMap(self.law, point.parameters, point.speed).scale
@@ -282,9 +290,9 @@ class Family:
     def _by_value(self, vector: FloatArray) -> FloatArray:
         """Return the derivative of the state after a period by the swept value, ``(n,)``.
 
-        It is a difference quotient of scaled values at the scaled ``vector`` of state and swept
-        value. Points with another number of landings are not used, because the state is not smooth
-        there.
+        It is a difference quotient at ``vector``, the state and swept value scaled by their
+        magnitudes. Points with another number of landings are not used, because the state is not
+        smooth there.
         """
         step = np.eye(vector.size)[-1] * VALUE_STEP
         vectors = [vector - step if vector[-1] > VALUE_STEP else vector, vector, vector + step]
@@ -294,10 +302,10 @@ class Family:
         return np.asarray((reached[last] - reached[first]) / distance)
 
     def _matrix(self, motion: PeriodicMotion, by_value: FloatArray) -> FloatArray:
-        """Return the scaled derivative of Pⁿ(x) − x, ``(n, n + 1)``.
+        """Return the scaled derivative of Pᵏ(x) − x, ``(n, n + 1)``.
 
-        P maps the state x to the state one turn later, and n turns are a period. The columns are
-        the derivatives by the state and, last, by the swept value (``by_value``).
+        P maps the state x with n numbers to the state one turn later, and the period is k turns.
+        The columns are the derivatives by the state and, last, by the swept value (``by_value``).
         """
         scale = self._scale[:-1]
         block = motion.derivative * scale / scale[:, None] - np.eye(scale.size)

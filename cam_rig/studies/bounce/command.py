@@ -1,4 +1,4 @@
-"""Command ``cam-rig bounce``: bouncing of a follower above its jump speed."""
+"""Command ``cam-rig bounce``, which classifies the motion of a bouncing follower."""
 
 from __future__ import annotations
 

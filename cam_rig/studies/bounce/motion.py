@@ -58,7 +58,8 @@ class TurnMotion:
     period: int | None  #: turns after which the motion repeats, None if it does not
     settled: int | None  #: first turn from which on the motion repeats, None if it does not
     exponents: tuple[float, ...]  #: Lyapunov exponents, 1/turn
-    exponent_error: float  #: error of the largest exponent, 1/turn, 95 %, from its convergence
+    #: error of the largest exponent, 1/turn: its change over the last period, or a 95 % half-width
+    exponent_error: float
 
     @property
     def lyapunov_exponent(self) -> float:

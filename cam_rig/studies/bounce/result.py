@@ -51,13 +51,14 @@ class BounceRow(TurnMotion):
 
     point: OperatingPoint
     landings_per_turn: float
-    comes_to_rest: bool  #: True if it comes to rest on the cam in the kept turns
+    comes_to_rest: bool  #: True if the follower comes to rest on the cam in the kept turns
     level_db: float | None
-    level_spread_db: float | None  #: level of the loudest turn less that of the quietest, dB
+    level_spread_db: float | None  #: level of the loudest turn minus that of the quietest turn, dB
     max_landing_speed: (
-        FloatArray  #: ``(n,)`` m/s, fastest landing of each turn: of a period, or all kept
+        #: fastest landing of each turn, m/s, ``(n,)``: of one period, or of all kept turns
+        FloatArray
     )
-    states: FloatArray  #: at the ends of those turns, as in `TurnsRun.states`
+    states: FloatArray  #: states at the ends of the same turns, as in `TurnsRun.states`
 
     @property
     def rpm(self) -> float:
@@ -66,7 +67,7 @@ class BounceRow(TurnMotion):
 
     @property
     def end(self) -> State:
-        """State at the end of the last turn, as in `TurnsRun.states`."""
+        """State of the follower at the end of the last turn, as in `TurnsRun.states`."""
         return tuple(self.states[-1].tolist())
 
 
@@ -114,7 +115,8 @@ UNDETERMINED_NOTE = Footnote(
 class BounceMap(Result):
     """Bounce map: motion of a follower over the values of one swept quantity.
 
-    The quantity is the cam speed, the restitution, the preload or the mass.
+    The quantity is the cam speed, the restitution, the preload or the mass. Each of the ``rows`` is
+    the motion at one value.
     """
 
     schema = "cam_rig.bounce.1"
@@ -180,10 +182,10 @@ class BounceMap(Result):
     law: Law
     rig: RigConfig
     sweep: Sweep
-    start: str  #: ``rest``, ``below`` or ``above``
-    lift_off: float  #: value at which contact is first lost, SI: rad/s if the speed is swept
+    start: str  #: initial state of each run: ``rest``, ``below`` or ``above``
+    lift_off: float  #: swept value at which contact is first lost, SI (a speed in rad/s)
     rows: tuple[BounceRow, ...]
-    branches: tuple[Branch, ...] = ()  #: empty unless branches were requested
+    branches: tuple[Branch, ...] = ()  #: curves of periodic motions, empty unless requested
 
     @property
     def jump_rpm(self) -> float:
@@ -207,7 +209,10 @@ class BounceMap(Result):
         return states[:, number] if number < states.shape[1] else np.full(len(states), math.nan)
 
     def per_turn(self, numbers: Iterable[float]) -> FloatArray:
-        """Repeat one number per row of the map to one number per stored turn of the rows."""
+        """Repeat each row's number for each turn that the row stores.
+
+        ``numbers`` has one number per row of the bounce map.
+        """
         return np.repeat(list(numbers), [row.max_landing_speed.size for row in self.rows])
 
     def tables(self) -> list[Records]:

@@ -36,7 +36,7 @@ from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.units import NS
 
 #: Largest number of turns over which the sound level is averaged. The sound is computed from one
-#: turn earlier.
+#: turn earlier, so that its filters settle.
 LEVEL_TURNS = 16
 
 
@@ -47,7 +47,7 @@ class BounceRuns:
     law: Law
     sweep: Sweep
     values: tuple[float, ...]  #: values of the swept quantity, SI
-    radiation: RadiationParameters | None  #: None if the rig does not define it
+    radiation: RadiationParameters | None  #: sound radiation of the rig, None if undefined
     transient_turns: int  #: turns before the kept turns
     turns: int  #: number of kept turns
 
@@ -72,7 +72,7 @@ class BounceRuns:
 
     @property
     def total(self) -> int:
-        """Number of rows of the bounce map."""
+        """Number of rows of the bounce map, one per value of the swept quantity."""
         return len(self.values)
 
     @property
@@ -174,7 +174,7 @@ LIST_UNITS = {"max_landing_speed": "m/s", "states": "SI"}
 
 @dataclass(frozen=True)
 class BounceBatch(Batch):
-    """Computed rows of consecutive swept values, which one process has computed."""
+    """Rows of a bounce map for consecutive swept values, computed by one process."""
 
     rows: list[BounceRow]
 

@@ -1,4 +1,7 @@
-"""Bounce maps: motion of a follower per turn over a swept quantity."""
+"""Function ``bounce_map``: motion of a follower over values of a swept quantity.
+
+The motion is observed once per turn of the cam.
+"""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ class CampaignMeasure:
 
     @property
     def factor(self) -> float:
-        """SI value of the unit in the dataset, by which SI values are divided."""
+        """SI value of the unit in the dataset. A value in SI is divided by it."""
         return self.term.quantity.units[self.unit]
 
     def compute(self, point: Subject) -> float:
@@ -243,7 +243,7 @@ def _campaign(config: CampaignConfig, library: Library) -> Campaign:
     if base.scene is not None:
         scene_path = library.file("scenes", base.scene)
         scene = load_scene(scene_path)
-        if is_path(base.scene):  # names in a scene file are relative to its own folders
+        if is_path(base.scene):  # names in a scene file refer to the folders next to it
             library = Library.for_scene(scene_path)
         name, rig_name = base.cam or scene.cams[0], scene.rig
         if name not in scene.cams:

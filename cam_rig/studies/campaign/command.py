@@ -1,4 +1,4 @@
-"""Command ``cam-rig campaign``: measures of many rigs with varied numbers."""
+"""Command ``cam-rig campaign``, which measures many rigs with varied numbers."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ FOR_MEDIAN = 6
 #: Half-width of the 95 % interval of a variance share above which a note suggests more points.
 SHARE_ERROR = 0.1
 
-#: Note on intervals below the table of quantiles.
+#: Note below the table of quantiles on its intervals.
 
 INTERVALS = (
     "Intervals of 95 % assume independent draws; they are conservative for a Latin hypercube or a "

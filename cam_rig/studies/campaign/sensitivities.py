@@ -46,8 +46,9 @@ FOLLOWER = (
 def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> Climb:
     """Return the jump speed of a law and the angle at which contact is first lost.
 
-    ``duration`` (s) is that of the run from rest, None for the steady state. A loss of contact at
-    the end of the run raises a `DynamicsError`, because the jump speed then has no derivative.
+    They are fields of the result. ``duration`` (s) is that of the run from rest, None for the
+    steady state. A loss of contact at the end of the run raises a `DynamicsError`, because the jump
+    speed then has no derivative.
     """
     touch = solve_threshold(law, follower, duration)
     if duration is not None and duration * touch.speed - touch.angle < END_DISTANCE:
@@ -141,7 +142,8 @@ def _free_vibration_state(
         initial = np.linalg.solve(np.eye(2) - free.flow(TURN / speed), turn)
         return np.asarray(state + free.flow(touched / speed) @ initial)
     total_angle = TURN * turns + touched
-    state = state - free.flow(total_angle / speed) @ forced[:, 0, 0]  # at rest at θ = 0
+    # the run starts at rest at θ = 0
+    state = state - free.flow(total_angle / speed) @ forced[:, 0, 0]
     for ahead in (total_angle - TURN * turn for turn in range(int(turns))):
         state = state + free.after((ahead - starts[1:]) / speed, jumps[:, 1:])
         state = state + free.flow((ahead - TURN) / speed) @ jumps[:, 0]
@@ -177,8 +179,9 @@ class _FreeVibration:
 class JumpSensitivity:
     """Derivative dΩ/dp (SI) of the jump speed Ω by an input p of a campaign.
 
-    ``value`` is the value (SI) of the input there. The derivative is None if the input moves joints
-    of the law, or is not a number of the follower or of the profile errors.
+    ``value`` is the value (SI) of the input at which the derivative is computed. The derivative is
+    None if the input moves joints of the law, or is not a number of the follower or of the profile
+    errors.
     """
 
     path: str

@@ -46,10 +46,12 @@ def with_geometry(cam: CamConfig, lift_mm: float, event_deg: float, nose_deg: fl
     return CamConfig.model_validate(data)
 
 
-#: Lifts at which the search for a shape is started, as multiples of the given shape's lift.
+#: Lifts at which the search for the shape of an arc cam is started, as multiples of the given
+#: shape's lift.
 LIFTS = (1.2, 1.0, 0.85, 0.72, 0.61)
-#: Event angles at which the search for a shape is started, as multiples of the angle with about
-#: equal levels for the lift. This angle is proportional to the cube root of the lift.
+#: Event angles at which the search for a shape is started, as multiples of the given angle times
+#: the cube root of the factor of the lift (see `LIFTS`). Shapes with about equal sound levels have
+#: lifts proportional to the cube of the event angle.
 EVENTS = (0.97, 1.0, 1.03)
 #: Initial steps of the Nelder-Mead search, relative to lift and event angle.
 SIMPLEX = 0.03
@@ -65,7 +67,7 @@ class ArcShape:
     """Shape of a cam of tangent arcs: lift (m), event (rad), flank curvature (1/m).
 
     The event is the angle of rise and fall together. The flank is the arc between base circle and
-    nose, negative if it is concave.
+    nose. Its curvature is negative if it is concave.
     """
 
     lift: float
@@ -119,7 +121,7 @@ class ArcShape:
 
 @dataclass(frozen=True)
 class ShapeProblem:
-    """Fit of the shape of an arc cam (of tangent arcs) to its published sound levels.
+    """Fit of the shape of a cam of tangent arcs to its published sound levels.
 
     Parameters
     ----------

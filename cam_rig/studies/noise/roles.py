@@ -26,8 +26,8 @@ from cam_rig.units import FloatArray, to_rpm
 EVERY = 2
 #: Advice in the error message for a scene that does not fit a noise study.
 OTHERWISE = "for any other scene take cam-rig simulate or report"
-#: Smallest number of speeds of a noise study. Half of them still exceed the four numbers of a
-#: cubic.
+#: Smallest number of speeds of a noise study. Every second of them still gives more levels than the
+#: four coefficients of a cubic.
 MIN_SPEEDS = 9
 
 
@@ -121,7 +121,7 @@ class NoiseSetup:
         return self.shape_problem("one_mass", self.loaded.follower)
 
     def shape_problem(self, model: str, follower: Any, every: int = EVERY) -> ShapeProblem:
-        """Return the fit of the arc cam's shape with another follower or dynamic model.
+        """Return the fit of the arc cam's shape with a follower and dynamic model.
 
         Only every `every`-th speed is simulated, to save time.
         """

@@ -428,7 +428,8 @@ def study_noise(
     """
     parts = progress.track(PARTS)
     next(parts)
-    TwoMassParameters.from_rig(rig)  # raises for an unsuitable rig before the long computation
+    # raises an error for an unsuitable rig before the long computation
+    TwoMassParameters.from_rig(rig)
     study = NoiseSetup.of(loaded)
     smooth = {cam: study.cams[cam] for cam in (study.roles.reference, study.roles.predicted)}
     next(parts)

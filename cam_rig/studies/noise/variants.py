@@ -41,7 +41,8 @@ from cam_rig.units import FloatArray
 SEARCH_BOUNDS = Bounds([0.002, 1.2, 1.0 / MAX_FLANK], [0.02, 3.5, 40.0])
 #: Largest number of generations of the evolutionary search for the shape of the arc cam.
 GENERATIONS = 12
-#: Number of shapes per generation of the evolutionary search, for each varied number.
+#: Number of shapes per generation of the evolutionary search, as a multiple of the number of varied
+#: numbers.
 POPULATION = 7
 #: Seed of the random generator of the evolutionary search.
 SEED = 2
@@ -226,7 +227,7 @@ class HighDwellStudy:
 
     @property
     def reference(self) -> FloatArray:
-        """Sound levels (dB) of the reference cam, shape (n,)."""
+        """Sound levels (dB) of the reference cam at the speeds of the study, shape (n,)."""
         return next(iter(self.levels_db.values()))
 
 

@@ -122,7 +122,7 @@ def export(
 def _track(ticks: Iterable[TickSamples], progress: Progress) -> Iterator[TickSamples]:
     """Yield the ticks of a run unchanged, and report the progress after each tick.
 
-    A tick contains the samples of a fixed fraction of a turn.
+    A tick contains the samples between two cam states, one turn by default.
     """
     for tick in ticks:
         yield tick

@@ -102,7 +102,7 @@ class FollowerMotion(NamedRows, Result):
         return f"FollowerMotion({run}: {self.time.size} samples, {len(self.events)} events)"
 
     def tables(self) -> list[Records]:
-        """Return the tables ``samples`` and ``events``. The former is exported only."""
+        """Return the tables ``samples``, for export only, and ``events``."""
         return [
             self.array_table("samples"),
             self.table("events", "Lift-offs and landings", self.events),

@@ -25,7 +25,7 @@ from cam_rig.studies.simulate.study import SceneRun
 
 
 def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
-    """Read a recorded run.
+    """Read a recorded run with its scene.
 
     `scene` is the file of the scene that was run, for a bag without an attached scene.
 

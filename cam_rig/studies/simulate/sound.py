@@ -172,7 +172,21 @@ def _calibration_cam(motion: FollowerMotion) -> str:
 def audition(
     loaded: LoadedScene, cam: str | None, rpm: float | None, seconds: float, rate: int
 ) -> LoadedScene:
-    """Return a scene with another sample rate, and optionally only one cam or speed."""
+    """Return a scene with another sample rate, and optionally only one cam or speed.
+
+    Parameters
+    ----------
+    loaded : LoadedScene
+        Scene to change.
+    cam : str or None
+        Name of a cam (None: all cams).
+    rpm : float or None
+        Cam speed, rpm (None: the scene's schedule).
+    seconds : float
+        Duration of `rpm`, rounded up to whole turns, s.
+    rate : int
+        Sample rate, Hz.
+    """
     if cam is not None:
         loaded = loaded.with_one_cam(cam, loaded.law_of(cam))
     data = loaded.scene.model_dump(exclude_none=True)

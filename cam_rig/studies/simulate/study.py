@@ -88,7 +88,7 @@ def _coefficient(power: int) -> Column:
 class SceneRun(Result):
     """Run of a scene, simulated or recorded.
 
-    A tick is a fixed fraction of a turn, in which the rig exchanges its data.
+    A tick is the time between two published states of the cam, one turn by default.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class SceneRun(Result):
 
     @property
     def complete(self) -> bool:
-        """True if the run contains all ticks of the scene."""
+        """True if the run contains the whole scene."""
         return len(self.ticks) >= tick_count(self.loaded.scene)
 
     @cached_property
