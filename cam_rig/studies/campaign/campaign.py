@@ -201,7 +201,7 @@ class Campaign:
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 digest of `text`."""
+        """SHA-256 digest of `text`, which identifies the campaign in its dataset."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     def with_plan(self, points: int | None = None, seed: int | None = None) -> Campaign:

@@ -212,7 +212,7 @@ class CampaignResult(Result):
 
     @property
     def campaign(self) -> Campaign:
-        """Campaign that the rows belong to."""
+        """Campaign whose rows the dataset contains."""
         return self.dataset.campaign
 
     @cached_property
@@ -258,7 +258,10 @@ class CampaignResult(Result):
         return f"{count} of {points}, such as {reasons[0][0]}" if reasons else ""
 
     def values(self, measure: CampaignMeasure) -> FloatArray:
-        """Return a measure of every point, in the unit of the dataset, NaN if it failed."""
+        """Return the values of a measure, one per point, in the unit of the dataset.
+
+        The value is NaN if the measure failed.
+        """
         return self.dataset.column(measure.column)
 
     def input_values(self, path: str) -> FloatArray:

@@ -152,7 +152,11 @@ def _free_vibration_state(
 
 @dataclass(frozen=True)
 class _FreeVibration:
-    """Free vibration η̈ + damping η̇ + stiffness η = 0, possibly complex."""
+    """Free vibration η̈ + damping η̇ + stiffness η = 0 of the end mass.
+
+    Both coefficients are divided by the mass. They may be complex, for derivatives by an imaginary
+    step.
+    """
 
     stiffness: complex
     damping: complex

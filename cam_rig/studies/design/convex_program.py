@@ -75,7 +75,7 @@ class Affine:
         return Affine(self.constant + number, self.matrix)
 
     def mapped(self, matrix: Any) -> Affine:
-        """Return the function whose values are those of this function times a matrix."""
+        """Return the function whose values are ``matrix`` @ the values of this function."""
         return Affine(np.asarray(matrix @ self.constant), matrix @ self.matrix)
 
     def rows(self, chosen: Any) -> Affine:
@@ -420,7 +420,10 @@ class GrowingProgram:
         return solution_of(blocks, np.array(result.col_value), dual)
 
     def _start(self, program: ConvexProgram, highspy: Any) -> None:
-        """Create the solver with one column per unknown of a program, without rows."""
+        """Create the solver with one variable per unknown of a program, and the level.
+
+        It has no rows (inequalities and equations) yet.
+        """
         solver = self._solver = highspy.Highs()
         self._index, self._bounds = {}, {}
         for name, value in SIMPLEX_OPTIONS.items():

@@ -70,7 +70,7 @@ class WorkingRows:
 
     @property
     def blocks(self) -> list[RowBlock]:
-        """Blocks of the program with only the rows in use."""
+        """Blocks of the program, reduced to the inequalities in use."""
         return [
             replace(block, rows=block.rows.rows(in_use), weight=block.weight[in_use])
             for block, in_use in zip(self.all_rows, self.in_use, strict=True)
@@ -243,7 +243,10 @@ class Solver:
         return BestLaw(solution.unknowns, solution.level * scale, bound, active, self.rounds)
 
     def other_than_goal(self, active: tuple[str, ...], *more: str) -> tuple[str, ...]:
-        """Return the names of the active limits, without the goal and the names ``more``."""
+        """Return the names of the limits among ``active``.
+
+        The name of the goal and the names ``more`` are removed.
+        """
         return tuple(name for name in active if name not in (self.goal.name, *more))
 
     def rigid(self) -> BestLaw:

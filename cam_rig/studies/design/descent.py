@@ -204,7 +204,7 @@ class ValueTerm:
         self.scale = LEVEL_SCALE if target.term.quantity.unit == "dB" else target.scale
 
     def max_value(self, law: Law) -> float:
-        """Return the value of a law, negated if it is to be maximised."""
+        """Return the exact value of a law, negated if the quantity is to be maximised."""
         return self._sign * measured(self.problem, law, self.target.term, self.target.sense)
 
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
@@ -280,7 +280,10 @@ class Descent:
         self._speed = isinstance(goal, ScaledLimit) and rows_of(goal.term).run is not None
 
     def evaluate(self, unknowns: FloatArray) -> Iterate:
-        """Return the law of the given unknowns with its exact goal and violation."""
+        """Evaluate a law exactly: its goal and its largest violation of a limit.
+
+        ``unknowns`` describe the law.
+        """
         law = self.problem.space.law(unknowns, "design")
         violations = ((limit.max_value(law) - limit.allowed) / limit.scale for limit in self.limits)
         violation = max(violations, default=-np.inf)

@@ -123,7 +123,7 @@ class LawClass:
 
     @property
     def power(self) -> int:
-        """Degree of the splines."""
+        """Degree of the B-splines: ``degree``, or ``joints`` + 2 if that is None."""
         return self.joints + 2 if self.degree is None else self.degree
 
     @property
@@ -153,7 +153,10 @@ class LawClass:
 
     @property
     def words(self) -> str:
-        """Description of the class of laws for tables, such as its degree and continuity."""
+        """Description of the class for tables.
+
+        An example is ``B-splines of degree 5 in 16 pieces, C3 joints``.
+        """
         if self.pieces == 1:
             return f"Bézier curves of degree {self.power}"
         return f"B-splines of degree {self.power} in {self.pieces} pieces, C{self.joints} joints"
@@ -189,7 +192,10 @@ class Multistart:
 
     @property
     def words(self) -> str:
-        """Description of a local search for tables: number of start laws and agreement."""
+        """Description of the local searches for tables.
+
+        An example is ``local (8 starts, 5 ended within 0.1 % of the best)``.
+        """
         starts = "1 start" if self.starts == 1 else f"{self.starts} starts"
         return f"local ({starts}, {self.starts_agreeing} ended within 0.1 % of the best)"
 

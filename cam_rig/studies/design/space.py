@@ -312,7 +312,7 @@ class Space:
         return unknowns
 
     def law(self, unknowns: FloatArray, name: str) -> Law:
-        """Return the law that the unknowns ``(unknowns,)`` describe, with the given name."""
+        """Return the motion law that a vector of unknowns describes, with the given name."""
         ordinates = self.derivative(0)(unknowns).reshape(-1, self.degree + 1).T
         return Law(name, self.breaks, ordinates)
 
@@ -485,7 +485,7 @@ class ScaledLimit(Limit):
 
     @property
     def name(self) -> str:
-        """Name of the goal or limit in the table of active limits."""
+        """Name of the goal, or text of the limit, in the list of active limits."""
         return f"goal {self.term.key}" if self.value is None else self.words
 
     @property

@@ -65,7 +65,7 @@ BOUND_FACTORS = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 
 
 
 class SearchPhase(Enum):
-    """Next action of the search, after a program was solved at one speed."""
+    """Next action of the search for the highest jump speed, after solving a program."""
 
     #: The law of the program violates inequalities that were not in use. They were added, and a new
     #: program is solved.

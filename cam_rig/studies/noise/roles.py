@@ -97,7 +97,7 @@ class NoiseSetup:
 
     @property
     def shape(self) -> ArcShape:
-        """Geometry of the arc cam as its cam file states it."""
+        """Geometry of the arc cam (of tangent circular arcs) as its cam file states it."""
         return ArcShape.of(self.loaded.cams[self.roles.arcs])
 
     @property
@@ -113,7 +113,10 @@ class NoiseSetup:
 
     @cached_property
     def problem(self) -> ShapeProblem:
-        """Fit of the arc cam's shape to its published sound levels at all speeds."""
+        """Fit of the arc cam's shape to its published sound levels at all speeds.
+
+        The follower is that of the scene's rig, as one rigid mass.
+        """
         return self.shape_problem("one_mass", self.loaded.follower, 1)
 
     @cached_property

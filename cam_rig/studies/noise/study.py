@@ -72,7 +72,10 @@ class LevelAt(NamedTuple):
 
 
 class OnCam(NamedTuple):
-    """Table row: a result for several cams, and the cam of the row."""
+    """Table row for one cam, of a result that covers several cams.
+
+    ``of`` is the result: a rig, or a leave-one-out test.
+    """
 
     of: OneRig | LeftOut
     cam: str

@@ -80,7 +80,7 @@ class FollowerMotion(NamedRows, Result):
 
     @cached_property
     def angle(self) -> FloatArray:
-        """Cam angle with all its turns, rad, shape `(n,)`."""
+        """Cam angle counted over all turns, rad, shape `(n,)`."""
         rate = int(self.scene.sample_rate.si)
         intervals = [block.interval for block in self.blocks]
         angle = np.concatenate([i.unwrapped_at(i.grid(rate).sample_times()) for i in intervals])
