@@ -236,8 +236,9 @@ def stored_rows(
 ) -> list[BounceRow]:
     """Return all rows of a bounce map, after computing and storing the missing rows.
 
-    If ``resume`` is False, rows that are already stored are not used. ``workers`` is the number of
-    batches that the executor processes at a time.
+    ``resume`` is True to keep rows that are stored already. If it is False, a folder with rows
+    raises a `ConfigError`. ``workers`` is the number of batches that the executor processes at a
+    time.
     """
     require("pyarrow")
     with files.open(resume) as damaged:

@@ -118,7 +118,8 @@ def bounce_map(
     Raises
     ------
     ConfigError
-        If an argument is out of range, or a number is missing in the rig.
+        If an argument is out of range, a number is missing in the rig, or the folder has rows of
+        another bounce map, or any rows without ``resume``.
     DynamicsError
         If a swept value is invalid, or a turn has too many landings.
     OutputError

@@ -70,7 +70,8 @@ def campaign(
     Raises
     ------
     ConfigError
-        If the campaign is invalid, or the folder has rows of another campaign.
+        If the campaign is invalid, or the folder has rows of another campaign, or any rows without
+        ``resume``.
     OutputError
         If the folder cannot be written.
     RunError

@@ -278,6 +278,7 @@ class ContactRows:
 #: Stride of the speeds in the first program: every n-th speed of the range has an inequality.
 FIRST_STRIDE = 8
 #: Relative excess of the vibration amplitude over its limit above which an inequality is added.
+#: Sufficient inequalities tighten the limit by the same fraction.
 CUT_RTOL = 1e-4
 #: Largest number of elements of a table of vibration phases (speeds times Gauss points). It limits
 #: the memory.
