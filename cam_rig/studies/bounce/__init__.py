@@ -1,4 +1,6 @@
-"""Bouncing of a follower above its jump speed, turn by turn, from exact roots.
+"""Bouncing of a follower at and above its jump speed, observed turn by turn.
+
+Landings are exact roots of the equation of motion, so the motion needs no time steps.
 
 >>> import cam_rig
 >>> law = cam_rig.build_law(cam_rig.load_cam("tm21"))

@@ -1,4 +1,7 @@
-"""Basins of attraction at one speed: the motion in which each initial state ends."""
+"""Basins of attraction at one speed: the motion in which each initial state ends.
+
+An initial state is a gap between follower and cam, and the rate of this gap, at cam angle 0.
+"""
 
 from __future__ import annotations
 
@@ -24,37 +27,42 @@ from cam_rig.studies.bounce.motion import PERIODIC, TurnMotion, bouncing, motion
 from cam_rig.studies.bounce.result import EXPONENT
 from cam_rig.units import NS, RPM, FloatArray
 
-#: Number of turns that each start runs before its motion is classified.
+#: Number of turns from each initial state that are computed before the motion is classified.
 TRANSIENT_TURNS = 200
-#: Number of turns, after the `TRANSIENT_TURNS`, from which the motion is classified.
+#: Number of turns after the `TRANSIENT_TURNS` from which the motion is classified.
 CLASSIFIED_TURNS = 40
-#: Default number of starts along each side of the grid of gap and gap rate.
+#: Default number of initial states along each side of the grid of gap and gap rate.
 DEFAULT_GRID = 40
-#: Range of gap and gap rate of the starts, as a multiple of the range of the motion that starts on
-#: the cam.
+#: Largest gap and gap rate of the initial states, as a multiple of those of the motion that starts
+#: on the cam.
 RANGE_FACTOR = 2.0
-#: Relative tolerance for the fastest landings of two motions that count as the same motion.
+#: Largest relative difference between the fastest landings of two motions that count as the same
+#: motion.
 LANDING_RTOL = 1e-3
-#: Number of samples per turn in a phase portrait.
+#: Number of samples per turn in a phase portrait (curve of gap rate over gap).
 SAMPLES_PER_TURN = 1500
-#: Number of turns in the phase portrait of a motion that does not repeat.
+#: Number of turns in the phase portrait of a motion without a period.
 PORTRAIT_TURNS = 8
 
 
 @dataclass(frozen=True, eq=False)
 class EndMotion(TurnMotion):
-    """Final motion of the follower, in which some initial states end."""
+    """Final motion of the follower, to which a part of the initial states leads.
+
+    An initial state is a gap between follower and cam, and the rate of this gap, at cam angle 0.
+    """
 
     landings_per_turn: float
-    max_landing_speed: float  #: m/s, fastest landing of the last turns
+    max_landing_speed: float  #: speed of the fastest landing in the last turns, m/s
     states: FloatArray  #: ``(n, 2)`` gap (m) and its rate (m/s) at cam angle 0
     name: str = ""  #: letter that identifies the motion
-    share: float = 0.0  #: fraction of the starts that end in it
+    share: float = 0.0  #: fraction of the initial states that end in this motion
 
     def same_as(self, other: EndMotion) -> bool:
-        """Return True if two motions count as the same motion.
+        """Return True if two final motions count as the same motion.
 
-        Irregular motions are all the same. Periodic motions are compared by period and landings.
+        Periodic motions are compared by period and fastest landing. All motions of another kind,
+        such as irregular, count as the same.
         """
         if (self.motion, self.period) != (other.motion, other.period):
             return False
@@ -69,16 +77,24 @@ class EndMotion(TurnMotion):
 class Basins(Result):
     """Initial states at cam angle 0, and the motion in which each of them ends.
 
-    An initial state is a gap and its rate.
+    An initial state is a gap between follower and cam, and the rate of this gap.
 
     Attributes
     ----------
+    law : Law
+        Motion law of the cam.
+    rig : RigConfig
+        Rig with the follower.
+    parameters : FollowerParameters
+        Follower as one rigid mass.
+    rpm : float
+        Cam speed, rpm.
     gap, gap_rate : FloatArray
-        ``(n,)`` gaps (m) and rates (m/s) of the starts.
+        Gaps (m) and gap rates (m/s) of the initial states, ``(n,)`` each.
     ends : ndarray of int
-        ``(n, n)`` index into ``motions``, by gap_rate and gap.
+        Index into ``motions`` for each initial state, ``(n, n)``: rows by gap rate, columns by gap.
     motions : tuple of EndMotion
-        Motions, the most frequent first.
+        Final motions, the most frequent first.
     """
 
     schema = "cam_rig.bounce_basins.1"
@@ -116,7 +132,10 @@ class Basins(Result):
     motions: tuple[EndMotion, ...]
 
     def tables(self) -> list[Records]:
-        """Return the tables ``motions`` and ``starts``, the latter as data only."""
+        """Return the tables ``motions`` (final motions) and ``starts`` (initial states).
+
+        The latter is exported as data only.
+        """
         e = self.parameters.restitution
         caption = f"{self.law.name} on rig {self.rig.name} at {self.rpm:g} rpm, restitution {e:g}"
         return [
@@ -125,9 +144,10 @@ class Basins(Result):
         ]
 
     def portrait(self, motion: EndMotion) -> tuple[FloatArray, FloatArray]:
-        """Return a motion's phase portrait: gap (m) and its rate (m/s), ``(n,)`` each.
+        """Return the phase portrait of a motion: gap (m) and gap rate (m/s).
 
-        The samples cover the turns of the motion.
+        Both have the shape ``(n,)``. The samples cover one period, or `PORTRAIT_TURNS` turns of a
+        motion without a period.
         """
         turn_map = StroboscopicMap(self.law, self.parameters, self.rpm * RPM)
         state = turn_map.follower(motion.states[-1].tolist())
@@ -142,9 +162,9 @@ class Basins(Result):
 def _ends(
     law: Law, parameters: FollowerParameters, speed: float, starts: Sequence[tuple[float, float]]
 ) -> list[EndMotion]:
-    """Return the final motion for each initial state at a speed (rad/s).
+    """Return the final motion for each of several initial states at a speed (rad/s).
 
-    ``starts`` are pairs of gap (m) and its rate (m/s).
+    ``starts`` are pairs of gap (m) and gap rate (m/s) at cam angle 0.
     """
     turn_map, ends = StroboscopicMap(law, parameters, speed), []
     for start in starts:
@@ -174,6 +194,9 @@ def basins(
 ) -> Basins:
     """Find the final motion for each initial state of one rigid mass at one speed.
 
+    The initial states are a grid of gaps between follower and cam, and of gap rates, at cam angle
+    0.
+
     Parameters
     ----------
     law : Law
@@ -185,16 +208,18 @@ def basins(
     restitution : float, optional
         Coefficient of restitution of a landing, 0 to below 1 (default: the rig's value).
     grid : int, optional
-        Number of starts along the gap, from 0, and along its rate, to either side of 0. Both
-        ranges are twice the range of the motion from the cam (default: 40).
+        Number of initial states along each side of the grid, 2 or more (default: 40). The gap
+        ranges from 0, the gap rate to either side of 0. Both ranges are twice those of the motion
+        that starts on the cam.
     executor : Executor, optional
-        Executor that computes the starts (default: this process).
+        Executor that computes the motions (default: this process).
     progress : Progress, optional
         Receiver of the progress.
 
     Returns
     -------
     Basins
+        Final motion of each initial state.
 
     Raises
     ------
@@ -215,7 +240,8 @@ def basins(
     if grid < 2:
         raise ConfigError(f"grid must be 2 or more starts along each side, got {grid}")
     p, speed = bouncing(rig, restitution), check_speeds(rpm)[0] * RPM
-    assert isinstance(p, FollowerParameters)  # gap and rate are the state of one mass
+    # only the state of one mass consists of gap and gap rate
+    assert isinstance(p, FollowerParameters)
     expect_many()
     gap, gap_rate = _axes(StroboscopicMap(law, p, speed), grid)
     lines = [[(float(x), float(rate)) for x in gap] for rate in gap_rate]
@@ -239,12 +265,14 @@ def basins(
 
 
 def _axes(turn_map: StroboscopicMap, grid: int) -> tuple[FloatArray, FloatArray]:
-    """Return gaps (m) and gap rates (m/s) of the initial states, ``(grid,)`` each.
+    """Return gaps (m) and gap rates (m/s) of the grid of initial states.
 
-    Both ranges are multiples of the range of the motion that starts on the cam.
+    Both have the shape ``(grid,)``. Both ranges are `RANGE_FACTOR` times the range of the motion
+    that starts on the cam.
     """
     run = turn_map.run(TRANSIENT_TURNS + CLASSIFIED_TURNS)
-    min_range = 0.1 * turn_map.law.lift * np.array([1.0, turn_map.speed])  # if it stays on the cam
+    # for a motion that stays on the cam
+    min_range = 0.1 * turn_map.law.lift * np.array([1.0, turn_map.speed])
     ranges = RANGE_FACTOR * np.maximum(
         np.abs(run.states[-CLASSIFIED_TURNS:]).max(axis=0), min_range
     )
@@ -252,6 +280,6 @@ def _axes(turn_map: StroboscopicMap, grid: int) -> tuple[FloatArray, FloatArray]
 
 
 def _letters(index: int) -> str:
-    """Return the name of the motion with an index: A to Z, then AA, AB and so on."""
+    """Return the name of a motion by its index: A to Z, then AA, AB and so on."""
     head, last = divmod(index, 26)
     return (_letters(head - 1) if head else "") + chr(ord("A") + last)

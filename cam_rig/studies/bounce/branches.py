@@ -1,9 +1,12 @@
 """Continuation of periodic motions, stable or unstable, and their bifurcations.
 
-A motion of period n is a root of Pⁿ(x) − x, where P is the map of one turn. Newton's iteration with
-the exact derivative finds it, and the eigenvalues of the derivative are its multipliers. A branch
-is followed by its arc length (Keller 1977), so it passes a fold. A bifurcation is a root of a test
-function along the branch.
+A motion of period n is a root of Pⁿ(x) − x, where P maps the state x at cam angle 0 to the state
+one turn later. Newton's iteration with the exact derivative finds it. The eigenvalues of the
+derivative are its multipliers, the growth factors of small changes per period. Periodic motions
+form curves over a swept quantity such as the speed, called branches. A branch is followed by its
+arc length (Keller 1977), so it passes a fold, where it turns back. A bifurcation is a root of a
+test function along the branch. Lengths are scaled by the magnitudes of the state and of the swept
+value.
 """
 
 from __future__ import annotations
@@ -25,43 +28,48 @@ from cam_rig.laws import Law
 from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.units import FloatArray
 
-#: Largest Newton step at which the iteration has converged, in units of lift and speed scales.
+#: Largest Newton step at which the iteration has converged, relative to the magnitudes of state and
+#: swept value.
 NEWTON_RTOL = 1e-13
 #: Largest number of Newton iterations.
 MAX_ITERATIONS = 20
-#: Largest Newton step that counts as rounding if the steps no longer halve, in units of lift and
-#: speed scales. Motions that stretch small changes strongly do not reach `NEWTON_RTOL`.
+#: Largest Newton step that counts as rounding when the steps no longer halve, relative to the
+#: magnitudes of state and swept value. Motions that amplify small changes strongly do not reach
+#: `NEWTON_RTOL`.
 ROUNDING_RESIDUAL = 1e-10
-#: First step along a branch, in units of lift and speed scales.
+#: First step along a branch of periodic motions, relative to the magnitudes of state and swept
+#: value.
 FIRST_STEP = 1e-3
-#: Step along a branch below which the branch ends, in units of lift and speed scales.
+#: Step along a branch of periodic motions below which the branch ends, relative to the magnitudes
+#: of state and swept value.
 MIN_STEP = 1e-9
-#: Longest step along a branch, in units of lift and speed scales.
+#: Longest step along a branch of periodic motions, relative to the magnitudes of state and swept
+#: value.
 MAX_STEP = 5e-3
-#: Largest number of steps along a branch.
+#: Largest number of steps along a branch of periodic motions.
 MAX_STEPS = 20_000
-#: Relative step of the swept value for a difference quotient. The step affects the Newton
-#: iteration, not its result.
+#: Step of the swept value for difference quotients, relative to its magnitude. It affects the
+#: convergence of the Newton iteration, not its result.
 VALUE_STEP = 1e-7
-#: Largest difference between the two halves of a period that count as equal, as a fraction of lift
-#: times speed.
+#: Largest difference between the states of the two halves of a period that count as equal, as a
+#: fraction of lift times speed.
 HALF_PERIOD_RTOL = 1e-3
-#: Distances beyond the end of a branch at which a motion with another number of landings is
-#: searched for, in units of lift and speed scales.
+#: Distances beyond the end of a branch of periodic motions, relative to the magnitudes of state and
+#: swept value. There the motion is tested for another number of landings or another derivative.
 DISTANCES_BEYOND = (1e-8, 1e-7, 1e-6, 1e-5)
-#: Relative tolerance for the swept values of two bifurcations that count as the same bifurcation.
+#: Largest relative difference between the swept values of two bifurcations that count as the same.
 BIFURCATION_RTOL = 1e-6
-#: Relative tolerance for the fastest landings of two motions at the same swept value that count as
-#: the same motion.
+#: Largest relative difference between the fastest landings of two motions at the same swept value
+#: that count as the same motion.
 LANDING_RTOL = 1e-3
-#: Relative change of the derivative just beyond the end of a branch above which the derivative is
-#: discontinuous.
+#: Relative change of a motion's derivative just beyond the end of a branch above which the
+#: derivative counts as discontinuous.
 JUMP_RTOL = 1e-2
-#: Largest distance of a test function from 0 at a root (no unit) at which a multiplier passes ±1
-#: continuously. At a larger distance the multiplier jumps.
+#: Largest value of a bifurcation's test function (no unit) at its computed root for which a
+#: multiplier passes ±1 continuously. At a larger value the multiplier jumps.
 PASS_ATOL = 1e-5
 
-# Kinds of bifurcation, as tables and JSON contain them. `DESCRIPTIONS` explains each.
+# Kinds of bifurcation, as written in tables and JSON. `DESCRIPTIONS` explains each.
 
 LIFT_OFF = "first lift-off"
 FLIP = "period doubling"
@@ -89,14 +97,16 @@ DESCRIPTIONS = {
 
 @dataclass(frozen=True, eq=False)
 class PeriodicMotion:
-    """Motion of the follower with a period of whole turns, at an operating point."""
+    """Motion that repeats after a whole number of turns, for one follower and speed."""
 
     point: OperatingPoint
-    states: FloatArray  #: at the end of each turn, as in `TurnsRun.states`
-    derivative: FloatArray  #: ``(n, n)`` over the period, n = 2 for one mass, 4 for two
+    states: FloatArray  #: state at the end of each turn, ``(turns, n)``, as in `TurnsRun.states`
+    #: derivative of the state after a period by the state before, ``(n, n)``: n = 2 for one mass, 4
+    #: for two
+    derivative: FloatArray
     landings: int  #: number of landings in the period
-    max_landing_speed: float  #: fastest landing against the cam, m/s
-    min_landing_speed: float  #: slowest landing against the cam, m/s
+    max_landing_speed: float  #: speed of the fastest landing relative to the cam, m/s
+    min_landing_speed: float  #: speed of the slowest landing relative to the cam, m/s
 
     @property
     def period(self) -> int:
@@ -105,7 +115,10 @@ class PeriodicMotion:
 
     @property
     def state(self) -> State:
-        """State at the start and the end of a period, as in `TurnsRun.states`."""
+        """State at cam angle 0, at the start and end of a period.
+
+        Its numbers are those of `TurnsRun.states`.
+        """
         return tuple(self.states[-1].tolist())
 
     @property
@@ -137,7 +150,8 @@ class PeriodicMotion:
     def spiral(self) -> float:
         """Test function of a Neimark-Sacker bifurcation.
 
-        It is zero if two multipliers have the product 1. A conjugate pair then has the magnitude 1.
+        It is zero if two multipliers have the product 1. A complex conjugate pair then has the
+        magnitude 1.
         """
         pairs = combinations(self.multipliers.tolist(), 2)
         return float(np.prod([1.0 - a * b for a, b in pairs]).real)
@@ -145,7 +159,11 @@ class PeriodicMotion:
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """Operating point at which a periodic motion changes its kind."""
+    """Follower and speed at which a periodic motion appears, ends or becomes unstable.
+
+    ``kind`` is one of the keys of `DESCRIPTIONS`. ``period`` is in turns, None for the first
+    lift-off.
+    """
 
     kind: str
     point: OperatingPoint
@@ -153,7 +171,7 @@ class Bifurcation:
     landings: int  #: number of landings in the period before the bifurcation
 
     def same_as(self, other: Bifurcation, sweep: Sweep) -> bool:
-        """Return True if two bifurcations are one bifurcation, found in two ways."""
+        """Return True if two results are the same bifurcation, found from two branches."""
         value, other_value = sweep.value(self.point), sweep.value(other.point)
         same_kind = self.kind == other.kind and self.period == other.period
         return same_kind and abs(value - other_value) < BIFURCATION_RTOL * sweep.size(value)
@@ -163,23 +181,29 @@ class MotionNotFoundError(DynamicsError):
     """Error of a Newton iteration that does not converge to a periodic motion."""
 
 
-#: Function that returns the motion at a length along a branch, and its scaled state and value.
+#: Function that returns the periodic motion at a distance along a branch, with its scaled vector of
+#: state and swept value.
 Ahead = Callable[[float], tuple[PeriodicMotion, FloatArray]]
 
 
 @dataclass
 class Family:
-    """Family of periodic motions of one period, over the values of the swept quantity."""
+    """Periodic motions of one period (in turns), as functions of the swept quantity.
+
+    The swept quantity is, for example, the cam speed. Vectors ``(n + 1,)`` of the n numbers of a
+    state and of the swept value are scaled by their magnitudes.
+    """
 
     law: Law
     sweep: Sweep
     period: int
-    _scale: FloatArray = field(init=False)  #: of the state and of the swept value
+    #: scales of the state and of the swept value, ``(n + 1,)``
+    _scale: FloatArray = field(init=False)
 
     def at(self, value: float, state: State) -> PeriodicMotion:
         """Return the periodic motion at a swept value (SI) near a state.
 
-        It is found by Newton's iteration.
+        It is found by Newton's iteration from this state.
 
         Raises
         ------
@@ -194,11 +218,11 @@ class Family:
     def follow(
         self, start: PeriodicMotion, low: float, high: float, up: bool
     ) -> tuple[list[PeriodicMotion], list[Bifurcation]]:
-        """Follow a branch of periodic motions from a motion to its end.
+        """Follow a branch of periodic motions in one direction to its end.
 
-        The search stops at ``low`` or ``high`` (SI). ``up`` selects the direction of the first
-        step. The result is the motions in order along the branch, ``start`` first, and the
-        bifurcations.
+        The branch starts at the motion ``start`` and ends at the swept values ``low`` or ``high``
+        (SI) at the latest. ``up`` selects the direction of the first step. The result is the
+        motions in order along the branch, ``start`` first, and the bifurcations.
         """
         value = self.sweep.value(start.point)
         self._scale = self._scale_of(value, start.state)
@@ -225,16 +249,20 @@ class Family:
             if not low <= self.sweep.value(motion.point) <= high:
                 break
             point = next_point
-            if length > 10.0 * VALUE_STEP:  # a difference over a shorter step would span a corner
+            # With a shorter step, the difference quotient could include a discontinuity of the law.
+            if length > 10.0 * VALUE_STEP:
                 by_value = self._by_value(next_point)
             along = self._tangent(motion, by_value, along)
             length = min(1.5 * length, MAX_STEP)
-        else:  # the branch was not followed to its end
+        else:  # `MAX_STEPS` was reached
             bifurcations += self._end(motions[-1], point, along)
         return motions, bifurcations
 
     def _scale_of(self, value: float, state: State) -> FloatArray:
-        """Return the scales of the state and of the swept value, ``(n + 1,)``."""
+        """Return the magnitudes by which state and swept value are scaled, ``(n + 1,)``.
+
+        ``value`` is a swept value (SI), and ``state`` a state with n numbers.
+        """
         point = self.sweep.at(value)
         usual = StroboscopicMap(self.law, point.parameters, point.speed).scale
         return np.append(np.maximum(usual, np.abs(state)), self.sweep.size(value))
@@ -242,7 +270,8 @@ class Family:
     def _run(self, vector: FloatArray) -> tuple[FloatArray, PeriodicMotion]:
         """Run one period from a scaled vector of state and swept value, ``(n + 1,)``.
 
-        Returns the scaled state at the end of the period, ``(n,)``, and the motion.
+        Returns the scaled state at the end of the period, ``(n,)``, and the motion of the run. This
+        motion is periodic only if both states agree.
         """
         gap, *others, value = (vector * self._scale).tolist()
         point = self.sweep.at(value)
@@ -261,8 +290,9 @@ class Family:
     def _by_value(self, vector: FloatArray) -> FloatArray:
         """Return the derivative of the state after a period by the swept value, ``(n,)``.
 
-        Both are scaled. A difference does not extend beyond a graze, where the number of landings
-        changes.
+        It is a difference quotient at ``vector``, the state and swept value scaled by their
+        magnitudes. Points with another number of landings are not used, because the state is not
+        smooth there.
         """
         step = np.eye(vector.size)[-1] * VALUE_STEP
         vectors = [vector - step if vector[-1] > VALUE_STEP else vector, vector, vector + step]
@@ -272,10 +302,10 @@ class Family:
         return np.asarray((reached[last] - reached[first]) / distance)
 
     def _matrix(self, motion: PeriodicMotion, by_value: FloatArray) -> FloatArray:
-        """Return the scaled derivative of Pⁿ(x) − x, ``(n, n + 1)``.
+        """Return the scaled derivative of Pᵏ(x) − x, ``(n, n + 1)``.
 
-        It is by the state and the swept value. P is the map of one turn. ``by_value`` is the last
-        column.
+        P maps the state x with n numbers to the state one turn later, and the period is k turns.
+        The columns are the derivatives by the state and, last, by the swept value (``by_value``).
         """
         scale = self._scale[:-1]
         block = motion.derivative * scale / scale[:, None] - np.eye(scale.size)
@@ -284,9 +314,10 @@ class Family:
     def _tangent(
         self, motion: PeriodicMotion, by_value: FloatArray, along: FloatArray
     ) -> FloatArray:
-        """Return the unit vector along the branch, ``(n + 1,)``, on the side of ``along``.
+        """Return the unit vector along the branch, ``(n + 1,)``, in scaled units.
 
-        ``by_value`` is the derivative of the state after a period by the swept value.
+        Of the two directions it is the one closer to ``along``. ``by_value`` is the derivative of
+        the state after a period by the swept value.
         """
         vector = np.linalg.svd(self._matrix(motion, by_value))[2][-1]
         return np.asarray(vector if vector @ along >= 0.0 else -vector)
@@ -294,12 +325,12 @@ class Family:
     def _corrected(
         self, start: FloatArray, along: FloatArray, by_value: FloatArray
     ) -> tuple[PeriodicMotion, FloatArray]:
-        """Correct a scaled vector of state and swept value to a periodic motion.
+        """Correct an approximate vector of state and swept value to a periodic motion.
 
-        Newton's iteration starts at the point ``start`` and stays in the plane through it that is
-        normal to ``along``. ``by_value`` is the derivative of the state after a period by the swept
-        value. Returns the motion and its scaled vector, ``(n + 1,)``. Raises MotionNotFoundError
-        without convergence.
+        Newton's iteration starts at the scaled vector ``start`` and stays in the plane through it
+        that is normal to ``along``. ``by_value`` is the derivative of the state after a period by
+        the swept value. Returns the motion and its scaled vector, ``(n + 1,)``. Raises
+        `MotionNotFoundError` without convergence.
         """
         vector, last = start, math.inf
         for _ in range(MAX_ITERATIONS):
@@ -325,37 +356,42 @@ class Family:
     def _ahead(
         self, point: FloatArray, along: FloatArray, by_value: FloatArray, length: float
     ) -> tuple[PeriodicMotion, FloatArray]:
-        """Return the periodic motion at a distance along the branch, and its scaled vector.
+        """Return the periodic motion at a distance along the branch, with its vector.
 
-        ``point`` and ``along`` are the vector at which the distance starts, and the direction
-        there.
+        The scaled distance ``length`` is measured from the vector ``point`` in the direction
+        ``along``. Vectors contain state and swept value, scaled, ``(n + 1,)``.
         """
         return self._corrected(point + length * along, along, by_value)
 
     def _between(
         self, before: PeriodicMotion, after: PeriodicMotion, ahead: Ahead, length: float
     ) -> Iterator[Bifurcation]:
-        """Yield the bifurcations between two consecutive motions of a branch."""
+        """Yield the bifurcations between two consecutive motions of a branch.
+
+        ``ahead`` returns the motions between them, at distances from 0 to ``length``.
+        """
         for kind, name in ((FLIP, "flip"), (FOLD, "fold"), (SPIRAL, "spiral")):
             test: Callable[[PeriodicMotion], float] = attrgetter(name)
             if test(before) * test(after) < 0.0:
                 root = brentq(lambda part, f=test: f(ahead(part)[0]), 0.0, length, xtol=1e-15)
                 motion, _ = ahead(root)
                 if kind == SPIRAL and not motion.leading.imag:
-                    continue  # two real multipliers, one above 1 on both sides: no bifurcation
+                    # two real multipliers have the product 1, so this is not a bifurcation
+                    continue
                 reported = kind if abs(test(motion)) < PASS_ATOL else CORNER
                 yield Bifurcation(reported, motion.point, self.period, motion.landings)
                 if reported == CORNER:
-                    return  # the other test functions may jump there too, without a root
+                    return  # the other test functions may jump there too, without a bifurcation
 
     def _end(
         self, last: PeriodicMotion, point: FloatArray, along: FloatArray
     ) -> Iterator[Bifurcation]:
         """Yield the bifurcation at which a branch ends.
 
-        There the two halves of the period have become equal, or a landing appears or disappears.
-        There is no bifurcation if the swept quantity has reached its limit, such as a restitution
-        of 0.
+        ``last`` is the last motion, ``point`` its scaled vector and ``along`` the direction. At the
+        end the two halves of the period have become equal, or a landing appears or disappears, or
+        the derivative jumps. Nothing is yielded if the swept quantity has reached a limit, such as
+        a restitution of 0.
         """
         kind, (half_period, remainder) = LOST, divmod(self.period, 2)
         if (
@@ -382,16 +418,20 @@ class Family:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """Branch: periodic motions that form one curve over the swept quantity, in order."""
+    """Periodic motions that form one curve over the swept quantity, in order.
+
+    ``bifurcations`` are those on the curve and at its ends.
+    """
 
     motions: tuple[PeriodicMotion, ...]
     bifurcations: tuple[Bifurcation, ...]
     sweep: Sweep
 
     def contains(self, motion: PeriodicMotion) -> bool:
-        """Return True if the branch contains a motion.
+        """Return True if a motion lies on this branch.
 
-        The motion must lie between two motions of the branch and land as fast as they do.
+        It does if its swept value lies between those of two neighbouring motions, and its fastest
+        landing agrees with the interpolated one.
         """
         if motion.period != self.motions[0].period:
             return False
@@ -410,7 +450,10 @@ class Branch:
 def branch_through(
     law: Law, sweep: Sweep, start: PeriodicMotion, low: float, high: float
 ) -> Branch:
-    """Return the branch of a motion, followed both ways between two swept values (SI)."""
+    """Return the branch through a motion, followed in both directions.
+
+    The branch is followed between the swept values ``low`` and ``high`` (SI).
+    """
     family = Family(law, sweep, start.period)
     down, bifurcations_below = family.follow(start, low, high, up=False)
     up, bifurcations_above = family.follow(start, low, high, up=True)
@@ -426,8 +469,8 @@ def branches(
 ) -> tuple[Branch, ...]:
     """Return all branches of periodic motions between two swept values (SI).
 
-    ``starts`` lists the value (SI), a state and the period of each motion. A motion starts no
-    branch if the iteration does not find it, or if it is already on a branch.
+    ``starts`` lists the swept value (SI), a state and the period in turns of each known motion.
+    Motions that Newton's iteration does not find, or that lie on an earlier branch, are skipped.
     """
     result = list[Branch]()
     for value, state, period in starts:

@@ -1,4 +1,4 @@
-"""Command ``cam-rig bounce``: bouncing of a follower above its jump speed."""
+"""Command ``cam-rig bounce``, which classifies the motion of a bouncing follower."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from cam_rig.laws import Law
     from cam_rig.schema import RigConfig
 
-#: Default number of speeds of a sweep.
+#: Number of speeds if the option --rpm is omitted.
 DEFAULT_SPEEDS = 121
-#: Lowest default speed, as a multiple of the jump speed.
+#: Lowest speed if the option --rpm is omitted, as a multiple of the jump speed.
 MIN_JUMP_RATIO = 0.9
-#: Highest default speed, as a multiple of the jump speed.
+#: Highest speed if the option --rpm is omitted, as a multiple of the jump speed.
 MAX_JUMP_RATIO = 1.8
 
 
@@ -205,7 +205,10 @@ def _law_and_rig(cam: str, rig: str | None) -> tuple[Law, RigConfig]:
 
 
 def _parse_values(text: str) -> list[float]:
-    """Return the numbers in the option --values, None without the option."""
+    """Return the numbers in the text of the option --values.
+
+    Raises a `ConfigError` if the text has no numbers.
+    """
     from cam_rig.simulation.inputs import parse_numbers
 
     if not (values := parse_numbers(text)):
@@ -216,7 +219,7 @@ def _parse_values(text: str) -> list[float]:
 
 
 def _around_jump(law: Law, rig: RigConfig, model: Masses) -> list[float]:
-    """Return cam speeds (rpm) from below the jump speed to far above it."""
+    """Return the default cam speeds (rpm), from below the jump speed to far above it."""
     from cam_rig.studies.bounce.motion import bouncing
     from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
     from cam_rig.units import RPM

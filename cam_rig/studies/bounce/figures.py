@@ -1,4 +1,4 @@
-"""Figures of a bounce map, of basins and of phase portraits."""
+"""Figures of a bounce map, of basins of attraction and of phase portraits."""
 
 from __future__ import annotations
 
@@ -17,10 +17,9 @@ from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, PERIODIC, UNDET
 from cam_rig.studies.bounce.result import BounceMap
 from cam_rig.studies.bounce.sweep import SPEED, SWEPT
 
-#: Height above the lower edge at which exponents of −∞ are marked, as a fraction of the height of
-#: the axes.
+#: Height at which Lyapunov exponents of −∞ are marked, as a fraction of the height of the axes.
 MARK_HEIGHT = 0.04
-#: Largest number of motions that get a colour and a portrait.
+#: Largest number of final motions that get a colour and a phase portrait.
 MAX_MOTIONS = 6
 
 
@@ -28,8 +27,9 @@ MAX_MOTIONS = 6
 def figure(result: BounceMap) -> Figure:
     """Draw fastest landing of each turn, Lyapunov exponent and sound level.
 
-    The horizontal axis is the swept quantity. Followed branches are lines, dotted if the motion is
-    unstable. A dotted vertical line marks the first lift-off if it is within the swept range.
+    The horizontal axis is the swept quantity. Branches of periodic motions are lines, dotted where
+    the motion is unstable. A dotted vertical line marks the first lift-off if it is within the
+    swept range.
     """
     has_level = result.rows[0].level_db is not None
     out = empty(5.6 if has_level else 4.2)
@@ -102,7 +102,7 @@ def _levels(axes: Axes, result: BounceMap) -> None:
 
 @styled
 def basin_figure(result: Basins) -> Figure:
-    """Draw the initial states by final motion, and the motions' phase portraits."""
+    """Draw which motion each initial state ends in, and the motions' phase portraits."""
     out = empty(3.9)
     left, right = out.subplots(1, 2)
     looks = [series_marker(i) for i in range(min(MAX_MOTIONS, len(result.motions)))]

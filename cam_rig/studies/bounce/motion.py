@@ -1,6 +1,6 @@
-"""Kind and Lyapunov exponents of a motion, from a run of many turns.
+"""Kind and Lyapunov exponents of a bouncing motion, from a run of many turns.
 
-A motion is in contact, periodic, irregular or undetermined.
+The kind is in contact, periodic, irregular or undetermined.
 """
 
 from __future__ import annotations
@@ -16,45 +16,50 @@ from cam_rig.dynamics.turn_map import StroboscopicMap, TurnsRun
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
 
-#: Followers that can bounce: one rigid mass, or a roller and an end mass on an elastic stem.
+#: Parameters of followers that can bounce: one rigid mass, or a roller and an end mass on an
+#: elastic stem.
 Bouncing = FollowerParameters | TwoMassParameters
 #: Name of the model of one rigid mass.
 ONE_MASS = "one_mass"
 #: Name of the model of two masses and a stem.
 TWO_MASS = "two_mass"
-#: Kind of a motion that does not leave the cam, as tables and JSON contain it.
+#: Kind of a motion that does not leave the cam, as written in tables and JSON.
 IN_CONTACT = "in contact"
-#: Kind of a motion whose turns repeat.
+#: Kind of a motion that repeats after a whole number of turns.
 PERIODIC = "periodic"
 #: Kind of a motion whose largest Lyapunov exponent is positive.
 IRREGULAR = "irregular"
-#: Kind of a motion that neither repeats nor has a positive exponent beyond its error.
+#: Kind of a motion that does not repeat, and whose largest Lyapunov exponent is not positive by
+#: more than its error.
 UNDETERMINED = "undetermined"
-#: Smallest number of times that a period must repeat in the classified turns.
+#: Smallest number of times that a period must fit into the classified turns.
 MIN_REPEATS = 4
-#: Relative rounding error of a state.
+#: Rounding error of a state, relative to its scale.
 STATE_RTOL = 1e-16
-#: Number of blocks of turns. The error of an exponent follows from the scatter of their means.
+#: Number of blocks into which the turns are divided. The error of an exponent follows from the
+#: scatter of the means of the blocks.
 BLOCKS = 10
-#: Student's t for the mean of `BLOCKS` means, two-sided, 95 %.
+#: Student's t for the 95 % confidence interval (two-sided) of a mean of `BLOCKS` values.
 STUDENT = 2.262
 
 
 @dataclass(frozen=True, eq=False)
 class TurnMotion:
-    """Motion of a follower, observed once per turn.
+    """Motion of a follower, classified from its state at the end of each turn.
 
     A Lyapunov exponent is the mean logarithm of the growth of a small change per turn. The largest
-    exponent is first. A mass that rests on the cam has no freedom there. One mass then has two
-    exponents of −∞. With two masses the last two are −∞, and the others describe the end mass on
-    its stem. An exponent is NaN if it is undetermined.
+    exponent is first, and an exponent is NaN if it is undetermined. While a mass rests on the cam
+    it cannot move freely, so changes of its state are lost. One mass that rests in each period thus
+    has two exponents of −∞. With two masses the last two are then −∞, and the first two describe
+    the end mass on its stem.
     """
 
     motion: str
     period: int | None  #: turns after which the motion repeats, None if it does not
     settled: int | None  #: first turn from which on the motion repeats, None if it does not
     exponents: tuple[float, ...]  #: Lyapunov exponents, 1/turn
-    exponent_error: float  #: error of the largest exponent, 1/turn, 95 %, from its convergence
+    #: error of the largest exponent, 1/turn: its change over the last period, or a 95 % half-width
+    exponent_error: float
 
     @property
     def lyapunov_exponent(self) -> float:
@@ -65,7 +70,8 @@ class TurnMotion:
 def bouncing(rig: RigConfig, restitution: float | None, model: str = ONE_MASS) -> Bouncing:
     """Return the follower of a rig with a coefficient of restitution.
 
-    ``restitution`` None selects the value of the rig. A rig without a value is refused.
+    ``restitution`` None selects the value of the rig, and raises a `ConfigError` if the rig has
+    none. ``model`` is `ONE_MASS` or `TWO_MASS`.
     """
     if restitution is None:
         rig.need("restitution", "bouncing", "set --restitution, in Python restitution")
@@ -75,7 +81,10 @@ def bouncing(rig: RigConfig, restitution: float | None, model: str = ONE_MASS) -
 
 
 def motion_of(turn_map: StroboscopicMap, run: TurnsRun, turns: int) -> TurnMotion:
-    """Return the motion in the last ``turns`` turns of a run."""
+    """Classify the motion in the last ``turns`` turns of a run.
+
+    ``turn_map`` is the map of one turn that computed the run.
+    """
     landings = run.landings[-turns:]
     flies_on = not landings.any() and not run.contact_times[-turns:].all()
     if flies_on or _rounding_grows(run, turn_map.scale, turns):
@@ -96,11 +105,11 @@ def motion_of(turn_map: StroboscopicMap, run: TurnsRun, turns: int) -> TurnMotio
 
 
 def _rounding_grows(run: TurnsRun, scale: FloatArray, turns: int) -> bool:
-    """Return True if rounding exceeds `PERIOD_RTOL` between two rests.
+    """Return True if rounding errors can grow to `PERIOD_RTOL` before the next rest.
 
-    The last ``turns`` turns are evaluated. A rest on the cam removes all earlier differences, so a
-    motion with rests repeats exactly or not at all. The growth of a change from each rest to the
-    next decides if this is determined.
+    Such a motion cannot be classified. A rest on the cam removes all earlier differences, so a
+    motion with rests repeats exactly or not at all. The growth of a small change from each rest to
+    the next shows whether the repetition is reliable. The last ``turns`` turns are evaluated.
     """
     product = None
     derivatives = run.derivatives[-turns:] / scale[:, None] * scale
@@ -115,9 +124,10 @@ def _rounding_grows(run: TurnsRun, scale: FloatArray, turns: int) -> bool:
 
 
 def _find_period(states: FloatArray) -> int | None:
-    """Return the least number of turns after which states repeat, or None.
+    """Return the least number of turns after which the states repeat, or None.
 
-    The states ``(turns, n)`` must repeat in the whole second half of the turns.
+    ``states`` are the scaled states at the ends of the turns, ``(turns, n)``. They must repeat in
+    the whole second half of the turns, and at least `MIN_REPEATS` periods must fit into the turns.
     """
     half = len(states) // 2
     for turns in range(1, len(states) // MIN_REPEATS + 1):
@@ -129,8 +139,9 @@ def _find_period(states: FloatArray) -> int | None:
 def _largest_exponent(derivatives: FloatArray) -> float:
     """Return the largest Lyapunov exponent of a periodic motion, 1/turn.
 
-    It is ln |μ| per turn for the largest multiplier μ of the period, −∞ for 0. ``derivatives`` are
-    those of its turns, ``(turns, n, n)``.
+    It is ln |μ| divided by the period in turns. The multiplier μ is the largest eigenvalue of the
+    derivative over the period. The exponent is −∞ for μ = 0. ``derivatives`` are those of the turns
+    of a period, ``(turns, n, n)``.
     """
     product = np.eye(derivatives.shape[1])
     for derivative in derivatives:
@@ -140,11 +151,12 @@ def _largest_exponent(derivatives: FloatArray) -> float:
 
 
 def _all_exponents(largest: float, growth: FloatArray) -> tuple[float, ...]:
-    """Return all exponents, 1/turn, from the largest and the growth of each direction.
+    """Return all Lyapunov exponents of a periodic motion, 1/turn.
 
-    ``largest`` is the largest exponent, ``growth`` the mean growth of each direction. Two
-    directions together grow as areas do. The same applies to a pair of multipliers. The small
-    multipliers of a long product are below its rounding error, so they are not used.
+    ``largest`` is the largest exponent, from the multipliers. ``growth`` is the mean logarithm of
+    the growth of each of n directions. The first two directions span an area, whose growth is
+    exact, so the second exponent is the difference. It is not computed from the small multipliers,
+    because these are below the rounding error of a long product of derivatives.
     """
     if largest == -math.inf:
         return (largest,) * growth.size
@@ -153,13 +165,13 @@ def _all_exponents(largest: float, growth: FloatArray) -> tuple[float, ...]:
 
 
 def _without_period(growth: FloatArray) -> TurnMotion:
-    """Return an irregular motion if the largest exponent exceeds its error.
+    """Return the classified motion of turns that do not repeat.
 
-    Otherwise the motion is undetermined. ``growth`` is the growth of each direction per turn,
-    ``(turns, n)``.
+    It is irregular if the largest Lyapunov exponent exceeds its error, otherwise undetermined.
+    ``growth`` is the logarithm of the growth of each direction per turn, ``(turns, n)``.
     """
     largest = growth[:, 0]
-    if not np.isfinite(largest).all():  # a turn started on the cam, or some turns rest there
+    if not np.isfinite(largest).all():  # in a turn with a rest on the cam the growth is −∞
         undetermined = (math.nan,) * growth.shape[1]
         return TurnMotion(UNDETERMINED, None, None, undetermined, math.nan)
     means = np.array([block.mean() for block in np.array_split(largest, BLOCKS)])

@@ -1,6 +1,7 @@
-"""Result of a bounce map: one row per swept value, and the column definitions.
+"""Result of a bounce map: one row per value of the swept quantity.
 
-The rows describe the motion of the follower.
+A row describes the motion of the follower at this value. The column definitions for tables and
+files are here too.
 """
 
 from __future__ import annotations
@@ -30,27 +31,34 @@ from cam_rig.studies.bounce.sweep import (
 )
 from cam_rig.units import RPM, FloatArray
 
-#: Choice of the start state: each row starts at rest on the cam.
+#: Choice of the initial state: each run starts at rest on the cam.
 START_ON_CAM = "rest"
-#: Choice of the start state: each row starts in the end state of the row below.
+#: Choice of the initial state: each run starts in the end state of the run at the next lower swept
+#: value.
 START_BELOW = "below"
-#: Choice of the start state: each row starts in the end state of the row above.
+#: Choice of the initial state: each run starts in the end state of the run at the next higher swept
+#: value.
 START_ABOVE = "above"
 
 
 @dataclass(frozen=True, eq=False)
 class BounceRow(TurnMotion):
-    """Motion of the follower at one swept value, with landings and sound level."""
+    """Motion of the follower at one value of the swept quantity.
+
+    Kept turns are the last turns of the run, after the transient. The sound levels are None if the
+    rig has no data for them.
+    """
 
     point: OperatingPoint
     landings_per_turn: float
-    comes_to_rest: bool  #: True if it comes to rest on the cam in the kept turns
+    comes_to_rest: bool  #: True if the follower comes to rest on the cam in the kept turns
     level_db: float | None
-    level_spread_db: float | None  #: level of the loudest turn less that of the quietest, dB
+    level_spread_db: float | None  #: level of the loudest turn minus that of the quietest turn, dB
     max_landing_speed: (
-        FloatArray  #: ``(n,)`` m/s, fastest landing of each turn: of a period, or all kept
+        #: fastest landing of each turn, m/s, ``(n,)``: of one period, or of all kept turns
+        FloatArray
     )
-    states: FloatArray  #: at the ends of those turns, as in `TurnsRun.states`
+    states: FloatArray  #: states at the ends of the same turns, as in `TurnsRun.states`
 
     @property
     def rpm(self) -> float:
@@ -59,11 +67,11 @@ class BounceRow(TurnMotion):
 
     @property
     def end(self) -> State:
-        """State at the end of the last turn, as in `TurnsRun.states`."""
+        """State of the follower at the end of the last turn, as in `TurnsRun.states`."""
         return tuple(self.states[-1].tolist())
 
 
-#: Note of rows that come to rest on the cam.
+#: Note below the table for motions that come to rest on the cam.
 RESTS = Footnote(
     "It comes to rest on the cam, where the mass in contact has no freedom. Every change of one "
     "mass decays there, and the exponent is −∞. Of two masses the end mass continues to vibrate. "
@@ -74,15 +82,15 @@ RESTS = Footnote(
 
 
 def _nth_exponent(number: int, row: BounceRow) -> float | None:
-    """Return the Lyapunov exponent (1/turn) with a number, counted from 1.
+    """Return the Lyapunov exponent (1/turn) with the given number, counted from 1.
 
     It is None if the model has fewer exponents.
     """
     return row.exponents[number - 1] if number <= len(row.exponents) else None
 
 
-#: Columns of the largest Lyapunov exponent and its error. The tables of the sweep (`BounceRow`) and
-#: of the basins (`EndMotion`) share them.
+#: Columns of the largest Lyapunov exponent and its error, shared by the tables of bounce maps and
+#: of basins of attraction.
 EXPONENT = (
     Column(
         "lyapunov_exponent",
@@ -94,7 +102,7 @@ EXPONENT = (
     Column("exponent_error", "1/turn", ".1g", "error", doc="95 %"),
 )
 
-#: Note of rows whose motion is undetermined.
+#: Note below the table for motions of undetermined kind.
 UNDETERMINED_NOTE = Footnote(
     "Undetermined: the turns do not repeat yet, and no exponent above its error shows that they "
     "never will; or the follower never lands. More transient turns may decide.",
@@ -105,9 +113,10 @@ UNDETERMINED_NOTE = Footnote(
 
 @dataclass(frozen=True, repr=False)
 class BounceMap(Result):
-    """Bounce map: motion of a follower per turn over one swept quantity.
+    """Bounce map: motion of a follower over the values of one swept quantity.
 
-    The quantity is speed, restitution, preload or mass.
+    The quantity is the cam speed, the restitution, the preload or the mass. Each of the ``rows`` is
+    the motion at one value.
     """
 
     schema = "cam_rig.bounce.1"
@@ -173,10 +182,10 @@ class BounceMap(Result):
     law: Law
     rig: RigConfig
     sweep: Sweep
-    start: str  #: ``rest``, ``below`` or ``above``
-    lift_off: float  #: value at which contact is first lost, SI: rad/s if the speed is swept
+    start: str  #: initial state of each run: ``rest``, ``below`` or ``above``
+    lift_off: float  #: swept value at which contact is first lost, SI (a speed in rad/s)
     rows: tuple[BounceRow, ...]
-    branches: tuple[Branch, ...] = ()  #: empty unless branches were requested
+    branches: tuple[Branch, ...] = ()  #: curves of periodic motions, empty unless requested
 
     @property
     def jump_rpm(self) -> float:
@@ -184,29 +193,34 @@ class BounceMap(Result):
         return self.lift_off / RPM if self.sweep.parameter == SPEED else math.nan
 
     def swept(self, points: Iterable[Any]) -> FloatArray:
-        """Return the swept quantity of several points in its displayed unit, ``(n,)``.
+        """Return the swept quantity of several results in its displayed unit, ``(n,)``.
 
-        ``points`` are rows, motions or bifurcations.
+        ``points`` are results with an operating point: rows, periodic motions or bifurcations.
         """
         return np.array([getattr(item.point, self.sweep.parameter) for item in points], dtype=float)
 
     def stem(self, number: int) -> FloatArray:
-        """Return a component of the state at the end of each turn, NaN if there is none.
+        """Return one number of the follower's state at the end of each turn.
 
-        The components of the stem exist for two masses only.
+        The numbers 2 and 3 are the stretch (m) of the stem and its rate (m/s). For one mass they
+        are NaN.
         """
         states = np.concatenate([row.states for row in self.rows])
         return states[:, number] if number < states.shape[1] else np.full(len(states), math.nan)
 
     def per_turn(self, numbers: Iterable[float]) -> FloatArray:
-        """Repeat one number per row to one number per turn."""
+        """Repeat each row's number for each turn that the row stores.
+
+        ``numbers`` has one number per row of the bounce map.
+        """
         return np.repeat(list(numbers), [row.max_landing_speed.size for row in self.rows])
 
     def tables(self) -> list[Records]:
         """Return the tables ``speeds``, ``bifurcations``, ``orbits`` and ``turns``.
 
-        The last two are exported as data only. ``turns`` contains each turn of a period once, and
-        all kept turns of a motion without a period.
+        ``speeds`` has one row per swept value, and ``orbits`` the periodic motions of the branches.
+        The last two tables are exported as data only. ``turns`` contains each turn of a period
+        once, and all kept turns of a motion without a period.
         """
         motions = [item for branch in self.branches for item in branch.motions]
         bifurcations = self.bifurcations if self.branches else []
@@ -237,12 +251,12 @@ class BounceMap(Result):
 
     @property
     def title(self) -> str:
-        """Cam, rig, number of masses, and the fixed quantities, as text."""
+        """Cam, rig, model and fixed quantities, as the text of a title."""
         return f"{self.law.name} on rig {self.rig.name}, {self.fixed_text}"
 
     @property
     def fixed_text(self) -> str:
-        """Quantities that are fixed, and the start of each row, as text."""
+        """Quantities that are not swept, and the choice of the initial state, as text."""
         base, parameter = self.sweep.base, self.sweep.parameter
         speed = [] if parameter == SPEED else [f"{base.rpm:g} rpm"]
         restitution = [] if parameter == RESTITUTION else [f"restitution {base.restitution:g}"]
@@ -251,9 +265,9 @@ class BounceMap(Result):
 
     @property
     def bifurcations(self) -> list[Bifurcation]:
-        """First lift-off and bifurcations of the branches within the swept range.
+        """First lift-off and bifurcations of the branches, in order of the swept value.
 
-        They are in order of the swept value.
+        Only those within the swept range are included, each once.
         """
         sweep, changes = self.sweep, list[Bifurcation]()
         if math.isfinite(self.lift_off):
@@ -266,7 +280,10 @@ class BounceMap(Result):
         return sorted(within, key=lambda item: sweep.value(item.point))
 
     def summary(self) -> list[str]:
-        """Return a line with the first loss of contact and the number of rows per kind."""
+        """Return one line: the first loss of contact, and the number of rows per kind.
+
+        The kinds are in contact, periodic, irregular and undetermined.
+        """
         kinds, parameter = [row.motion for row in self.rows], self.sweep.parameter
         counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in KINDS if kind in kinds)
         if parameter == SPEED:
@@ -281,9 +298,10 @@ class BounceMap(Result):
 
 
 def _rows_of_change(rows: Sequence[BounceRow]) -> list[BounceRow]:
-    """Return the first and the last of consecutive rows with the same kind of motion.
+    """Return the rows at which the motion changes, to shorten a table.
 
-    Rows are equal in kind of motion, period and rest.
+    Of consecutive rows with the same kind of motion, period and rest, only the first and the last
+    are returned.
     """
     kinds = [(row.motion, row.period, row.comes_to_rest) for row in rows]
     last = len(rows) - 1
@@ -294,11 +312,12 @@ def _rows_of_change(rows: Sequence[BounceRow]) -> list[BounceRow]:
     ]
 
 
-#: Largest number of rows that a terminal shows completely.
+#: Largest number of rows that a terminal shows completely. A longer table is shortened to the rows
+#: at which the motion changes.
 MAX_SHOWN_ROWS = 40
 #: Kinds of motion in the order of the summary.
 KINDS = (IN_CONTACT, PERIODIC, IRREGULAR, UNDETERMINED)
-#: Start of each row as text.
+#: Description of each choice of the initial state, for titles.
 START_TEXT = {START_ON_CAM: "each from the cam"} | {
     x: f"each from the one {x}" for x in (START_BELOW, START_ABOVE)
 }

@@ -1,6 +1,7 @@
-"""Rows of a bounce map: their computation, and storage in Parquet files.
+"""Computation of the rows of a bounce map, and their storage in Parquet files.
 
-The files have the format of a campaign's files, with the columns of a bounce map.
+A row is the motion at one value of the swept quantity. The files have the format of a campaign's
+files, with the columns of a bounce map.
 """
 
 from __future__ import annotations
@@ -34,19 +35,19 @@ from cam_rig.studies.bounce.result import BounceMap, BounceRow
 from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.units import NS
 
-#: Largest number of turns over which the sound level is averaged. The sound starts one turn
-#: earlier.
+#: Largest number of turns over which the sound level is averaged. The sound is computed from one
+#: turn earlier, so that its filters settle.
 LEVEL_TURNS = 16
 
 
 @dataclass(frozen=True)
 class BounceRuns:
-    """Runs of a bounce map: law, swept values, numbers of turns and sound radiation."""
+    """Input of a bounce map: law, swept values, numbers of turns and sound radiation."""
 
     law: Law
     sweep: Sweep
     values: tuple[float, ...]  #: values of the swept quantity, SI
-    radiation: RadiationParameters | None  #: None if the rig does not define it
+    radiation: RadiationParameters | None  #: sound radiation of the rig, None if undefined
     transient_turns: int  #: turns before the kept turns
     turns: int  #: number of kept turns
 
@@ -71,12 +72,15 @@ class BounceRuns:
 
     @property
     def total(self) -> int:
-        """Number of rows of the bounce map."""
+        """Number of rows of the bounce map, one per value of the swept quantity."""
         return len(self.values)
 
     @property
     def text(self) -> str:
-        """All numbers on which the rows depend, as JSON, with a digest of the law."""
+        """JSON text of everything on which the rows depend, to detect changed inputs.
+
+        The law is represented by a hash.
+        """
         digest = hashlib.sha256()
         for part in (self.law.breaks, self.law.ordinates):
             digest.update(np.ascontiguousarray(part).tobytes())
@@ -91,9 +95,9 @@ class BounceRuns:
         return json.dumps(numbers, sort_keys=True)
 
     def row(self, value: float, start: State = ON_THE_CAM) -> BounceRow:
-        """Compute the row of a swept value (SI).
+        """Compute the motion at one value (SI) of the swept quantity.
 
-        The run starts in the state ``start``, as in `TurnsRun.states`.
+        The run starts in the state ``start``, as in `TurnsRun.states` (default: on the cam).
         """
         point = self.sweep.at(value)
         turn_map = StroboscopicMap(self.law, point.parameters, point.speed)
@@ -113,20 +117,24 @@ class BounceRuns:
         )
 
     def rows(self, values: Sequence[float]) -> list[BounceRow]:
-        """Compute the rows of several swept values (SI), each with a start on the cam."""
+        """Compute the motions at several values (SI) of the swept quantity.
+
+        Each run starts on the cam.
+        """
         return [self.row(value) for value in values]
 
     def _level(
         self, point: OperatingPoint, turn_map: StroboscopicMap, run: TurnsRun, turns: int
     ) -> tuple[float | None, float | None]:
-        """Return the sound level (dB) of the last ``turns`` turns, and its range (dB).
+        """Return the sound level (dB) of the last turns, and its range from turn to turn.
 
-        Both are None without radiation data.
+        The range is the level of the loudest turn minus that of the quietest, dB. ``turns`` is the
+        number of turns. Both results are None if the rig has no radiation data.
         """
         if self.radiation is None:
             return None, None
         state = turn_map.follower(run.states[-turns - 2].tolist())
-        # The mass sets the duration of a landing: half a period on the stem.
+        # The duration of a landing is half a period of the mass on the stem.
         pulse = math.pi * math.sqrt(
             point.mass / require_parameter("stem_stiffness", point.parameters.stem_stiffness)
         )
@@ -146,9 +154,9 @@ class BounceRuns:
         return float(level_db(math.sqrt(np.mean(by_turn**2)))), float(np.ptp(levels))
 
 
-# Rows in a folder of Parquet files.
+# Storage of the rows in a folder of Parquet files.
 
-#: Arrow types of the columns that are not floating-point numbers.
+#: Arrow types of the columns that do not contain floating-point numbers.
 ARROW_TYPES = {"motion": "string", "period": "int64", "settled": "int64", "comes_to_rest": "bool_"}
 #: Columns of the Parquet file that have the name of a field of `BounceRow`.
 ROW_FIELDS = (
@@ -160,21 +168,21 @@ ROW_FIELDS = (
     "level_db",
     "level_spread_db",
 )
-#: Fields of `BounceRow` with a list, which the figure and the next row need, with their units.
+#: Fields of `BounceRow` that contain an array, stored as lists, with their units.
 LIST_UNITS = {"max_landing_speed": "m/s", "states": "SI"}
 
 
 @dataclass(frozen=True)
 class BounceBatch(Batch):
-    """Computed rows of consecutive swept values."""
+    """Rows of a bounce map for consecutive swept values, computed by one process."""
 
     rows: list[BounceRow]
 
 
 def compute_batch(runs: BounceRuns, first: int, last: int) -> BounceBatch:
-    """Compute the rows of the values ``first`` to ``last`` (exclusive).
+    """Compute the rows of the swept values ``first`` to ``last`` (exclusive).
 
-    Each run starts on the cam.
+    Each run starts on the cam. The arguments are indices into ``runs.values``.
     """
     start = time.process_time()
     rows = runs.rows(runs.values[first:last])
@@ -183,9 +191,10 @@ def compute_batch(runs: BounceRuns, first: int, last: int) -> BounceBatch:
 
 @dataclass(frozen=True, eq=False)
 class BounceFiles(PointFiles):
-    """Parquet files of rows: ``point``, the columns of ``speeds``, and `LIST_UNITS`.
+    """Parquet files of the rows of a bounce map.
 
-    An exponent of −∞ is stored as −∞.
+    The columns are the index ``point`` of the swept value, the columns of the table ``speeds``, and
+    those of `LIST_UNITS`. An exponent of −∞ is stored as −∞.
     """
 
     campaign: BounceRuns
@@ -206,7 +215,7 @@ class BounceFiles(PointFiles):
         return pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata=self.origin))
 
     def rows(self) -> Iterator[BounceRow]:
-        """Yield all stored rows of the bounce map, in order."""
+        """Yield all stored rows of the bounce map in order of the swept values."""
         runs = self.campaign
         for table in self.tables():
             for row in table.to_pylist():
@@ -225,9 +234,11 @@ class BounceFiles(PointFiles):
 def stored_rows(
     files: BounceFiles, resume: bool, executor: Executor | None, workers: int, progress: Progress
 ) -> list[BounceRow]:
-    """Return the rows of all values, and compute and store the missing rows.
+    """Return all rows of a bounce map, after computing and storing the missing rows.
 
-    ``resume`` is True to keep the rows that are already stored.
+    ``resume`` is True to keep rows that are stored already. If it is False, a folder with rows
+    raises a `ConfigError`. ``workers`` is the number of batches that the executor processes at a
+    time.
     """
     require("pyarrow")
     with files.open(resume) as damaged:

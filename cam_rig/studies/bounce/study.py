@@ -1,4 +1,7 @@
-"""Bounce maps: motion of a follower per turn over a swept quantity."""
+"""Function ``bounce_map``: motion of a follower over values of a swept quantity.
+
+The motion is observed once per turn of the cam.
+"""
 
 from __future__ import annotations
 
@@ -33,11 +36,11 @@ from cam_rig.studies.bounce.rows import BounceFiles, BounceRuns, stored_rows
 from cam_rig.studies.bounce.sweep import RESTITUTION, SPEED, SWEPT, OperatingPoint, Sweep
 from cam_rig.units import RPM
 
-#: Number of rows that are sent to a process together.
+#: Number of rows (runs at one swept value) that are sent to a process together.
 BATCH_ROWS = 4
-#: Smallest number of turns for which a motion can be classified as periodic or not.
+#: Smallest number of kept turns from which a motion can be classified.
 MIN_TURNS = 5 * MIN_REPEATS
-#: Largest number of turns of a row. A row of this length takes about 40 s and 240 MB.
+#: Largest number of turns per run. A run of this length takes about 40 s and 240 MB.
 MAX_TURNS = 2_000_000
 
 
@@ -61,11 +64,12 @@ def bounce_map(
     workers: int = 1,
     progress: Progress = NULL_PROGRESS,
 ) -> BounceMap:
-    """Compute the motion of a follower per turn: at rest, periodic or irregular.
+    """Compute the motion of a follower per turn: in contact, periodic or irregular.
 
-    The command is ``cam-rig bounce``. Impacts are roots and flights are closed forms, so the
-    derivative of each turn is exact, and the Lyapunov exponent is not estimated from a time series.
-    A motion whose exponent is zero within its error is "undetermined".
+    The command is ``cam-rig bounce``. Landings are exact roots and flights have a closed form. The
+    derivative of each turn is therefore exact, and the Lyapunov exponent is not estimated from a
+    time series. A motion that does not repeat, and whose exponent is not positive by more than its
+    error, is "undetermined".
 
     Parameters
     ----------
@@ -83,24 +87,26 @@ def bounce_map(
     parameter : str, optional
         Swept quantity: ``rpm`` (default), ``restitution``, ``preload`` or ``mass``.
     values : sequence of float, optional
-        Values of the swept quantity at one speed, preload in N, mass in kg.
+        Values of a swept quantity other than ``rpm``: preload in N, mass in kg.
     turns : int, optional
-        Number of kept turns of each row, at least 20 (default: 200).
+        Number of kept turns of each run, at least 20 (default: 200). The motion is classified from
+        them.
     transient_turns : int, optional
         Number of turns before the kept turns (default: 300).
     start : str, optional
-        ``rest`` (default): each row starts on the cam. ``below`` or ``above``: it starts in the end
-        state of that neighbouring row.
+        Initial state of each run. ``rest`` (default): at rest on the cam. ``below`` or ``above``:
+        the end state of the run at the next lower or higher swept value.
     continuation : bool, optional
-        Follow each periodic motion that does not rest over all rows, and find its bifurcations.
+        Follow each periodic motion that does not rest on the cam over all swept values, and find
+        its bifurcations (default: False).
     out : str or Path, optional
-        Folder of Parquet files in which rows are stored.
+        Folder of Parquet files in which rows are stored (default: not stored).
     resume : bool, optional
-        Compute only the rows that the folder does not contain.
+        Compute only the rows that the folder does not contain (default: False).
     executor : Executor, optional
-        Executor that computes rows from the cam (default: this process).
+        Executor that computes the rows if each run starts at rest (default: this process).
     workers : int, optional
-        Number of batches that the executor processes at a time.
+        Number of batches that the executor processes at a time (default: 1).
     progress : Progress, optional
         Receiver of the progress.
 
@@ -112,7 +118,8 @@ def bounce_map(
     Raises
     ------
     ConfigError
-        If an argument is out of range, or a number is missing in the rig.
+        If an argument is out of range, a number is missing in the rig, or the folder has rows of
+        another bounce map, or any rows without ``resume``.
     DynamicsError
         If a swept value is invalid, or a turn has too many landings.
     OutputError
@@ -156,9 +163,10 @@ def bounce_map(
 def _compute_rows(
     runs: BounceRuns, start: str, executor: Executor | None, progress: Progress
 ) -> list[BounceRow]:
-    """Compute one row per value, each from the cam or from the row before it.
+    """Compute one row per swept value, in rising order.
 
-    ``start`` selects the initial state, see `bounce_map`.
+    ``start`` selects the initial state of each run: at rest on the cam, or the end state of the run
+    at the neighbouring value. Only runs from rest use the executor.
     """
     progress.start(runs.total, runs.law.name)
     rows = list[BounceRow]()
@@ -185,7 +193,11 @@ def _sweep(
     parameter: str,
     values: Speeds | None,
 ) -> tuple[Sweep, list[float]]:
-    """Return the swept quantity, and its values in SI in rising order."""
+    """Return the swept quantity, and its values in SI in rising order.
+
+    The arguments are those of `bounce_map`. Invalid values raise an error before any row is
+    computed.
+    """
     if model not in (ONE_MASS, TWO_MASS):
         raise ConfigError(f"model must be {ONE_MASS} or {TWO_MASS}, got {model!r}")
     if parameter not in SWEPT:
@@ -207,7 +219,7 @@ def _sweep(
             raise ConfigError("restitution cannot be combined with a swept restitution")
         restitution = swept[0]
     sweep = Sweep(OperatingPoint(bouncing(rig, restitution, model), rpm[0] * RPM), parameter)
-    for value in swept:  # an invalid value is refused before any row is computed
+    for value in swept:  # raises an error for an invalid value
         sweep.at(value)
     return sweep, swept
 

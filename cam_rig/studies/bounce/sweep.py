@@ -1,6 +1,6 @@
-"""Swept quantity of a bounce map.
+"""Quantity that a bounce map varies: the cam speed, or a number of the follower.
 
-It is the cam speed or, at one speed, a number of the follower.
+The number of the follower is its restitution, preload or mass, at one cam speed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ RESTITUTION = "restitution"
 PRELOAD = "preload"
 #: Key of the mass as the swept quantity.
 MASS = "mass"
-#: Swept quantities: heading, displayed unit, and its value in SI.
+#: Heading, displayed unit, and size of this unit in SI, of each quantity that can be swept.
 SWEPT = {
     SPEED: ("speed", "rpm", RPM),
     RESTITUTION: ("restitution", "", 1.0),
@@ -42,16 +42,16 @@ SWEPT = {
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Operating point: a follower and a cam speed (rad/s)."""
+    """Follower parameters and cam speed (rad/s) of one run."""
 
     parameters: Bouncing
     speed: float
 
     @property
     def rpm(self) -> float:
-        """Cam speed, rpm.
+        """Cam speed in rpm, rounded to 15 digits.
 
-        It is rounded to the 15 digits that the conversion from rad/s preserves.
+        The conversion from rad/s preserves this number of digits.
         """
         return float(f"{to_rpm(self.speed):.15g}")
 
@@ -73,9 +73,9 @@ class OperatingPoint:
 
 
 def point_columns(digits: str = ".6g") -> tuple[Column, ...]:
-    """Return the table columns of an operating point, one per quantity.
+    """Return table columns for speed, restitution, preload and mass of a run.
 
-    All except the speed are hidden.
+    Only the column of the speed is displayed by default. ``digits`` is the number format.
     """
     return tuple(
         Column(key, unit, digits, heading, of=f"point.{key}", hidden=key != SPEED)
@@ -85,16 +85,19 @@ def point_columns(digits: str = ".6g") -> tuple[Column, ...]:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Swept quantity, and the operating point that it varies.
+    """Quantity that a bounce map varies, together with all fixed quantities.
 
-    Values are in SI, speeds in rad/s.
+    ``parameter`` is the varied quantity. ``base`` is the follower and cam speed in which it is
+    replaced.
     """
 
     base: OperatingPoint
     parameter: str = SPEED
 
     def at(self, value: float) -> OperatingPoint:
-        """Return the operating point at a value (SI).
+        """Return the follower and cam speed at a value of the swept quantity.
+
+        The value is in SI, a speed in rad/s.
 
         Raises
         ------
@@ -107,7 +110,7 @@ class Sweep:
         numbers: dict[str, Any] = {self.parameter: value}
         if self.parameter == MASS and isinstance(
             p, TwoMassParameters
-        ):  # keeps the ratio of the masses
+        ):  # the ratio of the two masses is kept
             share = p.roller_mass / self.base.mass
             numbers = {"roller_mass": share * value, "end_mass": (1.0 - share) * value}
         return replace(self.base, parameters=replace(p, **numbers))
@@ -123,15 +126,19 @@ class Sweep:
         return f"{name}{value / factor:.6g} {unit}".strip()
 
     def size(self, value: float) -> float:
-        """Return the scale (SI) of changes of the swept quantity near a value."""
+        """Return the scale (SI) by which changes of the swept quantity are divided.
+
+        It is 1 for the restitution, else the given value (1 if the value is 0).
+        """
         return 1.0 if self.parameter == RESTITUTION else value or 1.0
 
     def lift_off(self, law: Law, values: Sequence[float]) -> float:
-        """Return the swept value (SI) at which steady contact is first lost.
+        """Return the swept value (SI) at which the follower first loses contact.
 
-        ``values`` (SI, rising) are searched unless the speed is swept. The result is 0 if a
-        velocity jump of the cam throws the follower at any speed. It is NaN if contact is lost, or
-        kept, at all values.
+        The motion below it is steady and in contact. A jump speed is computed exactly. For another
+        swept quantity, ``values`` (SI, rising) are searched for a change. The result is 0 if the
+        law's velocity has a jump, so that the follower is thrown off at any speed. It is NaN if
+        contact is lost, or kept, at all values.
         """
         if law.velocity_jumps:
             return 0.0 if self.parameter == SPEED else math.nan

@@ -1,3 +1,3 @@
-"""Campaigns: computation of the same measures for many rigs with varied numbers."""
+"""Campaigns: the same quantities measured for many rigs with varied numbers."""
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Reading and checking of a campaign, and computation of its points."""
+"""Reading and checking of a campaign, and measurement of its points.
+
+A campaign measures the same quantities for many rigs. A point is one of these rigs: a combination
+of values of the inputs, which are the varied numbers.
+"""
 
 from __future__ import annotations
 
@@ -40,24 +44,24 @@ from cam_rig.studies.campaign.inputs import (
 from cam_rig.studies.campaign.schema import MAX_POINTS, CampaignConfig
 from cam_rig.units import RPM, FloatArray
 
-#: Sample rate (Hz) of the motion if the campaign has no scene.
+#: Sample rate (Hz) of simulated motions if the campaign has no scene.
 SAMPLE_RATE = 48_000
-#: Number of turns at each speed if the campaign has no scene.
+#: Number of turns simulated at each speed if the campaign has no scene.
 TURNS = 4
-#: Number of first turns that are not evaluated if the campaign has no scene.
+#: Number of first turns at each speed that are not evaluated, if the campaign has no scene.
 TRANSIENT_TURNS = 1
-#: Path of the amplitude of a waviness, which needs a wavelength.
+#: Path of the input that is the amplitude of a waviness of the cam profile.
 WAVE = "profile.waviness.amplitude"
-#: Path of the wavelength of a waviness.
+#: Path of the input that is the wavelength of a waviness of the cam profile.
 WAVELENGTH = "profile.waviness.wavelength"
-#: Speed (rpm) in the schedule if the campaign has no scene. It has no effect, because each measure
-#: is computed at the speed in its name.
+#: Speed (rpm) in the scene's schedule if the campaign has no scene. It has no effect, because each
+#: measure is computed at the speed in its name.
 SPEED_RPM = 300.0
 
 
 @dataclass(frozen=True)
 class CampaignMeasure:
-    """Measure of a campaign, with its column in the dataset."""
+    """Quantity that a campaign measures, with its column in the dataset."""
 
     term: Term
 
@@ -78,16 +82,18 @@ class CampaignMeasure:
 
     @property
     def factor(self) -> float:
-        """Factor of the dataset's unit to SI."""
+        """SI value of the unit in the dataset. A value in SI is divided by it."""
         return self.term.quantity.units[self.unit]
 
     def compute(self, point: Subject) -> float:
-        """Return the measure of a point, in the unit of the dataset."""
+        """Return the measured value for one rig, in the unit of the dataset."""
         return self.term.quantity.value(point, self.term, "<=") / self.factor
 
 
 def parse_measures(texts: Iterable[str], model: str) -> tuple[CampaignMeasure, ...]:
-    """Return the measures of a campaign whose scene has a given model.
+    """Parse the measures of a campaign, such as ``lift_offs@450rpm``.
+
+    ``model`` is the dynamic model of the scene, which decides what can be measured.
 
     Raises
     ------
@@ -118,7 +124,9 @@ def parse_measures(texts: Iterable[str], model: str) -> tuple[CampaignMeasure, .
 def parse_limits(
     texts: Iterable[str], measures: tuple[CampaignMeasure, ...], model: str
 ) -> tuple[Limit, ...]:
-    """Return the limits of a campaign, each on one of its measures.
+    """Parse the limits of a campaign, such as ``jump_speed>=400rpm``.
+
+    Each limit must be on one of ``measures``. ``model`` is the dynamic model of the scene.
 
     Raises
     ------
@@ -143,7 +151,8 @@ def parse_limits(
 def satisfies(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:
     """Return a mask that is True for each value that satisfies a limit.
 
-    The values are in the unit of the dataset. NaN does not satisfy a limit.
+    The values are those of the limit's measure, in the unit of the dataset. NaN does not satisfy a
+    limit.
     """
     assert limit.value is not None  # checked by `parse_limits`
     bound = limit.value / CampaignMeasure(limit.term).factor
@@ -152,7 +161,11 @@ def satisfies(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:
 
 @dataclass(eq=False)
 class Campaign:
-    """Campaign with its cam, rig and scene, and checked inputs, measures and limits."""
+    """Checked campaign, with the cam, rig and scene on which it is based.
+
+    Its attributes include the ``inputs``, ``measures``, ``limits`` and ``draws`` (the input values
+    of all points). ``total`` is the number of points.
+    """
 
     config: CampaignConfig
     cam: CamConfig
@@ -173,23 +186,29 @@ class Campaign:
         self.total, self.seed = self.draws.total, config.plan.seed
 
     def __reduce__(self) -> tuple[type[Campaign], tuple[object, ...]]:
-        """Return the pickled form: the configs, from which a worker computes the rest."""
+        """Return the data for pickling: the configurations only.
+
+        A worker process computes the other attributes from them.
+        """
         return Campaign, (self.config, self.cam, self.rig, self.scene)
 
     @cached_property
     def text(self) -> str:
-        """All data on which a row depends, in addition to its index, as JSON."""
+        """JSON text of all data on which the rows depend, to detect a changed campaign."""
         parts = {key: getattr(self, key) for key in ("config", "cam", "rig", "scene")}
         dumped = {key: x.model_dump(mode="json", exclude_none=True) for key, x in parts.items()}
         return json.dumps(dumped, sort_keys=True, separators=(",", ":"))
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 digest of `text`."""
+        """SHA-256 digest of `text`, which identifies the campaign in its dataset."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     def with_plan(self, points: int | None = None, seed: int | None = None) -> Campaign:
-        """Return the campaign with another number of points or another seed."""
+        """Return the campaign with another number of points or another seed.
+
+        None keeps the value of the campaign.
+        """
         if points is None and seed is None:
             return self
         changes = {"points": points, "seed": seed}
@@ -199,12 +218,18 @@ class Campaign:
 
 
 def campaign_from(data: Mapping[str, Any], library: Library) -> Campaign:
-    """Return a campaign from plain data with the structure of a campaign file."""
+    """Create a campaign from plain data with the structure of a campaign file.
+
+    The files that it names are searched for in ``library``.
+    """
     return _campaign(validate_data(CampaignConfig, data), library)
 
 
 def open_campaign(path: Path) -> Campaign:
-    """Read a campaign file and the files it names, next to it or shipped."""
+    """Read a campaign file and the files that it names.
+
+    These are in the folders next to it, or shipped with cam_rig.
+    """
     config = load(path, CampaignConfig)
     try:
         return _campaign(config, Library.for_scene(path))
@@ -218,7 +243,7 @@ def _campaign(config: CampaignConfig, library: Library) -> Campaign:
     if base.scene is not None:
         scene_path = library.file("scenes", base.scene)
         scene = load_scene(scene_path)
-        if is_path(base.scene):  # the names in the scene refer to its folders
+        if is_path(base.scene):  # names in a scene file refer to the folders next to it
             library = Library.for_scene(scene_path)
         name, rig_name = base.cam or scene.cams[0], scene.rig
         if name not in scene.cams:
@@ -235,7 +260,11 @@ def _campaign(config: CampaignConfig, library: Library) -> Campaign:
 
 
 def _check(campaign: Campaign) -> Campaign:
-    """Return the campaign, or raise a `ConfigError` if its parts are inconsistent."""
+    """Return the campaign, or raise a `ConfigError` if it is inconsistent.
+
+    For example, a waviness without wavelength, a speed that the scene cannot run, or too many
+    points are errors.
+    """
     if WAVE in campaign.config.vary and WAVELENGTH not in campaign.config.vary:
         raise ConfigError(f"vary.{WAVE} requires {WAVELENGTH}")
     for item in campaign.inputs:
@@ -244,7 +273,7 @@ def _check(campaign: Campaign) -> Campaign:
                 require_wavelength(wavelength)
     if not any(item.path.startswith("scene.") for item in campaign.inputs):
         for term in (item.term for item in campaign.measures if item.term.quantity.of_run):
-            try:  # a speed that the scene cannot run, for any point
+            try:  # the scene may not allow this speed, at any point
                 scene_at(campaign.scene, term.low)
             except ConfigError as error:
                 raise ConfigError(f"{term.key}: {error}") from None
@@ -258,9 +287,10 @@ def _check(campaign: Campaign) -> Campaign:
 
 
 def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
-    """Return a scene for a campaign that names only a cam and a rig.
+    """Return a scene for a campaign whose base is only a cam and a rig.
 
-    Without `model` it has two masses if the rig defines their split, else one mass.
+    ``model`` is its dynamic model. If it is None, the model is two masses if the rig defines how
+    its mass is split, otherwise one mass.
     """
     number = partial(quantity_data, "assumed", source="campaign")
     follower = rig.follower
@@ -276,22 +306,22 @@ def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
     return SceneConfig.model_validate(head | run | sampling)
 
 
-#: Status of a point with all measures, each from a steady motion.
+#: Status of a point whose measures all have values from a steady motion.
 OK = "ok"
-#: Status of a point for which at least one measure failed. The reason of the point states the
+#: Status of a point for which at least one measure could not be computed. Its reason states the
 #: error.
 FAILED = "failed"
-#: Status of a point whose motion is not steady. The reason of the point states which turns were
-#: measured.
+#: Status of a point whose simulated motion did not become steady. Its reason states which turns
+#: were measured.
 UNSETTLED = "unsettled"
 
 
 @dataclass(frozen=True, eq=False)
 class BatchRows(Batch):
-    """Rows of consecutive points.
+    """Measured rows of consecutive points of a campaign.
 
     ``inputs`` are ``(n, d)`` in SI. ``measures`` are ``(n, k)`` in the units of their columns, NaN
-    if a measure failed. A reason is empty if all measures are steady.
+    if a measure failed. ``reasons`` are n texts, empty if all measures are from a steady motion.
     """
 
     inputs: FloatArray
@@ -300,7 +330,7 @@ class BatchRows(Batch):
 
     @property
     def status(self) -> list[str]:
-        """Status of each row."""
+        """Status of each point: ``ok``, ``failed`` or ``unsettled``."""
         failed = np.asarray(np.isnan(self.measures).any(axis=1))
         return [
             FAILED if is_failed else UNSETTLED if reason else OK
@@ -309,9 +339,9 @@ class BatchRows(Batch):
 
 
 def measure_batch(campaign: Campaign, first: int, last: int) -> BatchRows:
-    """Return the rows of the points ``first`` to ``last`` (exclusive).
+    """Measure the points ``first`` to ``last`` (exclusive) of a campaign.
 
-    Each row depends only on its index and the campaign.
+    Each row depends only on its index and the campaign, not on the batch.
     """
     start = time.process_time()
     inputs = campaign.draws.rows(first, last)
@@ -322,10 +352,10 @@ def measure_batch(campaign: Campaign, first: int, last: int) -> BatchRows:
 
 
 def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], str]:
-    """Return the measures of one point, and a reason text.
+    """Return the measures of one point, and the reason of a failure as text.
 
-    ``inputs`` ``(d,)`` are in SI. A failed measure is NaN. The reason is empty if every measure is
-    computed from a steady motion.
+    ``inputs`` ``(d,)`` are the input values of the point in SI. A failed measure is NaN. The text
+    is empty if every measure is computed from a steady motion.
     """
     try:
         point = make_point(campaign, inputs)
@@ -344,9 +374,10 @@ def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], 
 
 
 def make_point(campaign: Campaign, inputs: FloatArray) -> Subject:
-    """Return the cam, the rig and the scene of a point.
+    """Return the cam, rig and scene of one point of a campaign.
 
-    ``inputs`` ``(d,)`` are its numbers in SI.
+    They are those of the base with the input values ``inputs`` ``(d,)``, in SI. Profile errors are
+    added to the law of the cam.
     """
     numbers: dict[str, dict[str, float]] = {"cam": {}, "rig": {}, "scene": {}, "profile": {}}
     for item, value in zip(campaign.inputs, inputs.tolist(), strict=True):

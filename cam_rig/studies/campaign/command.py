@@ -1,4 +1,4 @@
-"""Command ``cam-rig campaign``: measures of many rigs with varied numbers."""
+"""Command ``cam-rig campaign``, which measures many rigs with varied numbers."""
 
 from __future__ import annotations
 
@@ -26,14 +26,17 @@ if TYPE_CHECKING:
 
     Place = Callable[[], AbstractContextManager[ExecutorPool]]
 
-#: Units of a displayed time, each with its length in s, longest first.
+#: Units of a displayed time, longest first, each with its length in s.
 UNITS = (("d", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0))
-#: Units of a displayed size, each with its number of bytes, largest first.
+#: Units of a displayed file size, largest first, each with its number of bytes.
 SIZES = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
 
 
 class CampaignProgress(Progress):
-    """Progress bar, or periodic log lines, with rate, remaining time and size."""
+    """Progress display of a campaign: points per second, remaining time and file size.
+
+    It is a progress bar on a terminal, and otherwise a log line from time to time.
+    """
 
     def __init__(self, dataset: CampaignDataset, bar: Progress) -> None:
         self._dataset, self._bar, self._name = dataset, bar, dataset.campaign.config.name
@@ -45,11 +48,11 @@ class CampaignProgress(Progress):
         bar.advance(self._done)
 
     def advance(self, steps: int = 1) -> None:
-        """Count written points and update the display."""
+        """Count measured points and update the display."""
         self._done += steps
         self._bar.advance(steps)
         time_s = time.monotonic()
-        if self._start is None:  # excludes the start-up time of the workers
+        if self._start is None:  # the rate does not include the start-up time of the workers
             self._start = time_s, self._done
         remaining, is_due = self._total - self._done, time_s - self._last_log >= LOG_PERIOD_S
         if is_due:
@@ -66,13 +69,16 @@ class CampaignProgress(Progress):
 
 
 def format_time(seconds: float) -> str:
-    """Return a time (s) as text, in the largest unit in which the time is at least 2."""
+    """Return a time (s) as text, in the largest unit in which it is at least 2."""
     unit, length = next((entry for entry in UNITS if seconds >= 2.0 * entry[1]), UNITS[-1])
     return f"{seconds / length:.2g} {unit}" if length > 1.0 else f"{seconds:.0f} s"
 
 
 def format_size(present: float, total: float) -> str:
-    """Return the present and the expected final size in bytes as text."""
+    """Return the present size and the expected final size of files as text.
+
+    Both arguments are in bytes.
+    """
     unit, length = next((entry for entry in SIZES if total >= entry[1]), SIZES[-1])
     return f"{present / length:.3g} of about {total / length:.3g} {unit}"
 
@@ -137,7 +143,8 @@ def _run(
 ) -> Result:
     """Compute the missing points and return the result of the campaign.
 
-    An error or interrupt names the command that resumes it.
+    ``pool`` creates the processes that measure the points. Errors and interrupts are reported with
+    the command ``resume_command`` that continues the campaign.
     """
     from cam_rig.datasets.batches import compute_missing
     from cam_rig.extras import require
@@ -166,7 +173,7 @@ def _run(
 
 @contextmanager
 def _with_resume_command(resume_command: str) -> Iterator[None]:
-    """Add the command that resumes the campaign to errors and interrupts."""
+    """Add the command that continues a campaign to the texts of errors and interrupts."""
     try:
         yield
     except KeyboardInterrupt as interrupt:

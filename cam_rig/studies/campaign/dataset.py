@@ -18,13 +18,14 @@ from cam_rig.extras import friendly_import_errors
 from cam_rig.studies.campaign.campaign import FAILED, OK, UNSETTLED, BatchRows, Campaign
 from cam_rig.units import FloatArray
 
-#: Pattern of a number in a reason. Reasons that differ only in numbers are counted together.
+#: Pattern of a number in an error text. Reasons of failure that differ only in numbers are counted
+#: together.
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 @dataclass(frozen=True, eq=False)
 class CampaignDataset(PointFiles):
-    """Rows of a campaign in a folder.
+    """Rows of a campaign, stored as Parquet files in a folder.
 
     The columns are ``point``, ``seed``, ``version`` of cam_rig, the inputs (SI), the measures (unit
     in the schema, null if a measure failed), ``status`` and ``reason``. The schema also contains
@@ -35,7 +36,7 @@ class CampaignDataset(PointFiles):
 
     @cached_property
     def schema(self) -> Any:
-        """Schema of every file, a `pyarrow.Schema`."""
+        """Schema of every Parquet file of the dataset, a `pyarrow.Schema`."""
         with friendly_import_errors():
             import pyarrow as pa
 
@@ -78,15 +79,16 @@ class CampaignDataset(PointFiles):
     def column(self, name: str) -> FloatArray:
         """Return one column in the order of the points, NaN for null.
 
-        Other columns are not kept in memory.
+        Only this column is read, so memory suffices for large datasets.
         """
         parts = [table.column(name).to_numpy() for table in self.tables([name])]
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def reasons(self, status: str = FAILED) -> list[tuple[str, int]]:
-        """Return the reasons of a status and their numbers of points, most frequent first.
+        """Return the reasons of the points with a status, and their numbers of points.
 
-        Reasons that differ only in numbers are counted together.
+        The most frequent reason is first. Reasons that differ only in numbers are counted together,
+        and the first of them is returned.
         """
         import pyarrow.compute as pc
 

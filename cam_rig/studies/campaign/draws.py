@@ -1,4 +1,8 @@
-"""Inputs of the points of a campaign: plan in the unit cube, and distributions."""
+"""Input values of the points of a campaign.
+
+A plan places the points on a grid, or in the unit cube with one coordinate per input. A coordinate
+is then converted to a value by the inverse of the input's distribution.
+"""
 
 from __future__ import annotations
 
@@ -16,19 +20,21 @@ from cam_rig.studies.campaign.schema import CampaignConfig, PlanKind
 from cam_rig.units import FloatArray
 
 Indices = NDArray[np.uint64]
-#: Number of bits of a Sobol coordinate. Half of the smallest step is added to it, so that it is
-#: never 0 or 1.
+#: Number of bits of a coordinate of a Sobol sequence. Half of the smallest step is added to it, so
+#: that it is never 0 or 1.
 SOBOL_BITS = 30
-#: Number of rounds of the Feistel network that permutes the strata of a Latin hypercube.
+#: Number of rounds of the Feistel network (a pseudorandom permutation) that orders the strata of a
+#: Latin hypercube.
 ROUNDS = 8
-#: Increment of SplitMix64: 2^64 divided by the golden ratio, odd.
+#: Increment of the SplitMix64 generator: the odd number nearest to 2^64 divided by the golden
+#: ratio.
 GOLDEN = 0x9E3779B97F4A7C15
 
 
 def unit_points(
     kind: PlanKind, seed: int, total: int, dimensions: int, first: int, last: int
 ) -> FloatArray:
-    """Return the points ``first`` to ``last`` (exclusive) in the unit cube.
+    """Return the points ``first`` to ``last`` (exclusive) of a plan in the unit cube.
 
     The shape is ``(last − first, dimensions)``, and ``total`` is the number of all points. ``kind``
     is ``latin_hypercube``, ``sobol`` (scrambled by the seed) or ``shares``. For ``shares`` each
@@ -54,7 +60,7 @@ def unit_points(
 def _sobol(seed: int, dimensions: int, first: int, last: int) -> FloatArray:
     sequence = qmc.Sobol(dimensions, scramble=True, bits=SOBOL_BITS, rng=seed)
     parts = [np.empty((0, dimensions))]
-    if first == 0 < last:  # separate, because scipy warns of a first draw that is not a power of 2
+    if first == 0 < last:  # separate, because scipy warns if the first draw is not a power of 2
         parts.append(sequence.random(1))
         first = 1
     else:
@@ -67,7 +73,8 @@ def _sobol(seed: int, dimensions: int, first: int, last: int) -> FloatArray:
 def _latin_coordinate(index: Indices, total: int, seed: int, axis: int) -> FloatArray:
     """Return one coordinate, in (0, 1), of points of a Latin hypercube.
 
-    Each of the `total` strata of the coordinate contains one point. ``index`` are the points.
+    The range of the coordinate is divided into ``total`` equal strata, each of which contains one
+    point. ``index`` are the numbers of the points, and ``axis`` is that of the coordinate.
     """
     key = _hash(np.array([seed, axis], dtype=np.uint64), 1).tolist()
     stratum = _permute(index, total, key[0] ^ _rotate(key[1]))
@@ -80,7 +87,10 @@ def _rotate(word: int) -> int:
 
 
 def _hash(values: Indices, key: int) -> Indices:
-    """Return SplitMix64 hashes of values under a key, equal on all platforms."""
+    """Return SplitMix64 hashes of values under a key.
+
+    They are the same on all platforms, so that a seed gives the same points everywhere.
+    """
     with np.errstate(over="ignore"):
         z = (values ^ np.uint64(key)) * np.uint64(GOLDEN) + np.uint64(GOLDEN)
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -89,9 +99,10 @@ def _hash(values: Indices, key: int) -> Indices:
 
 
 def _permute(index: Indices, total: int, key: int) -> Indices:
-    """Return a permutation of 0 … total − 1 at given indices.
+    """Return the numbers to which a pseudorandom permutation maps ``index``.
 
-    It is a Feistel network, repeated until the result is below ``total``.
+    It permutes 0 … total − 1, and ``key`` selects the permutation. It is a Feistel network,
+    repeated until the result is below ``total``. No table of the permutation is needed.
     """
     half = max(1, -(-(total - 1).bit_length() // 2))
     mask, shift = np.uint64((1 << half) - 1), np.uint64(half)
@@ -108,16 +119,21 @@ def _permute(index: Indices, total: int, key: int) -> Indices:
 
 
 def grid_indices(counts: list[int], first: int, last: int) -> NDArray[np.intp]:
-    """Return the step number of each input on a grid, for points of the plan.
+    """Return which of its values each input has, for some points of a grid.
 
-    The shape is ``(last − first, len(counts))``. ``counts`` are the numbers of steps per input. The
-    last input varies fastest.
+    These are the points ``first`` to ``last`` (exclusive). The result contains indices from 0, with
+    shape ``(last − first, len(counts))``. ``counts`` are the numbers of values per input. The last
+    input varies fastest.
     """
     return np.stack(np.unravel_index(np.arange(first, last), counts), axis=1)
 
 
 def rows_of(kind: PlanKind, points: int | None, counts: list[int]) -> int:
-    """Return the number of rows of a plan with grid steps ``counts`` per input."""
+    """Return the number of rows that a plan has in total.
+
+    ``points`` is the number in the plan, and ``counts`` are the numbers of values per input on a
+    grid.
+    """
     if kind == "grid":
         return math.prod(counts)
     assert points is not None  # ensured by the schema
@@ -126,7 +142,11 @@ def rows_of(kind: PlanKind, points: int | None, counts: list[int]) -> int:
 
 @dataclass(eq=False)
 class InputDraws:
-    """Inputs of all points, ``(n, d)`` in SI, correlated by a Gaussian copula."""
+    """Input values of all points of a campaign, in SI.
+
+    They are computed for any range of points. Correlations of inputs are those of a Gaussian
+    copula.
+    """
 
     config: CampaignConfig
     inputs: tuple[CampaignInput, ...]
@@ -149,9 +169,10 @@ class InputDraws:
             ) from None
 
     def rows(self, first: int, last: int) -> FloatArray:
-        """Return the points ``first`` to ``last`` (exclusive).
+        """Return the input values of the points ``first`` to ``last`` (exclusive).
 
-        Each row depends only on its index and the campaign.
+        They are in SI, with shape ``(last − first, d)``. Each row depends only on its index and the
+        campaign.
         """
         plan = self.config.plan
         if plan.kind == "grid":
@@ -165,12 +186,15 @@ class InputDraws:
         return np.stack(columns, axis=1)
 
     def middle(self) -> FloatArray:
-        """Return the median of each input, ``(d,)``, the middle number of a list."""
+        """Return the median of each input, in SI, ``(d,)``.
+
+        For a list of values it is the value in the middle of the list.
+        """
         half = np.array([0.5])
         return np.concatenate([draw(item, half) for item in self.inputs])
 
     def _correlate(self, unit: FloatArray) -> FloatArray:
-        """Return points of the unit cube, transformed to have the required correlations.
+        """Transform points of the unit cube to have the required correlations.
 
         The sum is computed term by term, because a matrix product may be rounded differently in a
         batch of another length.
@@ -185,7 +209,10 @@ class InputDraws:
 
 
 def steps_of(item: CampaignInput) -> FloatArray:
-    """Return the values (SI) that an input takes on a grid."""
+    """Return the values (SI) that an input takes on a grid.
+
+    They are its list of values, or equally spaced values of its range.
+    """
     variation = item.variation
     if variation.values is not None:
         steps = np.array(variation.values)
@@ -196,7 +223,7 @@ def steps_of(item: CampaignInput) -> FloatArray:
 
 
 def ends_of(item: CampaignInput) -> FloatArray:
-    """Return the smallest and the largest number of an input, SI.
+    """Return the smallest and the largest value (SI) that an input can take.
 
     If its distribution is unbounded, only the median is returned.
     """
@@ -209,7 +236,8 @@ def ends_of(item: CampaignInput) -> FloatArray:
 def draw(item: CampaignInput, unit: FloatArray) -> FloatArray:
     """Return the values (SI) of an input at probabilities of its distribution.
 
-    ``unit`` are the probabilities, each in (0, 1).
+    ``unit`` contains the probabilities, each in (0, 1). The function is the inverse of the
+    cumulative distribution.
     """
     variation = item.variation
     if variation.values is not None:

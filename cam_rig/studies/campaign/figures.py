@@ -23,21 +23,21 @@ from cam_rig.studies.campaign.results import FOR_MEDIAN, CampaignResult
 from cam_rig.studies.campaign.schema import PERCENT
 from cam_rig.units import FloatArray
 
-#: Pattern of the start of an input's path that is left out of its displayed name.
+#: Pattern of the first part of an input's path, which is omitted from its displayed name.
 _PREFIXES = re.compile(r"^(?:(?:rig|cam)\.(?:follower\.)?|profile\.|scene\.(?:schedule\.)?)")
-#: Displayed symbols of units.
+#: Displayed symbols of units that differ from those in files.
 _UNITS = {"um": "µm", "deg": "°"}
 
 
 def _input_name(item: CampaignInput) -> str:
-    """Return the name of an input, such as ``spring stiffness``."""
+    """Return the displayed name of an input, such as ``spring stiffness``."""
     return _PREFIXES.sub("", item.path).replace(".", " ").replace("_", " ")
 
 
 def _input_unit(item: CampaignInput) -> tuple[str, float]:
-    """Return the displayed unit of an input and its value in SI.
+    """Return the displayed unit of an input, and the size of this unit in SI.
 
-    It is the SI unit if the variation is in percent.
+    For a variation in percent it is the SI unit.
     """
     unit = item.si_unit if item.variation.unit == PERCENT else item.variation.unit
     return _UNITS.get(unit, unit), UNITS[item.dimension][unit]
@@ -51,7 +51,10 @@ def _input_title(item: CampaignInput) -> str:
 def _display_values(
     results: CampaignResult, measure: CampaignMeasure
 ) -> tuple[FloatArray, FloatArray]:
-    """Return a measure of all points, and its finite values, in the displayed unit."""
+    """Return the values of a measure for all points, and those that are finite.
+
+    Both arrays are in the displayed unit of the measure.
+    """
     values = results.values(measure) / (measure.term.quantity.factor / measure.factor)
     return values, values[np.isfinite(values)]
 
@@ -63,15 +66,15 @@ def _measure_title(measure: CampaignMeasure) -> str:
 
 #: Largest number of bars of a histogram.
 MAX_BARS = 60
-#: Largest number of inputs of a tornado chart.
+#: Largest number of inputs in a tornado chart (bars that compare the effects of the inputs).
 MAX_INPUTS = 12
-#: Largest number of letters of a text line in a panel of half the figure's width.
+#: Largest number of letters per line in a panel of half the figure's width.
 LETTERS = 40
-#: Fraction of the points with the lowest, or highest, values of an input whose median a bar of a
-#: tornado chart displays.
+#: Fraction of the points that one bar of a tornado chart represents: those with the lowest, or the
+#: highest, values of an input.
 TENTH = 0.1
-#: Height and plot options of the bars of a tornado chart: for the lowest tenth of an input, and for
-#: the highest.
+#: Height and plot options of the bars of a tornado chart: first for the lowest tenth of an input,
+#: then for the highest.
 LOOKS: tuple[tuple[float, dict[str, Any]], ...] = (
     (0.7, {"facecolor": web(SKY_BLUE), "edgecolor": "white"}),
     (0.4, {"facecolor": web(BLUE), "edgecolor": "white", "hatch": "///"}),
@@ -82,7 +85,10 @@ ENDS = ("lowest tenth of the input", "highest tenth")
 
 @styled
 def distributions(results: CampaignResult) -> Figure:
-    """Draw a histogram and a tornado chart (effects of the inputs) of each measure."""
+    """Draw a histogram and a tornado chart of each measure.
+
+    A tornado chart compares the effects of the inputs on the measure.
+    """
     measures = results.campaign.measures
     count = min(MAX_INPUTS, len(results.campaign.inputs))
     height = max(2.2, 0.9 + 0.22 * count)
@@ -97,7 +103,7 @@ def distributions(results: CampaignResult) -> Figure:
 
 
 def _histogram(axes: Axes, results: CampaignResult, measure: CampaignMeasure) -> None:
-    """Draw the histogram of a measure, and its limits with the share within them."""
+    """Draw the histogram of a measure, its limits, and the share within each limit."""
     values, finite = _display_values(results, measure)
     axes.set_xlabel(wrapped(_measure_title(measure), LETTERS))
     axes.set_ylabel("points")
@@ -118,10 +124,10 @@ def _histogram(axes: Axes, results: CampaignResult, measure: CampaignMeasure) ->
 
 
 def _tornado(axes: Axes, results: CampaignResult, measure: CampaignMeasure) -> None:
-    """Draw the tornado chart of a measure: one bar pair per input.
+    """Draw the tornado chart of a measure: two bars per input.
 
-    A bar leads from the median of all points to the median of the points in the lowest, or highest,
-    tenth of the input.
+    Each bar leads from the median of all points to the median of the points in the lowest, or
+    highest, tenth of the input. The inputs with the largest effects are drawn.
     """
     values, finite = _display_values(results, measure)
     rows = [
@@ -143,9 +149,10 @@ def _tornado(axes: Axes, results: CampaignResult, measure: CampaignMeasure) -> N
 
 
 def _warnings(results: CampaignResult, points: int) -> str:
-    """Return warnings about the bars of a tornado chart, or an empty text.
+    """Return warnings for the title of a tornado chart, or an empty text.
 
-    There may be too few points, or an effect may belong to several correlated inputs.
+    There may be too few points for the tenths. With correlated inputs, a bar is not the effect of
+    one input alone.
     """
     needed, reasons = round(FOR_MEDIAN / TENTH), []
     if points < needed:
@@ -156,9 +163,10 @@ def _warnings(results: CampaignResult, points: int) -> str:
 
 
 def _tenth_medians(inputs: FloatArray, values: FloatArray) -> tuple[float, float]:
-    """Return the medians of a measure in the lowest and highest tenth of an input.
+    """Return the medians of a measure in the lowest and the highest tenth of an input.
 
-    They are NaN for a constant input, and if no value is finite.
+    ``inputs`` and ``values`` are those of all points. The medians are NaN for a constant input, and
+    if no value is finite.
     """
     finite = np.isfinite(values)
     inputs, values = inputs[finite], values[finite]
@@ -168,18 +176,18 @@ def _tenth_medians(inputs: FloatArray, values: FloatArray) -> tuple[float, float
     return float(np.median(values[inputs <= low])), float(np.median(values[inputs >= high]))
 
 
-# Measures of a grid as maps over two inputs, with one panel per step of the other inputs.
+# Maps of the measures of a grid over two inputs, with one panel per value of the other inputs.
 
-#: Largest number of map panels in a row.
+#: Largest number of map panels next to each other.
 MAX_COLUMNS = 3
-#: Largest number of steps of an input that have separate panels. Of more steps, evenly spaced ones
+#: Largest number of values of an input that get a panel each. Of more values, evenly spaced ones
 #: are displayed.
 MAX_PANELS = 6
 #: Height of a map panel, inches.
 PANEL_HEIGHT = 2.3
-#: Largest number of letters of a text line above a map panel.
+#: Largest number of letters per line in the title of a map panel.
 MAP_LETTERS = 26
-#: Largest number of letters per line in the label of a colour bar, which is along the map panels.
+#: Largest number of letters per line in the label of a colour bar.
 ROW_LETTERS = 36
 
 
@@ -189,9 +197,9 @@ def _grid(results: CampaignResult) -> list[tuple[CampaignInput, FloatArray]]:
 
 @styled
 def measure_map(results: CampaignResult) -> Figure:
-    """Draw maps of every measure over the two inputs with the most steps.
+    """Draw maps of every measure over the two inputs with the most values on the grid.
 
-    The limits of a measure are drawn in its maps.
+    The limits of a measure are drawn as lines in its maps.
     """
     grid = _grid(results)
     order = sorted(range(len(grid)), key=lambda i: -grid[i][1].size)
@@ -209,9 +217,9 @@ def measure_map(results: CampaignResult) -> Figure:
 
 
 def _panel_steps(steps: FloatArray, on_axis: bool) -> list[int | None]:
-    """Return the indices of the steps of an input that have separate panels.
+    """Return the indices of those values of an input that get a panel each.
 
-    The result is [None] for an input on an axis.
+    ``steps`` are its values on the grid. The result is [None] for an input on an axis of the maps.
     """
     if on_axis:
         return [None]
@@ -254,7 +262,11 @@ def _panels(
 
 
 def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | None, ...]) -> str:
-    """Return the title of a map panel: values of the inputs that are not on an axis."""
+    """Return the title of a map panel.
+
+    It names the values of the inputs that are not on an axis. ``cell`` contains the index of the
+    value per input, None for an input on an axis.
+    """
     lines = []
     for (item, steps), i in zip(grid, cell, strict=True):
         if i is not None and steps.size > 1:
@@ -266,7 +278,10 @@ def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | 
 
 
 def figure(results: CampaignResult) -> Figure:
-    """Draw maps if a grid varies two inputs or more, otherwise distributions."""
+    """Draw the figure that suits the plan of a campaign.
+
+    It is maps if a grid varies two inputs or more, otherwise the distributions of the measures.
+    """
     grid = results.campaign.config.plan.kind == "grid"
     if grid and sum(steps.size > 1 for _, steps in _grid(results)) > 1:
         return measure_map(results)

@@ -1,7 +1,8 @@
-"""Inputs of a campaign: varied numbers of cam, rig and scene, and profile errors.
+"""Inputs of a campaign: the numbers of cam, rig and scene that it varies.
 
-Paths have the names of the files: ``rig.follower.mass``, ``cam.segments[1].span``,
-``scene.sample_rate``. `PROFILE` has the paths of the errors of a manufactured cam.
+The path of an input has the names of the file: ``rig.follower.mass``, ``cam.segments[1].span``,
+``scene.sample_rate``. `PROFILE` has the paths of the manufacturing errors of a cam, which no file
+contains.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from cam_rig.studies.campaign.schema import PERCENT, Variation
 from cam_rig.units import TURN, FloatArray
 
 Config = TypeVar("Config", bound=BaseModel)
-#: Paths of the errors of a manufactured cam -> dimension, see `ProfileErrors`.
+#: Dimension of each manufacturing error of a cam by its path. `ProfileErrors` explains the errors.
 PROFILE = {
     "profile.size": "length",
     "profile.eccentricity.amplitude": "length",
@@ -34,7 +35,7 @@ PROFILE = {
     "profile.waviness.phase": "angle",
 }
 
-#: Token of a path: a name or an index.
+#: Pattern of one element of a path: a name, or an index in brackets.
 _TOKEN = re.compile(r"[A-Za-z_]\w*|\[\d+\]")
 #: SI unit of each dimension: the unit with the factor 1.
 _SI = {
@@ -44,7 +45,12 @@ _SI = {
 
 @dataclass(frozen=True)
 class CampaignInput:
-    """Number that varies: path, value of the base (SI), dimension and variation."""
+    """Number that a campaign varies.
+
+    ``path`` is its path, ``base`` its value (SI) in the base files of the campaign, and
+    ``dimension`` its physical dimension, such as length. ``variation`` defines the values that it
+    takes.
+    """
 
     path: str
     base: float
@@ -53,7 +59,7 @@ class CampaignInput:
 
     @property
     def si_unit(self) -> str:
-        """Unit in the dataset."""
+        """SI unit of the input, which is its unit in the dataset."""
         return _SI[self.dimension]
 
     @property
@@ -63,9 +69,9 @@ class CampaignInput:
 
     @property
     def factor(self) -> float:
-        """Factor of the variation's unit to SI.
+        """SI value of the unit in which the variation is given.
 
-        For percents it is 1 % of the base's number.
+        For a variation in percent it is 1 % of the number in the base.
         """
         if self.variation.unit == PERCENT:
             return 0.01 * abs(self.base)
@@ -73,28 +79,29 @@ class CampaignInput:
 
     @property
     def origin(self) -> float:
-        """Number (SI) to which the variation's numbers are added.
+        """Value (SI) to which the numbers of the variation are added.
 
-        It is 0, or the base's number for percents.
+        It is 0, or the number in the base for a variation in percent.
         """
         return self.base if self.variation.unit == PERCENT else 0.0
 
     @property
     def mean(self) -> float:
-        """Mean of the distribution, SI."""
+        """Mean of the input's distribution, SI (default: the number in the base)."""
         mean = self.variation.mean
         return self.base if mean is None else mean * self.factor
 
     @property
     def endless(self) -> bool:
-        """True if the distribution is unbounded."""
+        """True if the input's distribution is unbounded, as a normal distribution is."""
         return self.variation.normal is not None and self.variation.within is None
 
 
 def paths_of(configs: Mapping[str, BaseModel]) -> dict[str, tuple[float, str]]:
-    """Return the numbers that can vary (SI) with their dimensions, by path.
+    """Return all numbers that a campaign can vary: value (SI) and dimension by path.
 
-    The numbers of a list have separate paths.
+    ``configs`` maps ``cam``, ``rig`` and ``scene`` to their configurations. Each number of a list
+    has a separate path.
     """
     numbers: dict[str, tuple[float, str]] = {path: (0.0, kind) for path, kind in PROFILE.items()}
     for name, config in configs.items():
@@ -111,7 +118,9 @@ def paths_of(configs: Mapping[str, BaseModel]) -> dict[str, tuple[float, str]]:
 def input_of(
     path: str, variation: Variation, numbers: Mapping[str, tuple[float, str]]
 ) -> CampaignInput:
-    """Return an input, checked against the base.
+    """Return the input with a path, checked against the numbers of the base.
+
+    ``numbers`` are the numbers that can vary, as returned by `paths_of`.
 
     Raises
     ------
@@ -147,9 +156,10 @@ def _hint(path: str, numbers: Mapping[str, object]) -> str:
 
 
 def with_numbers(config: Config, numbers: Mapping[str, float]) -> Config:
-    """Return a copy of a config with new numbers (SI) at the given paths.
+    """Return a copy of a configuration with other numbers (SI) at given paths.
 
-    The paths are relative to the config. Without numbers, the config itself is returned.
+    The paths are relative to the configuration. Without numbers, the configuration itself is
+    returned.
     """
     if not numbers:
         return config
@@ -160,14 +170,18 @@ def with_numbers(config: Config, numbers: Mapping[str, float]) -> Config:
 
 
 def _copy(node: Any) -> Any:
-    """Return a shallow copy of a list, or of a model as a dict without None."""
+    """Return a shallow copy of a list, or a model as a dict without entries of None."""
     if isinstance(node, list):
         return list(node)
     return {key: value for key, value in dict(node).items() if value is not None}
 
 
 def _set(node: Any, tokens: list[str], value: float) -> None:
-    """Set a number (SI) at a path, and copy the containers along the path."""
+    """Set the number at a path of nested data to a value (SI).
+
+    ``tokens`` are the elements of the path. The containers along the path are copied, so that the
+    original data are not changed.
+    """
     for token in tokens:
         if isinstance(node, dict) and "unit" in node and token.startswith("["):
             break
@@ -181,25 +195,25 @@ def _set(node: Any, tokens: list[str], value: float) -> None:
         node[origin] = value / factor
 
 
-# Errors of a manufactured cam, added to its law as a piecewise polynomial.
+# Manufacturing errors of a cam profile, which are added to its law as polynomial pieces.
 
-#: Smallest number of polynomial pieces per wavelength of a profile error.
+#: Smallest number of polynomial pieces with which one wavelength of a profile error is represented.
 PER_WAVE = 12
-#: Number of wavelengths at the end of the turn over which a waviness is blended into the start of
-#: the next turn.
+#: Number of wavelengths at the end of a turn over which a waviness is blended into that of the next
+#: turn, so that it has no step.
 CLOSING_WAVES = 2.0
-#: Shortest wavelength of a waviness, rad: 0.1°.
+#: Shortest allowed wavelength of a waviness, rad: 0.1°.
 SHORTEST = TURN / 3600.0
-#: Longest wavelength of a waviness, rad: one turn.
+#: Longest allowed wavelength of a waviness, rad: one turn.
 LONGEST = TURN
-#: Degree of the pieces that approximate sines.
+#: Degree of the polynomial pieces that approximate sinusoidal profile errors.
 DEGREE = 5
 #: Coefficients of the blending function 35 t⁴ − 84 t⁵ + 70 t⁶ − 20 t⁷, which rises from 0 to 1.
 _BLEND_COEFFICIENTS = np.array([35.0, -84.0, 70.0, -20.0])
 
 
 def require_wavelength(wavelength: float) -> None:
-    """Raise a `ConfigError` if a wavelength (rad) is out of range."""
+    """Raise a `ConfigError` if a wavelength (rad) of a waviness is out of range."""
     if not SHORTEST * (1.0 - 1e-9) <= wavelength <= LONGEST * (1.0 + 1e-9):
         raise ConfigError(
             f"profile.waviness.wavelength must be between {math.degrees(SHORTEST):.6g} and "
@@ -225,7 +239,10 @@ class ProfileErrors:
 
     @classmethod
     def of(cls, numbers: Mapping[str, float]) -> ProfileErrors:
-        """Create errors from numbers (SI) by their paths below ``profile``."""
+        """Create profile errors from values (SI) by their paths.
+
+        The paths are those of `PROFILE` without ``profile.``.
+        """
         fields = {
             path.replace(".amplitude", "").replace(".", "_"): x for path, x in numbers.items()
         }
@@ -235,20 +252,23 @@ class ProfileErrors:
 
     @property
     def _step(self) -> float:
-        """Longest permitted piece of the law with errors, rad."""
+        """Longest polynomial piece (rad) that represents the errors accurately.
+
+        It is infinite for a constant error.
+        """
         waves = [TURN] if self.eccentricity else []
         waves += [self.wavelength] if self.waviness and self.wavelength else []
         return min(waves, default=math.inf) / PER_WAVE
 
     def add_to(self, law: Law) -> Law:
-        """Return the law with the errors, of degree 5 or higher.
+        """Return the law plus the errors, as polynomial pieces of degree 5 or higher.
 
-        Its pieces are cut into equal parts, at least `PER_WAVE` per wavelength. The error of each
-        part is the quintic with the error's value, slope and curvature at both ends. It is C2 at
-        every joint. It differs from the exact error by |Δs| ≤ h⁶ M/46080 and |Δs''| ≤ h⁴ M/1920,
-        where M is the largest sixth derivative (Birkhoff and Priver 1967). For a wave a sin kθ
-        these are 4.5e-7 a, and 3.9e-5 of a k², and up to five times as much in the closing range.
-        The law itself is represented exactly.
+        The pieces of the law are cut into equal parts, at least `PER_WAVE` per wavelength. The
+        error of each part is the quintic with the error's value, slope and curvature at both ends.
+        It is C2 at every joint. It differs from the exact error by |Δs| ≤ h⁶ M/46080 and |Δs''| ≤
+        h⁴ M/1920, where h is the length of the part and M the largest sixth derivative (Birkhoff
+        and Priver 1967). For a wave a sin kθ these are 4.5e-7 a, and 3.9e-5 of a k², and up to five
+        times as much in the closing range. The law itself is represented exactly.
         """
         if not (self.eccentricity or self.waviness):
             ordinates = law.ordinates + self.size if self.size else law.ordinates
@@ -260,13 +280,13 @@ class ProfileErrors:
         return Law(law.name, breaks, ordinates)
 
     def at(self, angle: FloatArray) -> FloatArray:
-        """Return the error at cam angles: its value and two derivatives, ``(3, n)``.
+        """Return the error and its first two derivatives at cam angles (rad), ``(3, n)``.
 
         The units are m, m/rad and m/rad².
 
-        A wave with a whole number of wavelengths per turn is a sine. Any other wave would step at
-        the end of the turn. It is therefore blended over the last two wavelengths (C3) into the
-        sine that starts one turn later. The blend is not larger than either sine.
+        A wave with a whole number of wavelengths per turn is a sine. Any other wave would have a
+        step at the end of the turn. It is therefore blended over the last two wavelengths (C3) into
+        the sine that starts one turn later. The blend is not larger than either sine.
         """
         errors = np.zeros((3, angle.size))
         if self.eccentricity:
@@ -297,7 +317,7 @@ class ProfileErrors:
     def ordinates(self, ends: FloatArray, degree: int) -> FloatArray:
         """Return the error as polynomial pieces: Bernstein ordinates (m).
 
-        ``ends`` ``(n + 1,)`` are the cam angles (rad) at the ends of the pieces. The ordinates are
+        ``ends`` ``(n + 1,)`` are the cam angles (rad) at the ends of the pieces. The result is
         ``(degree + 1, n)``. Each piece is a quintic, elevated to ``degree``.
         """
         value, slope, curvature = self.at(ends)
@@ -310,7 +330,10 @@ class ProfileErrors:
 
 
 def _sine(amplitude: float, wavelength: float, phase: float, angle: FloatArray) -> FloatArray:
-    """Return value, slope and curvature of a sine, ``(3, n)``."""
+    """Return value, slope and curvature of a sine wave at cam angles, ``(3, n)``.
+
+    Amplitude in m, wavelength, phase and angles in rad.
+    """
     k = TURN / wavelength
     sine, cosine = np.sin(k * angle + phase), np.cos(k * angle + phase)
     return np.asarray(amplitude * np.stack([sine, k * cosine, -(k**2) * sine]))

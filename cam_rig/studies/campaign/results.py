@@ -1,7 +1,8 @@
-"""Results of a campaign: quantiles, yields and shares, each with its error.
+"""Results of a campaign: quantiles, yields and variance shares, with their errors.
 
-Columns are read one at a time. Intervals of 95 % assume independent draws. A Latin hypercube or a
-Sobol sequence has smaller errors, so its intervals are conservative.
+A yield is the fraction of points that satisfy a limit. Columns of the dataset are read one at a
+time. Intervals of 95 % assume independent draws. A Latin hypercube or a Sobol sequence has smaller
+errors, so its intervals are conservative.
 """
 
 from __future__ import annotations
@@ -28,19 +29,18 @@ from cam_rig.units import RPM, FloatArray
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-#: Probabilities of the quantiles in the table of quantiles.
+#: Probabilities of the quantiles in the table of results.
 PROBABILITIES = (0.01, 0.05, 0.5, 0.95, 0.99)
-#: Largest number of reasons that a note on failed points lists.
+#: Largest number of different reasons that a note on failed points lists.
 MAX_REASONS = 3
 #: Probability that a 95 % interval does not contain the true value.
 MISSED = 0.05
-#: Smallest number of draws for which the 95 % interval of the median exists.
+#: Smallest number of independent draws for which the 95 % interval of the median exists.
 FOR_MEDIAN = 6
-#: Largest half-width of the 95 % interval of a variance share without a note that requests more
-#: points.
+#: Half-width of the 95 % interval of a variance share above which a note suggests more points.
 SHARE_ERROR = 0.1
 
-#: Note on intervals below the table of quantiles.
+#: Note below the table of quantiles on its intervals.
 
 INTERVALS = (
     "Intervals of 95 % assume independent draws; they are conservative for a Latin hypercube or a "
@@ -50,10 +50,10 @@ INTERVALS = (
 
 @dataclass(frozen=True)
 class Quantile:
-    """Quantile of a measure and its interval, in the unit of the measure.
+    """Quantile of a measure with its 95 % interval, in the unit of the measure.
 
-    An end of the interval is NaN if it is beyond the sample. The value is NaN if either end is,
-    with fewer than ``needed`` draws.
+    ``low`` or ``high`` is NaN if that end of the interval is beyond the sample, which happens with
+    fewer than ``needed`` draws. ``value`` is then NaN too.
     """
 
     probability: float
@@ -63,16 +63,16 @@ class Quantile:
 
     @property
     def needed(self) -> int:
-        """Smallest number of draws for which the sample contains both interval ends."""
+        """Smallest number of draws for which both ends of the interval are in the sample."""
         outside = max(self.probability, 1.0 - self.probability)
         return math.ceil(math.log(0.5 * MISSED) / math.log(outside))
 
 
 @dataclass(frozen=True)
 class LimitYield:
-    """Fraction of all points that satisfy a limit, with its 95 % interval.
+    """Yield: fraction of all points that satisfy a limit, with its 95 % interval.
 
-    If ``grid`` is True, the points are not random, so the interval has no meaning.
+    If ``grid`` is True, the points are not random, and the interval has no meaning.
     """
 
     limit: Limit
@@ -86,8 +86,8 @@ class LimitYield:
 class InputShare:
     """Sobol indices of an input: its shares in the variance of a measure.
 
-    ``first`` is the share of the input alone, ``total`` includes its interactions with others. The
-    errors are half-widths of 95 % intervals.
+    ``first`` is the share of the input alone, and ``total`` includes its interactions with other
+    inputs. The errors are half-widths of 95 % intervals.
     """
 
     path: str
@@ -99,7 +99,10 @@ class InputShare:
 
 @dataclass(frozen=True)
 class MeasureRow:
-    """Row of a table: a measure, and its quantile, share, derivative or extremes."""
+    """Row of a results table: a measure, and what the table lists for it.
+
+    ``item`` is a `Quantile`, an `InputShare`, a `JumpSensitivity`, or the pair of extreme values.
+    """
 
     measure: CampaignMeasure
     item: Any
@@ -109,11 +112,11 @@ def _item_column(key: str, unit: str = "", spec: str = ".6g", heading: str = "")
     return Column(key, unit, spec, heading, f"item.{key}")
 
 
-#: Column of the measure of a row.
+#: Table column with the name of the measure.
 MEASURE = Column("measure", of="measure.column", cell=lambda row: row.measure.term.words)
-#: Column of the unit of the measure.
+#: Table column with the unit of the measure in the dataset.
 UNIT = Column("unit", of="measure.unit")
-#: Columns of tables that are shown separately for each measure.
+#: First columns of a results table that is displayed separately for each measure.
 MEASURE_COLUMNS = (
     Column("measure", of="measure.column", hidden=True),
     Column("title", of="measure.term.words"),
@@ -131,7 +134,7 @@ def _rpm(factor: Callable[[JumpSensitivity], float]) -> Callable[[MeasureRow], f
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CampaignResult(Result):
-    """Rows of a finished campaign, with quantiles, yields and shares."""
+    """Result of a finished campaign: its rows, quantiles, yields and variance shares."""
 
     schema = "cam_rig.campaign.1"
     plot_function = "cam_rig.studies.campaign.figures:figure"
@@ -209,7 +212,7 @@ class CampaignResult(Result):
 
     @property
     def campaign(self) -> Campaign:
-        """Campaign that the rows belong to."""
+        """Campaign whose rows the dataset contains."""
         return self.dataset.campaign
 
     @cached_property
@@ -227,7 +230,10 @@ class CampaignResult(Result):
 
     @cached_property
     def failures(self) -> str:
-        """Text on failed points: their number and the most frequent reasons, or empty."""
+        """Text on failed points: their number and the most frequent reasons.
+
+        It is empty if no point failed.
+        """
         if not self.failed:
             return ""
         reasons = self.dataset.reasons()
@@ -242,28 +248,37 @@ class CampaignResult(Result):
 
     @property
     def unsettled(self) -> str:
-        """Text on points that are not steady: their number and a reason, or empty."""
+        """Text on points without a steady motion: their number and an example of a reason.
+
+        It is empty if there are no such points.
+        """
         reasons = self.dataset.reasons(UNSETTLED)
         count = sum(points for _, points in reasons)
         points = pluralize(self.points, "point")
         return f"{count} of {points}, such as {reasons[0][0]}" if reasons else ""
 
     def values(self, measure: CampaignMeasure) -> FloatArray:
-        """Return a measure of every point, in the unit of the dataset, NaN if it failed."""
+        """Return the values of a measure, one per point, in the unit of the dataset.
+
+        The value is NaN if the measure failed.
+        """
         return self.dataset.column(measure.column)
 
     def input_values(self, path: str) -> FloatArray:
-        """Return an input of every point, SI."""
+        """Return the values (SI) of the input with a path, one per point."""
         item = next(item for item in self.campaign.inputs if item.path == path)
         return self.dataset.column(item.column)
 
     def quantiles(self, measure: CampaignMeasure) -> tuple[Quantile, ...]:
-        """Return the quantiles `PROBABILITIES` of a measure, in which 0 and ∞ are values."""
+        """Return the quantiles of a measure at the probabilities `PROBABILITIES`.
+
+        Failed points are ignored. The values 0 and ∞ are included as values.
+        """
         values = np.sort(self.values(measure))
         return tuple(quantile(values[~np.isnan(values)], p) for p in PROBABILITIES)
 
     def yields(self) -> tuple[LimitYield, ...]:
-        """Return the yield of each limit.
+        """Return the yield of each limit: the fraction of points that satisfy it.
 
         The intervals are the exact binomial intervals of Clopper and Pearson.
         """
@@ -275,7 +290,9 @@ class CampaignResult(Result):
         return tuple(limit_yields)
 
     def shares(self, measure: CampaignMeasure) -> tuple[InputShare, ...]:
-        """Return first-order and total shares of a measure, computed by SALib.
+        """Return the shares of the inputs in the variance of a measure, computed by SALib.
+
+        They are Sobol indices of first order and in total.
 
         Raises
         ------
@@ -299,9 +316,10 @@ class CampaignResult(Result):
         return saltelli_shares(values, paths, self.campaign.seed)
 
     def tables(self) -> list[Records]:
-        """Return the tables of quantiles, limits, shares and local derivatives.
+        """Return the tables of quantiles, limits, variance shares and local derivatives.
 
-        A grid has ``extremes`` instead of ``quantiles``.
+        A grid has ``extremes`` (smallest and largest values) instead of ``quantiles``. Variance
+        shares exist for the plan ``shares`` only. Failures and the plan are in hidden tables.
         """
         return self._tables
 
@@ -356,11 +374,14 @@ class CampaignResult(Result):
         return self.table("shares", caption, rows, first, *notes, group_by="title")
 
     def summary(self) -> list[str]:
-        """Return the path of the dataset."""
+        """Return one line with the path of the dataset."""
         return [f"dataset: {self.dataset.folder}/*.parquet"]
 
     def to_pandas(self, key: str = "") -> DataFrame:
-        """Return the rows in the order of the plan, or a table if its key is given."""
+        """Return a DataFrame of all points in the order of the plan.
+
+        If the key of a table is given, that table is returned instead.
+        """
         if key:
             return super().to_pandas(key)
         with friendly_import_errors():
@@ -373,9 +394,10 @@ def _has_measure(measure: CampaignMeasure, row: MeasureRow) -> bool:
 
 
 def points_needed(shares: Sequence[InputShare], points: int) -> int:
-    """Return the number of points with which all share errors are below `SHARE_ERROR`.
+    """Return the size of the base sample with which all shares are accurate enough.
 
-    It is a power of 2, or the present number `points` if that is sufficient.
+    The errors of the shares are then below `SHARE_ERROR`. The result is a power of 2, or the
+    present size ``points`` if that is sufficient.
     """
     errors = [error for share in shares for error in (share.first_error, share.total_error)]
     ratio = (max(errors) / SHARE_ERROR) ** 2
@@ -383,9 +405,10 @@ def points_needed(shares: Sequence[InputShare], points: int) -> int:
 
 
 def quantile(values: FloatArray, probability: float) -> Quantile:
-    """Return a quantile of sorted numbers, with its 95 % interval.
+    """Return a quantile of sorted values, with its 95 % interval.
 
-    The ends of the interval are order statistics.
+    The ends of the interval are values of the sample (order statistics), so no distribution is
+    assumed.
     """
     count = values.size
     if count == 0:
@@ -401,16 +424,19 @@ def quantile(values: FloatArray, probability: float) -> Quantile:
 
 
 def order_interval(count: int, probability: float) -> tuple[int, int]:
-    """Return the indices of the ends of a quantile's 95 % interval in sorted numbers.
+    """Return the indices of the ends of a quantile's 95 % interval in a sorted sample.
 
-    There are ``count`` numbers. An index outside of 0 to count − 1 is beyond the sample.
+    ``count`` is the size of the sample. An index outside of 0 to count − 1 is beyond the sample.
     """
     low = int(binom.ppf(0.5 * MISSED, count, probability)) - 1
     return low, int(binom.ppf(1.0 - 0.5 * MISSED, count, probability))
 
 
 def proportion(successes: int, count: int) -> tuple[float, float, float]:
-    """Return the share ``successes`` of ``count`` independent draws, and its 95 % interval."""
+    """Return the share of successes in independent draws, and its 95 % interval.
+
+    ``successes`` of ``count`` draws succeeded. The results are share, lower end and upper end.
+    """
     low = float(beta.ppf(0.5 * MISSED, successes, count - successes + 1)) if successes else 0.0
     high = (
         float(beta.ppf(1.0 - 0.5 * MISSED, successes + 1, count - successes))
@@ -421,10 +447,10 @@ def proportion(successes: int, count: int) -> tuple[float, float, float]:
 
 
 def saltelli_shares(values: FloatArray, paths: list[str], seed: int) -> tuple[InputShare, ...]:
-    """Return the variance shares of the inputs ``paths`` from the values of a measure.
+    """Return the shares of the inputs in the variance of a measure.
 
-    The values are in the row order of `unit_points` for the kind ``shares``. The shares are zero
-    for a constant measure.
+    ``values`` are the measure at all points, in the row order of `unit_points` for the kind
+    ``shares``. ``paths`` are those of the inputs. The shares are zero for a constant measure.
     """
     with friendly_import_errors():
         from SALib.analyze import sobol

@@ -1,4 +1,8 @@
-"""Schema of a campaign file: base, variations, plan, measures and limits."""
+"""Schema of a campaign file, which describes many rigs to be measured.
+
+It has a base (cam, rig, scene), variations of its numbers (the inputs), a plan of the points,
+measures, and limits on measures. A point is one combination of input values.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +15,14 @@ from cam_rig.schema.named import Name
 from cam_rig.schema.quantity import UNITS, Strict
 from cam_rig.schema.scene import Model
 
-#: Unit of a variation in percent of the base's number.
+#: Unit of a variation in percent of the number in the base.
 PERCENT = "%"
-#: Largest number of points of a campaign. Results are read one column at a time, and a column of
-#: this length takes 0.8 GB.
+#: Largest number of points (rigs) of a campaign. Results are read one column at a time, and a
+#: column of this length takes 0.8 GB.
 MAX_POINTS = 100_000_000
-#: Largest number of steps of a range on a grid.
+#: Largest number of values of an input with a range on a grid.
 MAX_COUNT = 100_000
-#: Largest number of inputs of a campaign.
+#: Largest number of varied numbers (inputs) of a campaign.
 MAX_INPUTS = 100
 
 
@@ -31,7 +35,7 @@ def _check_file(text: str) -> str:
     return text
 
 
-#: Name of a shipped file, or path of a file.
+#: Name of a shipped file, or path of a file relative to the campaign file's folder.
 FileOrName = Annotated[str, AfterValidator(_check_file)]
 Finite = Annotated[FiniteFloat, Field(strict=True)]
 Spread = Annotated[FiniteFloat, Field(strict=True, ge=0.0)]
@@ -39,12 +43,14 @@ PlanKind = Literal["grid", "latin_hypercube", "sobol", "shares"]
 
 
 class Variation(Strict):
-    """Variation of one number.
+    """Variation of one number of the cam, the rig or the scene.
 
-    It has exactly one of ``values``, ``range``, ``normal`` and ``uniform``. Numbers are in
-    ``unit``, or in percent of the base's number. ``normal`` is a standard deviation, truncated to
-    ``within`` on both sides of the mean. ``uniform`` is half of the width. The mean is the base's
-    number by default. On a grid a range has ``count`` steps.
+    It has exactly one of ``values`` (a list), ``range`` (lower and upper end), ``normal`` and
+    ``uniform``. These numbers are in ``unit``, or in percent of the number in the base. ``normal``
+    is a standard deviation; the distribution is truncated to ``within`` on both sides of the mean.
+    ``uniform`` is half of the width of a uniform distribution. The mean is the number in the base
+    by default. On a grid a range has ``count`` values. ``source`` is a free text on the origin of
+    the variation.
     """
 
     values: list[Finite] | None = Field(default=None, min_length=1)
@@ -90,11 +96,12 @@ class Variation(Strict):
 
 
 class CampaignBase(Strict):
-    """Base of a campaign: the cam and the rig of a scene, or a cam and a rig.
+    """Base of a campaign: a scene with its cam and rig, or a cam and a rig.
 
-    Each is a name, or a path relative to the campaign's folder. ``model`` runs the measures that
-    need a motion. It is that of the scene. Without a scene it is two masses if the rig defines
-    their split, otherwise one mass.
+    The numbers of the base are varied. Each file is a name, or a path relative to the campaign
+    file's folder. ``model`` is the dynamic model for measures that need a motion. It is that of the
+    scene. Without a scene the default is two masses if the rig defines how its mass is split,
+    otherwise one mass.
     """
 
     scene: FileOrName | None = None
@@ -112,16 +119,21 @@ class CampaignBase(Strict):
 
 
 class CorrelatedPair(Strict):
-    """Two inputs, and the correlation of the normal numbers that they are drawn from."""
+    """Correlation of two inputs of a campaign.
+
+    ``coefficient`` is the correlation of the two normal variables from which the inputs are drawn
+    (a Gaussian copula).
+    """
 
     inputs: tuple[str, str]
     coefficient: Annotated[FiniteFloat, Field(strict=True, gt=-1.0, lt=1.0)]
 
 
 class CampaignPlan(Strict):
-    """Points of a campaign.
+    """Plan of the points of a campaign: kind, number of points and seed.
 
-    ``points`` of the kind ``shares`` is the size of the base sample, each of which has d + 2 rows.
+    For the kind ``shares`` (Sobol indices of d inputs), ``points`` is the size of the base sample.
+    Each of its points gives d + 2 rows. A grid has no ``points``.
     """
 
     kind: PlanKind
@@ -140,7 +152,11 @@ class CampaignPlan(Strict):
 
 
 class CampaignConfig(Strict):
-    """Content of a campaign file in ``config/campaigns/``."""
+    """Content of a campaign file in ``config/campaigns/``.
+
+    ``vary`` maps the path of a number, such as ``rig.follower.mass``, to its variation.
+    ``measures`` are quantities such as ``jump_speed``, and ``limits`` are limits on some of them.
+    """
 
     name: Name
     title: str

@@ -1,9 +1,9 @@
-"""Exact local derivatives of the jump speed, from its implicit equation.
+"""Exact derivatives of the jump speed by the numbers of the rig and the cam.
 
-At the jump speed the least contact force is zero, at one angle of one turn: F(Ω, θ; p) = 0 and
-∂F/∂θ = 0. Therefore dΩ/dp = −(∂F/∂p)/(∂F/∂Ω), both at that angle. F is an analytic function of all
-numbers. Its derivatives are computed by a step of 1e-30 along the imaginary axis, which has no
-cancellation (Squire and Trapp 1998).
+At the jump speed Ω the least contact force is zero, at one angle of one turn: F(Ω, θ; p) = 0 and
+∂F/∂θ = 0. Therefore dΩ/dp = −(∂F/∂p)/(∂F/∂Ω) for a number p, both at that angle. F is an analytic
+function of all numbers. Its derivatives are computed by a step of 1e-30 along the imaginary axis,
+which has no cancellation (Squire and Trapp 1998).
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
 #: Imaginary step in a number (SI) for its derivative. It is so small that its square is negligible.
 IMAGINARY_STEP = 1e-30
-#: Smallest distance (rad) between the loss of contact and the end of a run at which the jump speed
-#: has a derivative.
+#: Smallest distance (rad of cam angle) between the loss of contact and the end of a run. If it is
+#: smaller, the jump speed has no derivative.
 END_DISTANCE = 1e-6
-#: Keys of the follower's numbers in a rig on which the motion of two masses depends.
+#: Keys of the follower's numbers in a rig file on which the motion of two masses depends.
 FOLLOWER = (
     *("mass", "roller_share", "spring_stiffness", "stem_stiffness"),
     *("damping", "stem_damping", "preload"),
@@ -46,7 +46,9 @@ FOLLOWER = (
 def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> Climb:
     """Return the jump speed of a law and the angle at which contact is first lost.
 
-    ``duration`` (s) is that of the run from rest, None for the steady state.
+    They are fields of the result. ``duration`` (s) is that of the run from rest, None for the
+    steady state. A loss of contact at the end of the run raises a `DynamicsError`, because the jump
+    speed then has no derivative.
     """
     touch = solve_threshold(law, follower, duration)
     if duration is not None and duration * touch.speed - touch.angle < END_DISTANCE:
@@ -66,9 +68,10 @@ def contact_force(
 ) -> complex:
     """Return the contact force (N) of two masses at an angle (rad) of a run.
 
-    All numbers, the ordinates of the law ``(p + 1, n)`` (m), and the speed (rad/s) may be complex.
-    The method is that of `cam_rig.dynamics.modal.motion`: a polynomial in each piece, and a free
-    vibration that compensates its jumps at joints. ``duration`` None is the steady state.
+    The angle is counted from the start of the run. The follower's ``numbers`` (SI), the ordinates
+    of the law ``(p + 1, n)`` (m), and the speed (rad/s) may be complex. The method is that of
+    `cam_rig.dynamics.modal.motion`: a polynomial in each piece of the law, and a free vibration
+    that compensates its jumps at joints. ``duration`` None is the steady state.
     """
     p, touched = numbers, angle % TURN
     stiffness = p["stem_stiffness"] + p["spring_stiffness"]
@@ -91,9 +94,9 @@ def contact_force(
 
 
 def taylor_series(top: NDArray[Any], bottom: NDArray[Any], count: int) -> NDArray[Any]:
-    """Return the first ``count`` Taylor coefficients of the ratio of two polynomials.
+    """Return the first ``count`` Taylor coefficients of a ratio of two polynomials.
 
-    ``top`` and ``bottom`` are their coefficients in rising order.
+    ``top`` and ``bottom`` are the coefficients of the polynomials in rising order.
     """
     dtype = np.result_type(top, bottom)
     coefficients = np.zeros(count, dtype)
@@ -106,7 +109,10 @@ def taylor_series(top: NDArray[Any], bottom: NDArray[Any], count: int) -> NDArra
 
 
 def _derivatives(law: Law, ordinates: NDArray[Any]) -> NDArray[Any]:
-    """Return the ordinates of s and all its derivatives by θ, ``(p + 2, p + 1, n)``."""
+    """Return the Bernstein ordinates of s and of all its derivatives by θ.
+
+    The shape is ``(p + 2, p + 1, n)`` for a law of degree p with n pieces.
+    """
     rows = [ordinates]
     for _ in range(law.degree + 1):
         rows.append(bernstein.derivative(rows[-1]) / law.spans)
@@ -124,6 +130,8 @@ def _free_vibration_state(
     """Return the free vibration (η, η̇) at the angle where contact is lost.
 
     It is the sum of the vibrations excited at all earlier joints, each decayed since then.
+    ``forced`` are the Bernstein ordinates of the polynomial solution in each piece of the law.
+    ``duration`` None is the steady state.
     """
     jumps = np.roll(forced[:, -1], 1, axis=1) - forced[:, 0]
     turns, touched = divmod(angle, TURN)
@@ -134,7 +142,8 @@ def _free_vibration_state(
         initial = np.linalg.solve(np.eye(2) - free.flow(TURN / speed), turn)
         return np.asarray(state + free.flow(touched / speed) @ initial)
     total_angle = TURN * turns + touched
-    state = state - free.flow(total_angle / speed) @ forced[:, 0, 0]  # at rest at θ = 0
+    # the run starts at rest at θ = 0
+    state = state - free.flow(total_angle / speed) @ forced[:, 0, 0]
     for ahead in (total_angle - TURN * turn for turn in range(int(turns))):
         state = state + free.after((ahead - starts[1:]) / speed, jumps[:, 1:])
         state = state + free.flow((ahead - TURN) / speed) @ jumps[:, 0]
@@ -143,7 +152,11 @@ def _free_vibration_state(
 
 @dataclass(frozen=True)
 class _FreeVibration:
-    """Free vibration η̈ + damping η̇ + stiffness η = 0, possibly complex."""
+    """Free vibration η̈ + damping η̇ + stiffness η = 0 of the end mass.
+
+    Both coefficients are divided by the mass. They may be complex, for derivatives by an imaginary
+    step.
+    """
 
     stiffness: complex
     damping: complex
@@ -168,10 +181,11 @@ class _FreeVibration:
 
 @dataclass(frozen=True)
 class JumpSensitivity:
-    """Derivative dΩ/dp (SI) of the jump speed Ω by an input p.
+    """Derivative dΩ/dp (SI) of the jump speed Ω by an input p of a campaign.
 
-    ``value`` is the number (SI) of the input. The derivative is None if the input moves joints of
-    the law, or is not a number of the follower or of the profile errors.
+    ``value`` is the value (SI) of the input at which the derivative is computed. The derivative is
+    None if the input moves joints of the law, or is not a number of the follower or of the profile
+    errors.
     """
 
     path: str
@@ -184,8 +198,9 @@ def jump_sensitivities(
 ) -> tuple[JumpSensitivity, ...]:
     """Return the derivatives of the jump speed of two masses by each input.
 
-    They exist for the numbers of the follower, and for size, amplitudes and phases of profile
-    errors. The derivative of any other input is None.
+    ``point`` is the rig at which they are computed, and ``inputs`` are its input values (SI) by
+    path. Derivatives exist for the numbers of the follower, and for size, amplitudes and phases of
+    profile errors. The derivative by any other input is None.
     """
     law, follower = point.law, TwoMassParameters.from_rig(point.rig)
     touch, numbers = touch_of(law, follower, duration), _numbers(point.rig)
@@ -215,7 +230,7 @@ def jump_sensitivities(
 def _error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | None:
     """Return the derivative of the law's ordinates ``(p + 1, n)`` by a profile error.
 
-    Returns None if the path is not that of a profile error with a derivative.
+    The result is None if the path is not that of a profile error with a derivative.
     """
     eccentric = replace(errors, size=0.0, waviness=0.0)
     wavy = replace(errors, size=0.0, eccentricity=0.0)
@@ -231,10 +246,10 @@ def _error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | Non
 
 
 def _numbers(rig: RigConfig, moved: str = "") -> dict[str, complex]:
-    """Return the parameters of the two masses (SI), one with the imaginary step.
+    """Return the parameters of the two masses (SI), one with an imaginary step.
 
-    ``moved`` is the key in the rig of the parameter with the step. Without it, all parameters are
-    real.
+    ``moved`` is the key in the rig file of the parameter with the step. If it is empty, all
+    parameters are real.
     """
     numbers = {name: complex(getattr(rig.follower, name).si) for name in FOLLOWER}
     if moved:
@@ -243,17 +258,19 @@ def _numbers(rig: RigConfig, moved: str = "") -> dict[str, complex]:
     return {**numbers, "roller_mass": mass * share, "end_mass": mass - mass * share}
 
 
-#: Measures with derivatives -> duration (s) of the run from rest, None for the steady state.
+#: Duration (s) of the run from rest for each jump speed that has derivatives, None for the steady
+#: state.
 RUNS = {"jump_speed": REST_DURATION_S, "jump_speed_steady": None}
 
 
 @dataclass(frozen=True)
 class FirstOrder:
-    """Derivatives of a jump speed at the medians of all inputs, and predicted spread.
+    """Derivatives of a jump speed by all inputs, and the spread that they predict.
 
-    Standard deviations are in rad/s. ``predicted`` is √Σ(dΩ/dp · σ_p)² of independent inputs, with
-    the covariances of ``correlated`` inputs. ``observed`` is that of the points with a finite jump
-    speed.
+    The derivatives are computed at the medians of the inputs. ``predicted`` and ``observed`` are
+    standard deviations in rad/s. ``predicted`` is √Σ(dΩ/dp · σ_p)² for independent inputs. For
+    ``correlated`` inputs it includes their covariances. ``observed`` is that of the ``points``
+    points with a finite jump speed.
     """
 
     measure: CampaignMeasure
@@ -265,10 +282,10 @@ class FirstOrder:
 
 
 def first_orders(results: CampaignResult) -> list[FirstOrder]:
-    """Return derivatives and predicted spread of each measured jump speed.
+    """Return the derivatives and the predicted spread of each measured jump speed.
 
-    The list is empty if the follower is not two masses, or if the medians of the inputs have no
-    valid rig or no jump speed.
+    The list is empty if the follower is not two masses, or if the medians of the inputs give an
+    invalid rig or no jump speed.
     """
     campaign = results.campaign
     middle = campaign.draws.middle()
@@ -287,7 +304,7 @@ def first_orders(results: CampaignResult) -> list[FirstOrder]:
                 spread, correlated = float(np.std(values)) * RPM, bool(campaign.config.correlated)
                 predicted, count = _predicted(results, inputs, correlated), values.size
                 orders.append(FirstOrder(measure, inputs, predicted, spread, correlated, count))
-    except CamRigError:  # the medians have no valid cam, rig or jump speed
+    except CamRigError:  # the medians of the inputs give an invalid cam or rig, or no jump speed
         return []
     return orders
 
@@ -295,7 +312,11 @@ def first_orders(results: CampaignResult) -> list[FirstOrder]:
 def _predicted(
     results: CampaignResult, inputs: tuple[JumpSensitivity, ...], correlated: bool
 ) -> float:
-    """Return the standard deviation (rad/s) that the derivatives predict."""
+    """Return the standard deviation (rad/s) of the jump speed to first order.
+
+    It follows from the derivatives and the values of the inputs at all points. ``correlated``
+    includes the covariances of the inputs.
+    """
     derivatives = [(item.path, item.derivative) for item in inputs if item.derivative is not None]
     parts = [derivative * results.input_values(path) for path, derivative in derivatives]
     if correlated and parts:

@@ -1,4 +1,4 @@
-"""Python function that computes the points of a campaign and stores them."""
+"""Python function that measures the points of a campaign and stores the rows."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ from cam_rig.studies.campaign.results import CampaignResult
 
 
 def load_study(study: str | Path | Mapping[str, Any]) -> Campaign:
-    """Return a campaign by its name in ``config/campaigns``, a path, or plain data."""
+    """Return a campaign from a name, a path or plain data.
+
+    A name is that of a file in ``config/campaigns``. Plain data have the structure of a campaign
+    file.
+    """
     if isinstance(study, Mapping):
         return campaign_from(study, Library((config_root(),)))
     return open_campaign(resolve_path("campaigns", study))
@@ -46,27 +50,28 @@ def campaign(
     out : str or Path
         Folder of the dataset.
     points : int, optional
-        Number of points (default: that of the campaign).
+        Number of points, which are combinations of input values (default: that of the campaign).
     seed : int, optional
-        Seed (default: that of the campaign).
+        Seed of the random numbers (default: that of the campaign).
     resume : bool, optional
-        Compute only the points that the folder does not contain. A warning names damaged files,
-        whose points are computed again.
+        Compute only the points that the folder does not contain (default: False). A warning names
+        damaged files, whose points are computed again.
     executor : Executor, optional
         Executor that measures the points, such as a `ProcessPoolExecutor` or Dask's
         ``client.get_executor()`` (default: this process). Rows do not depend on it.
     workers : int, optional
-        Number of batches that the executor processes at a time.
+        Number of batches that the executor processes at a time (default: 1).
 
     Returns
     -------
     CampaignResult
-        Rows of the campaign, with quantiles, yields and shares.
+        Rows of the campaign, with quantiles, yields and variance shares.
 
     Raises
     ------
     ConfigError
-        If the campaign is invalid, or the folder has other rows.
+        If the campaign is invalid, or the folder has rows of another campaign, or any rows without
+        ``resume``.
     OutputError
         If the folder cannot be written.
     RunError

@@ -1,4 +1,4 @@
-"""Command ``cam-rig design``: the best law of a class and its bound."""
+"""Command ``cam-rig design``, which designs the best motion law of a class."""
 
 from __future__ import annotations
 
@@ -98,9 +98,10 @@ def design(
 
 
 def _config(start: str, goals: dict[str, Any], **others: Any) -> DesignConfig:
-    """Return the design request of the command line, or of a design file.
+    """Return the design options of the command line, or of a design file.
 
-    The cam and rig files that a design file names are next to it, or shipped.
+    ``start`` is a cam file or a design file. A design file's cam and rig are files in the same
+    folder, or else shipped files.
     """
     from cam_rig.schema.load import cam_path, load
     from cam_rig.simulation.inputs import default_rig
@@ -149,7 +150,8 @@ def _best(
 ) -> LawDesign:
     """Search for the best law of a design, and report progress.
 
-    Ctrl-C returns the best law so far.
+    Ctrl-C ends the search and returns the best law so far. It is raised as `KeyboardInterrupt` if
+    no law was found yet. ``name`` is that of the designed cam, None for a default name.
     """
     from cam_rig.studies.design import study
 

@@ -1,8 +1,10 @@
-"""Convex program in the unknowns of a design and a level t, with a proved bound.
+"""Convex programs of a design, and upper bounds that their multipliers prove.
 
-The bound comes from the multipliers and does not rely on the solver. Any multipliers of the right
-signs give a bound (weak duality). The multipliers are corrected and the bound is computed here, in
-a few sums. Numbers in brackets are the inequalities of docs/proofs.md, part 2.
+A program maximises a level t over the unknowns x of a law, under linear and conic limits. Each
+inequality or equation c + A x + w t is a row, and w is its weight. The bound does not rely on the
+solver, because any multipliers of the right signs give a bound (weak duality). The solver's
+multipliers are corrected, and the bound is computed from them in a few sums. Numbers in brackets
+are the inequalities of docs/proofs.md, part 2.
 """
 
 from __future__ import annotations
@@ -21,34 +23,38 @@ from cam_rig.errors import DesignError
 from cam_rig.extras import friendly_import_errors
 from cam_rig.units import FloatArray
 
-#: Largest absolute ordinate of a law, in lifts.
+#: Largest absolute value of the B-spline ordinates of a law, in units of its lift.
 MAX_ORDINATE = 10.0
-#: Name of the limit on the ordinates in messages.
+#: Name of the limit `MAX_ORDINATE` in messages.
 ORDINATE_LIMIT = "ordinates"
-#: Options of every run of the solver. The default factorisation is three times slower on these
-#: programs.
+#: Options of every run of the solver clarabel. Its default factorisation is three times slower on
+#: these programs.
 SOLVER_OPTIONS = {"verbose": False, "max_iter": 400, "direct_solve_method": "qdldl"}
-#: Additional sets of options, tried in turn until the solver converges.
+#: Sets of further options of clarabel. They are tried in turn until the solver converges.
 SOLVER_TUNINGS = (
     {"tol_feas": 1e-10, "tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10},
     {"static_regularization_constant": 1e-7, "iterative_refinement_max_iter": 50},
     {"equilibrate_max_iter": 50, "reduced_tol_gap_rel": 1e-4, "reduced_tol_feas": 1e-4},
 )
 
-#: Largest violation of the rows, and largest relative gap to the bound, at which an unconverged
-#: solution is used. The rows are in the scales of their limits.
+#: Tolerances at which a solution is used although the solver did not converge: the largest
+#: violation of an inequality, relative to `ScaledLimit.scale`, and the largest relative gap between
+#: the level (the maximised variable) and its bound.
 USABLE_ATOL = 1e-5
-#: Largest |t| (level of the goal, in its scale) for which a contradiction of limits is proved.
+#: Largest absolute value of the level (the maximised variable) up to which a contradiction between
+#: limits is proved. It is relative to the scale of the goal.
 MAX_LEVEL = 1e4
-#: Largest distance of a row from its limit at which the limit is active, in the limit's scale.
+#: Distance of an inequality from equality up to which its limit counts as active, relative to
+#: `ScaledLimit.scale`. An active limit restricts the best law.
 ACTIVE_TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
 class Affine:
-    """Affine function c + A x, ``(n,)``, of the unknowns x ``(m,)`` of a program.
+    """Affine function c + A x with n values, of the unknowns x ``(m,)`` of a program.
 
-    A is sparse or dense. Both may be complex.
+    The unknowns describe a motion law. ``constant`` is c ``(n,)``, and ``matrix`` is A ``(n, m)``,
+    sparse or dense. Both may be complex.
     """
 
     constant: NDArray[Any]
@@ -65,15 +71,18 @@ class Affine:
         return Affine(self.constant * factor, self.matrix * factor)
 
     def plus(self, number: float | FloatArray) -> Affine:
-        """Return the function plus a constant."""
+        """Return this function plus a constant: one number, or an array ``(n,)``."""
         return Affine(self.constant + number, self.matrix)
 
     def mapped(self, matrix: Any) -> Affine:
-        """Return the function whose values are ``matrix`` times the present values."""
+        """Return the function whose values are ``matrix`` @ the values of this function."""
         return Affine(np.asarray(matrix @ self.constant), matrix @ self.matrix)
 
     def rows(self, chosen: Any) -> Affine:
-        """Return the function restricted to some of its rows (indices, mask or slice)."""
+        """Return the function with only some of its n values.
+
+        ``chosen`` selects the values: indices, a mask or a slice.
+        """
         return Affine(self.constant[chosen], self.matrix[chosen])
 
     def dense(self) -> Affine:
@@ -82,12 +91,15 @@ class Affine:
 
     @staticmethod
     def number(value: float, unknowns: int) -> Affine:
-        """Return a function with one value, which does not depend on the unknowns."""
+        """Return a function with one constant value, for a program with many unknowns.
+
+        ``unknowns`` is the number of unknowns, on which the value does not depend.
+        """
         return Affine(np.full(1, value), sparse.csr_array((1, unknowns)))
 
     @staticmethod
     def stacked(parts: list[Affine]) -> Affine:
-        """Return the function whose values are the values of all parts, in order."""
+        """Return one function whose values are those of all ``parts``, in order."""
         matrices = [part.matrix for part in parts]
         is_sparse = sparse.issparse(matrices[0])
         matrix = sparse.vstack(matrices, "csr") if is_sparse else np.vstack(matrices)
@@ -96,10 +108,12 @@ class Affine:
 
 @dataclass(frozen=True)
 class RowBlock:
-    """Rows c + A x + w t of a program, of one kind: ≥ 0, = 0, or in cones.
+    """Rows c + A x + w t of one limit of a program, with unknowns x and level t.
 
-    A cone has ``cone`` rows, the first of which is the radius. Rows are ``necessary`` if every law
-    that satisfies the limits satisfies them. Other rows are only sufficient.
+    ``rows`` is c + A x, and ``weight`` is w. The ``kind`` of the rows is ``nonneg`` (each row is ≥
+    0), ``zero`` (each row is 0) or ``cone``. A cone consists of ``cone`` rows in sequence, of which
+    the first is at least the Euclidean norm of the others. ``necessary`` is True if every law that
+    satisfies the limit satisfies the rows, and False if the rows are only sufficient for it.
     """
 
     name: str
@@ -112,10 +126,11 @@ class RowBlock:
 
 @dataclass(frozen=True)
 class ProgramSolution:
-    """Solution of a program: unknowns ``(m,)``, level t, its bound, and active limits.
+    """Solution of a convex program, with a bound on its level.
 
-    No law of the class exceeds the bound. It is proved by ``blocks`` and ``multipliers``, one per
-    row, scaled to Σ w y = −1.
+    ``unknowns`` ``(m,)`` describe the law, and ``level`` is the value t that it reaches. No law of
+    the class exceeds ``bound``. The bound is proved by ``blocks`` and ``multipliers``, one
+    multiplier y per row, scaled to Σ w y = −1. ``active`` names the limits that the law reaches.
     """
 
     unknowns: FloatArray
@@ -127,10 +142,10 @@ class ProgramSolution:
 
 
 class InfeasibleError(DesignError):
-    """Error of a design whose class has no law that satisfies the limits.
+    """Error of a design in which no law of the class satisfies the limits.
 
     ``conflicting`` names the limits that contradict each other. ``proved`` is True if the
-    contradiction is proved for the class.
+    contradiction is proved for the whole class.
     """
 
     def __init__(self, conflicting: tuple[str, ...], proved: bool = True) -> None:
@@ -143,7 +158,12 @@ class InfeasibleError(DesignError):
 
 @dataclass
 class ConvexProgram:
-    """Convex program: limits on unknowns ``(unknowns,)`` and a level t to maximise."""
+    """Convex program: the largest level t under limits on ``unknowns`` unknowns.
+
+    The unknowns describe a motion law. ``link`` is a function of them that must be zero. It relates
+    the last unknowns (ordinates of s'') to the others (ordinates of s). ``blocks`` contains the
+    rows of the limits.
+    """
 
     unknowns: int
     link: Affine
@@ -152,23 +172,36 @@ class ConvexProgram:
     def at_least(
         self, name: str, rows: Affine, weight: float = 0.0, necessary: bool = True
     ) -> None:
-        """Add the limit rows + weight · t ≥ 0 to the program."""
+        """Add the inequalities rows + weight · t ≥ 0 to the program, with its level t.
+
+        ``name`` is that of the limit in messages. ``necessary`` is True if every law that satisfies
+        the limit satisfies the inequalities.
+        """
         weights = np.full(rows.constant.size, weight)
         self.blocks.append(RowBlock(name, rows, weights, "nonneg", necessary=necessary))
 
     def equal(self, name: str, rows: Affine) -> None:
-        """Add the limit rows = 0 to the program."""
+        """Add the equations rows = 0 to the program.
+
+        ``name`` is that of the limit in messages.
+        """
         self.blocks.append(RowBlock(name, rows, np.zeros(rows.constant.size), "zero"))
 
     def within(self, name: str, parts: Affine, radius: float = 0.0, weight: float = 0.0) -> None:
-        """Add the limit √(sum of the squared parts) ≤ radius + weight · t to the program."""
+        """Add a limit on the root of a sum of squares to the program.
+
+        The limit is √(sum of the squared ``parts``) ≤ radius + weight · t, with the level t that
+        the program maximises. ``name`` is that of the limit in messages.
+        """
         cone = Affine.stacked([Affine.number(radius, self.unknowns), parts])
         weights = np.zeros(cone.constant.size)
         weights[0] = weight
         self.blocks.append(RowBlock(name, cone, weights, "cone", weights.size))
 
     def solve(self) -> ProgramSolution:
-        """Solve the program for the largest level t.
+        """Solve the program for the largest level t, the variable that it maximises.
+
+        Sets of solver options are tried in turn until the solver converges.
 
         Raises
         ------
@@ -213,7 +246,11 @@ class ConvexProgram:
         return best
 
     def all_blocks(self) -> list[RowBlock]:
-        """Return all rows of the program: link, equations, limits, ordinate limits."""
+        """Return all inequalities and equations of the program in a fixed order.
+
+        The link between the unknowns of s and s'' comes first, then equations, other limits, and
+        the limit `MAX_ORDINATE` of the ordinates.
+        """
         linked = self.link.constant.size
         link = RowBlock("", self.link, np.zeros(linked), "zero")
         ranked = sorted(self.blocks, key=lambda block: block.kind != "zero")
@@ -232,7 +269,8 @@ def _infeasible(blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
     max_share = max(shares.values(), default=0.0)
     ranked = sorted(shares.items(), key=lambda item: (item[0] == ORDINATE_LIMIT, -item[1]))
     names = tuple(name for name, row_part in ranked if row_part > 1e-6 * max_share)
-    # (40): no unknowns satisfy the rows for any |t| up to `MAX_LEVEL`
+    # By inequality (40) of docs/proofs.md, no unknowns satisfy the rows at any level up to
+    # `MAX_LEVEL`.
     y, weight = _in_cones(blocks, dual)
     refuted = upper_bound(blocks, y) + abs(weight) * MAX_LEVEL < 0.0
     proved = all(block.necessary for block in blocks) and refuted
@@ -240,28 +278,32 @@ def _infeasible(blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
 
 
 def _join_rows(blocks: list[RowBlock]) -> tuple[Affine, FloatArray]:
-    """Return the rows of all blocks in order, and their weights of the level t."""
+    """Return the rows of all blocks as one function, and their weights of the level t.
+
+    A row is an inequality or equation c + A x + w t of a program, with the weight w.
+    """
     rows = Affine.stacked([block.rows for block in blocks])
     return rows, np.concatenate([block.weight for block in blocks])
 
 
 def _append_column(matrix: Any, weights: FloatArray) -> Any:
-    """Return a matrix with the weights of the level t as an additional last column."""
+    """Return a matrix with one more column: the weights of the program's level t."""
     return sparse.hstack([matrix, sparse.csr_array(weights[:, None])], "csr")
 
 
 def _split_by_block(blocks: list[RowBlock], of_rows: FloatArray) -> list[FloatArray]:
-    """Split the values of all rows by block.
+    """Split an array of one value per row into one array per block.
 
-    The results are views of ``of_rows``, one per block.
+    The results are views of ``of_rows``.
     """
     return np.split(of_rows, np.cumsum([block.weight.size for block in blocks])[:-1])
 
 
 def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> ProgramSolution:
-    """Return the solution for a solver's result.
+    """Return the solution of a program from the numbers that a solver returns.
 
-    ``x`` are the unknowns with t last, ``dual`` the unscaled multipliers.
+    ``x`` are the unknowns with the level t last. ``dual`` are the multipliers, one per row, which
+    are corrected and scaled here.
     """
     y, weight = _in_cones(blocks, dual)
     multipliers = y / -weight if weight < 0.0 else np.full(y.size, np.nan)
@@ -271,9 +313,9 @@ def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> Prog
 
 
 def _slack(block: RowBlock, x: FloatArray) -> FloatArray:
-    """Return the slack of each row or cone, negative if the row is violated.
+    """Return the distance of each row or cone from its limit, negative if violated.
 
-    ``x`` are the unknowns with t last. The slack of an equation is minus its absolute residual.
+    ``x`` are the unknowns with the level t last. For an equation it is minus the absolute residual.
     """
     values = np.asarray(block.rows(x[:-1]) + block.weight * x[-1])
     if block.kind == "cone":
@@ -283,10 +325,12 @@ def _slack(block: RowBlock, x: FloatArray) -> FloatArray:
 
 
 def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, float]:
-    """Return the multipliers projected into the cones, and their weight of t.
+    """Return multipliers with corrected signs, and their weight of the level t.
 
-    The first block links the last unknowns to the others, with coefficients −1. Its multipliers are
-    set to eliminate these unknowns (39).
+    Weak duality requires multipliers that are ≥ 0, or inside the cone of their rows. ``dual`` is
+    therefore projected into these cones. The first block links the last unknowns to the others,
+    with coefficients −1. Its multipliers are set to eliminate these unknowns, by (39) of
+    docs/proofs.md.
     """
     y = dual.copy()
     rows, weights = _join_rows(blocks)
@@ -302,10 +346,11 @@ def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, flo
 
 
 def upper_bound(blocks: list[RowBlock], multipliers: FloatArray) -> float:
-    """Return the upper bound of the level t that multipliers prove (39).
+    """Return the upper bound of a program's level t that multipliers prove.
 
-    It is yᵀc + β Σ|(Aᵀy)ⱼ| for multipliers y with yᵀw = −1. β is `MAX_ORDINATE`. The bound is
-    infinite if a multiplier is NaN.
+    By (39) of docs/proofs.md, the bound is yᵀc + β Σ|(Aᵀy)ⱼ| for multipliers y with yᵀw = −1, where
+    β is `MAX_ORDINATE` and the rows of the program are c + A x + w t. It is infinite if a
+    multiplier is NaN.
     """
     if np.isnan(multipliers).any():
         return np.inf
@@ -314,12 +359,14 @@ def upper_bound(blocks: list[RowBlock], multipliers: FloatArray) -> float:
     return float(rows.constant @ multipliers) + float(np.abs(remainder).sum()) * MAX_ORDINATE
 
 
-# Linear programs that differ by a few rows, each solved from the solution of the previous program.
+# Fast solution of successive linear programs that differ by a few rows: each is solved from the
+# solution of the previous program.
 
-#: Feasibility tolerance of rows and multipliers of the simplex solver, relative to the scale of a
-#: limit.
+#: Feasibility tolerance of inequalities and multipliers in the simplex solver HiGHS, relative to
+#: `ScaledLimit.scale`.
 SIMPLEX_TOLERANCE = 1e-9
-#: Options of the simplex solver. By default it presolves every program and selects a method.
+#: Options of the simplex solver HiGHS. Presolve is off, because it would prevent the start from the
+#: previous solution.
 SIMPLEX_OPTIONS: dict[str, bool | int | str | float] = {
     "output_flag": False,
     "threads": 1,
@@ -330,26 +377,28 @@ SIMPLEX_OPTIONS: dict[str, bool | int | str | float] = {
     "dual_feasibility_tolerance": SIMPLEX_TOLERANCE,
 }
 
-#: Lower and upper bound of a row.
+#: Lower and upper bound of a row in the solver.
 Bounds = tuple[float, float]
 
 
 class GrowingProgram:
-    """Solver of a sequence of linear programs with the same unknowns.
+    """Solver of successive linear programs with the same unknowns and similar rows.
 
-    Each program is solved from the solution of the one before.
+    Each program is solved by the simplex method from the solution of the previous program.
     """
 
     def __init__(self) -> None:
         self._solver: Any = None
-        #: Solver's row of each row it contains, and the bounds of the rows in use.
+        #: Number of each row in the solver by the key of the row (see `_keys`), and the bounds of
+        #: the rows in use by their number.
         self._index: dict[bytes, int] = {}
         self._bounds: dict[int, Bounds] = {}
 
     def solve(self, program: ConvexProgram) -> ProgramSolution:
         """Solve a program for the largest level t, as `ConvexProgram.solve` does.
 
-        Programs with cones, and infeasible programs, are passed to `ConvexProgram.solve`.
+        Programs with cones, and programs that the simplex solver does not solve, are passed to
+        `ConvexProgram.solve`.
         """
         blocks = program.all_blocks()
         if any(block.kind == "cone" for block in blocks):
@@ -359,7 +408,8 @@ class GrowingProgram:
         if self._solver is None:
             self._start(program, highspy)
         self._drop(highspy.HighsBasisStatus.kBasic)
-        rows = self._use_rows(blocks[:-1])  # the last block is the limits of columns
+        # the last block, the limits of ordinates, is given as column bounds
+        rows = self._use_rows(blocks[:-1])
         self._solver.run()
         if self._solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
             self._solver = None
@@ -370,7 +420,10 @@ class GrowingProgram:
         return solution_of(blocks, np.array(result.col_value), dual)
 
     def _start(self, program: ConvexProgram, highspy: Any) -> None:
-        """Create the solver with the columns of a program, without rows."""
+        """Create the solver with one variable per unknown of a program, and the level.
+
+        It has no rows (inequalities and equations) yet.
+        """
         solver = self._solver = highspy.Highs()
         self._index, self._bounds = {}, {}
         for name, value in SIMPLEX_OPTIONS.items():
@@ -382,7 +435,11 @@ class GrowingProgram:
         solver.changeColCost(size - 1, -1.0)
 
     def _drop(self, basic: Any) -> None:
-        """Delete the rows without limits that the basis does not need."""
+        """Delete unused rows, if the simplex basis stays valid without them.
+
+        These are the rows whose status in the basis is ``basic``, the constant of HiGHS for a row
+        that does not restrict the solution.
+        """
         status = self._solver.getBasis().row_status
         dropped = {row for row, s in enumerate(status) if s == basic and row not in self._bounds}
         if dropped:
@@ -393,10 +450,10 @@ class GrowingProgram:
             self._bounds = {new_row[row]: bounds for row, bounds in self._bounds.items()}
 
     def _use_rows(self, blocks: list[RowBlock]) -> dict[int, int]:
-        """Set the limits of the rows of the given blocks, and add new rows to the solver.
+        """Give the solver the rows and bounds of the given blocks.
 
-        All rows outside the blocks become free. Returns the index of each row among the rows of the
-        blocks, by the solver's row.
+        New rows are added, and all other rows become free. The result maps the number of a row in
+        the solver to its number among the rows of the blocks.
         """
         in_use: dict[int, Bounds] = {}
         indices: dict[int, int] = {}
@@ -408,7 +465,7 @@ class GrowingProgram:
                     self._index[key] = len(self._index)
                     new_rows.append(row)
                 solver_row = self._index[key]
-                # Of equal rows the one with the tightest bounds is used.
+                # If a row occurs twice, the tighter bounds apply.
                 if solver_row not in in_use or bounds > in_use[solver_row]:
                     in_use[solver_row], indices[solver_row] = bounds, first + row
             if new_rows:
@@ -423,7 +480,10 @@ class GrowingProgram:
         return indices
 
     def _add(self, block: RowBlock, new_rows: list[int]) -> None:
-        """Add some rows of a block to the solver, without limits."""
+        """Add new rows (inequalities or equations) of a block to the solver.
+
+        They have no bounds yet. ``new_rows`` are their indices in the block.
+        """
         matrix = _append_column(block.rows.matrix[new_rows], block.weight[new_rows])
         free = np.full(len(new_rows), np.inf)
         row_starts, columns = (
@@ -435,9 +495,10 @@ class GrowingProgram:
 
 
 def _keys(block: RowBlock) -> Iterator[tuple[bytes, Bounds]]:
-    """Yield a key and the bounds of each row.
+    """Yield a key and the bounds of each row of a block.
 
-    The key identifies the row and does not depend on its constant.
+    The key consists of the kind and the coefficients of the row. Rows that differ only in their
+    constant have the same key, so that the solver can reuse a row with other bounds.
     """
     matrix, kind = block.rows.matrix, block.kind.encode()
     columns, values, size = matrix.indices.tobytes(), matrix.data.tobytes(), matrix.indices.itemsize

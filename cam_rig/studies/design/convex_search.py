@@ -1,4 +1,4 @@
-"""Search for the best law of a class by a convex goal under convex limits."""
+"""Search for the best motion law of a class, for a convex goal and convex limits."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from cam_rig.studies.design.space import DesignProblem, ScaledLimit
 from cam_rig.studies.design.two_mass_search import TwoMassSearch
 from cam_rig.units import FloatArray
 
-#: Smallest goal of a design as a fraction of the start's goal. A smaller goal is solved again with
-#: a finer scale, for more digits.
+#: Fraction of the start law's goal below which a minimised goal is solved for again, with a finer
+#: scale. The finer scale gives more digits of a small value.
 SMALL_FRACTION = 0.05
 
 
@@ -38,18 +38,24 @@ def best_convex(
 
     best = _best(Solver(problem, goal, limits, report))
     if goal.sense == "<=" and 0.0 < best.value < SMALL_FRACTION * goal.scale:
-        finer_goal = replace(goal, scale=best.value / SMALL_FRACTION)  # gives more digits
+        # for more digits of a small goal
+        finer_goal = replace(goal, scale=best.value / SMALL_FRACTION)
         with suppress(DesignError):  # if it fails, the first result is used
             again = _best(Solver(problem, finer_goal, limits, report))
             law = min(best, again, key=lambda result: result.value)
-            assert best.bound is not None and again.bound is not None  # programs have bounds
+            # a solved program has a bound
+            assert best.bound is not None and again.bound is not None
             bound = max(best.bound, again.bound)
             best = replace(law, bound=bound, rounds=best.rounds + again.rounds)
     return best
 
 
 def _best(solver: Solver) -> BestLaw:
-    """Return the best law by the kind of search that the goal needs."""
+    """Return the best law, found by the search that suits the kind of goal.
+
+    For a jump speed of two masses or of one rigid mass it is a search over the speed. Any other
+    goal is maximised by a single convex program.
+    """
     run, rig = rows_of(solver.goal.term).run, solver.problem.rig
     try:
         if run is None:

@@ -1,4 +1,9 @@
-"""Best law of a class with a bound, by convex programs with cutting planes."""
+"""Best law of a class with a bound, by convex programs with cutting planes.
+
+A program with all inequalities (rows) of a design would be too large. It is solved with few of
+them, and the rows that its solution violates are added until there are none (the method of cutting
+planes). The level t of a program is the variable that it maximises.
+"""
 
 from __future__ import annotations
 
@@ -28,25 +33,29 @@ from cam_rig.studies.design.space import DesignProblem, ScaledLimit
 from cam_rig.studies.design.two_mass_contact import MARGIN, ContactRows, ResidualRows
 from cam_rig.units import RPM, FloatArray, to_rpm
 
-#: Stride of the rows in the first round: every n-th of a program's thousands of inequalities is
+#: Stride of the rows in the first solution: every n-th of a program's thousands of inequalities is
 #: used.
 ROW_STRIDE = 24
-#: Size of a negative slack above which a row is violated, in the scale of its limit.
+#: Amount by which an inequality must be violated to be added to the program, relative to
+#: `ScaledLimit.scale`.
 VIOLATION = 1e-9
-#: Slack below which a row is added together with the violated rows, in the scale of its limit.
+#: Slack below which a satisfied inequality is added together with the violated inequalities,
+#: relative to `ScaledLimit.scale`.
 NEARLY_VIOLATED = 1e-3
-#: Largest number of rounds in which rows are added.
+#: Largest number of times that a program is solved. After each solution violated inequalities are
+#: added.
 MAX_ROUNDS = 80
-#: Relative tolerance of a jump speed.
+#: Relative tolerance of the computed jump speed of a law, and of its bound.
 SPEED_RTOL = 2e-5
 
 
 @dataclass(eq=False)
 class WorkingRows:
-    """Rows of a program that are added when a solution violates them.
+    """Rows (inequalities) of a program, of which only the relevant ones are used.
 
-    Only the violated and nearly violated rows are used. At the start every ``stride``-th inequality
-    and all other rows are used.
+    At first, every ``stride``-th inequality and all equations and cones are used. Rows that a
+    solution violates, or nearly violates, are added. ``in_use`` contains one mask per block of
+    ``all_rows``.
     """
 
     all_rows: list[RowBlock]
@@ -61,16 +70,16 @@ class WorkingRows:
 
     @property
     def blocks(self) -> list[RowBlock]:
-        """Blocks of the program with only the rows in use."""
+        """Blocks of the program, reduced to the inequalities in use."""
         return [
             replace(block, rows=block.rows.rows(in_use), weight=block.weight[in_use])
             for block, in_use in zip(self.all_rows, self.in_use, strict=True)
         ]
 
     def add_violated(self, solution: ProgramSolution) -> bool:
-        """Add the rows that a solution violates or nearly violates.
+        """Add the rows to the program that a solution violates or nearly violates.
 
-        Returns True if it violates any row that was not in use.
+        Returns True if the solution violates any row that was not in use.
         """
         violated = False
         for block, in_use in zip(self.all_rows, self.in_use, strict=True):
@@ -82,17 +91,17 @@ class WorkingRows:
 
 #: Function that is called with the unknowns of a better law and the value of its goal (SI).
 OnBetterLaw = Callable[[FloatArray, float], None]
-#: Sources of rows that are added if a law requires them.
+#: Objects that provide inequalities for a program, and add those that a solution violates.
 RowSource = WorkingRows | ContactRows | ResidualRows
 
 
 @dataclass(frozen=True)
 class BestLaw:
-    """Best law of a class by a goal: its unknowns, value and bound (SI).
+    """Best law of a class for a goal: its unknowns, value and bound (SI).
 
-    ``active`` names the active limits. ``rounds`` is the number of solved programs, 0 for an
-    intermediate law of an interrupted search. The best of several descents has ``multistart`` and
-    no bound.
+    ``active`` names the limits that the law reaches. ``rounds`` is the number of solved programs, 0
+    for an intermediate law of an interrupted search. The best of several local searches has
+    ``multistart``, and its bound is None.
     """
 
     unknowns: FloatArray
@@ -105,9 +114,10 @@ class BestLaw:
 
 @dataclass(eq=False)
 class Solver:
-    """Solver for one goal over one class of laws, under limits.
+    """Solver for one goal over one class of laws, under convex limits.
 
-    ``on_best`` is called with the unknowns and the value (SI) of each better law.
+    ``on_best`` is called with the unknowns and the goal's value (SI) of each better law. ``rounds``
+    counts the solved programs, each of which contains the inequalities used so far.
     """
 
     problem: DesignProblem
@@ -118,9 +128,11 @@ class Solver:
     _static: dict[bool, ConvexProgram] = field(default_factory=dict)
 
     def static_program(self, sufficient: bool) -> ConvexProgram:
-        """Return the program of the lift and of the limits whose rows are all known.
+        """Return the program of the lift and of all limits with a fixed set of rows.
 
-        Its rows are sufficient, or else necessary, for a law to satisfy the limits.
+        Limits whose rows depend on the solution are not included (see `row_sources`). If
+        ``sufficient``, a law that satisfies the rows satisfies the limits at every angle. Otherwise
+        every law that satisfies the limits satisfies the rows.
         """
         if sufficient not in self._static:
             program = ConvexProgram(self.problem.space.unknowns, self.problem.space.link)
@@ -137,9 +149,11 @@ class Solver:
         return replace(self._static[sufficient], blocks=list(self._static[sufficient].blocks))
 
     def row_sources(self, sufficient: bool) -> list[RowSource]:
-        """Return the sources of the limits whose rows are added in rounds.
+        """Return the sources of inequalities that are added as solutions violate them.
 
-        If the rows must be ``sufficient``, the limits have a margin.
+        They belong to limits of the residual vibration and of jump speeds. If ``sufficient``, the
+        inequalities keep a margin from the limits, so that a law that satisfies them satisfies the
+        limits.
         """
         sources: list[RowSource] = []
         for limit in self.limits:
@@ -152,8 +166,8 @@ class Solver:
                 contact = ContactRows(
                     self.problem, duration, limit.value, limit.name, limit=True, margin=margin
                 )
-                # Initial rows of the contact force: at the minima of the force for the law that is
-                # optimal if the vibration of the stem is neglected.
+                # Initial rows: at the minima of the contact force of the law that is best for a
+                # rigid stem.
                 program = self.static_program(True)
                 program.at_least("rigid", force_parts(self.problem, contact.fastest, True), -1.0)
                 contact.add_rows_below(self.solve_in_rounds(program, []).unknowns, 0.5)
@@ -163,7 +177,7 @@ class Solver:
     def solve_rows(
         self, sources: list[RowSource], growing: GrowingProgram | None = None
     ) -> ProgramSolution:
-        """Solve the convex program of all rows that the sources contain so far.
+        """Solve the convex program of all inequalities that the sources contain so far.
 
         ``growing`` is a solver that continues from its previous solution. If it is None, the
         program is solved from scratch.
@@ -175,9 +189,10 @@ class Solver:
         return program.solve() if growing is None else growing.solve(program)
 
     def solve_in_rounds(self, program: ConvexProgram, sources: list[RowSource]) -> ProgramSolution:
-        """Solve a program repeatedly, and add violated rows until no row is added.
+        """Solve a program repeatedly, adding inequalities until none is violated.
 
-        The rows of the program itself are added in rounds too. Returns the last solution.
+        The inequalities of ``program`` are used only as needed, like those of the ``sources``.
+        Returns the last solution.
         """
         rounds = [WorkingRows(program.blocks), *sources]
         for _ in range(MAX_ROUNDS):
@@ -191,9 +206,11 @@ class Solver:
         )
 
     def _confirm(self, sources: list[RowSource], solution: ProgramSolution) -> bool:
-        """Return True if the exact search confirms the jump speeds of a law.
+        """Return True if a solution's law satisfies its limits on jump speeds exactly.
 
-        Otherwise the rows of a source are refined.
+        The programs evaluate contact forces on a grid of angles and speeds only. If the exact
+        search finds a loss of contact between them, the grid of that source is refined, and the
+        result is False.
         """
         law = self.problem.space.law(solution.unknowns, "design")
         for source in sources:
@@ -205,10 +222,15 @@ class Solver:
         return True
 
     def level(self) -> BestLaw:
-        """Return the best law for a goal that is the level of the program."""
+        """Return the best law for a goal that a single convex program maximises.
+
+        The program is solved twice: with sufficient inequalities for the law, and with necessary
+        inequalities for its bound.
+        """
         scale = -sign_of(self.goal.sense) * self.goal.scale
         solutions = {}
-        for sufficient in (False, True):  # necessary rows prove that no law exists
+        # False first: the necessary rows show whether a law exists
+        for sufficient in (False, True):
             program, sources = self.static_program(sufficient), self.row_sources(sufficient)
             if rows_of(self.goal.term).in_rounds:
                 sources.append(ResidualRows(self.problem, self.goal, sufficient))
@@ -221,19 +243,25 @@ class Solver:
         return BestLaw(solution.unknowns, solution.level * scale, bound, active, self.rounds)
 
     def other_than_goal(self, active: tuple[str, ...], *more: str) -> tuple[str, ...]:
-        """Return the names of the active limits without the goal and ``more``."""
+        """Return the names of the limits among ``active``.
+
+        The name of the goal and the names ``more`` are removed.
+        """
         return tuple(name for name in active if name not in (self.goal.name, *more))
 
     def rigid(self) -> BestLaw:
-        """Return the law of one rigid mass that keeps contact up to the highest speed.
+        """Return the law with which one rigid mass keeps contact up to the highest speed.
 
-        The value of the law is its jump speed (rad/s).
+        The value and the bound of the result are jump speeds (rad/s). At each speed a program
+        maximises the least contact force. The jump speed of the class is the speed at which this
+        maximum is zero.
         """
         solutions: dict[float, ProgramSolution] = {}
-        # The rows are necessary: if they contradict each other, no law of the class is possible.
+        # If these necessary rows contradict each other, no law of the class is possible.
         possible = self.static_program(False)
         level_one = Affine.number(1.0, possible.unknowns)
-        possible.at_least("level", level_one, -1.0)  # without a goal: t ≤ 1
+        # the program has no goal, so its level needs a limit
+        possible.at_least("level", level_one, -1.0)
         self.solve_in_rounds(possible, [])
 
         def level(speed: float, sufficient: bool) -> float:
@@ -250,7 +278,8 @@ class Solver:
         highest_speed = max(speed for speed, best in solutions.items() if best.level >= 0.0)
         best = solutions[highest_speed]
         bound = self._root(lambda speed: level(speed, False), highest)
-        for _ in range(MAX_ROUNDS):  # (41) of docs/proofs.md at the returned speed
+        # By (41) of docs/proofs.md a speed is a bound if its level is not positive.
+        for _ in range(MAX_ROUNDS):
             if level(bound, False) <= 0.0:
                 break
             bound *= 1.0 + SPEED_RTOL
@@ -261,9 +290,10 @@ class Solver:
         return BestLaw(best.unknowns, value, bound, self.other_than_goal(best.active), self.rounds)
 
     def _root(self, level: Callable[[float], float], start: float) -> float:
-        """Return the speed (rad/s) at which a level is zero.
+        """Return the speed (rad/s) at which a function of the speed is zero.
 
-        The level decreases with the speed. The search starts at ``start`` (rad/s).
+        ``level`` is the least contact force that a program reaches at a speed. It decreases with
+        the speed. The search starts at ``start`` (rad/s).
         """
         low = high = start
         ratio = 1.02

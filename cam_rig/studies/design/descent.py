@@ -1,8 +1,9 @@
-"""Descent from one law to better laws, by programs that are linear near the law.
+"""Local search for a better law, by a sequence of linearised convex programs.
 
-Convex limits are kept exactly, so every law of the descent satisfies them. Other goals and limits
-are linearised. A step is accepted only if the exact values of the new law satisfy the other limits
-and its goal is better.
+Each step solves a program within a trust region around the present law. Convex limits are kept
+exactly, so every law of the descent satisfies them. Other goals and limits are linearised at the
+present law. A step is accepted only if the exact values of the new law satisfy these limits and its
+goal is better.
 """
 
 from __future__ import annotations
@@ -28,44 +29,51 @@ from cam_rig.studies.design.space import DesignProblem, ScaledLimit, dwells, mea
 from cam_rig.studies.design.two_mass_contact import ResidualRows
 from cam_rig.units import FloatArray
 
-#: Largest number of steps of one descent.
+#: Largest number of steps of one local search. A step solves a linearised program.
 MAX_STEPS = 60
-#: Largest number of corrections of the rows of one step.
+#: Largest number of times that a rejected step is repeated with corrected rows.
 MAX_CORRECTIONS = 2
-#: Initial trust region: largest change of an ordinate in one step, in lifts.
+#: Initial trust region: largest change of a B-spline ordinate in one step, relative to the lift.
 FIRST_REACH = 0.1
-#: Largest trust region, in lifts.
+#: Upper limit of the trust region (largest change of a B-spline ordinate in one step), relative to
+#: the lift.
 MAX_REACH = 2.0
-#: Trust region below which the descent ends, in lifts.
+#: Trust region below which a local search ends: largest change of a B-spline ordinate in one step,
+#: relative to the lift.
 MIN_REACH = 1e-5
-#: Relative gain of the goal below which a step is without progress. Two such steps in a row end the
-#: descent.
+#: Relative improvement of the goal below which a step of a local search counts as idle. Two idle
+#: steps in a row end the search.
 GAIN_RTOL = 2e-5
-#: Gain that the linearised program predicts within `FIRST_REACH`, relative to the goal, below which
-#: the descent ends.
+#: Predicted improvement of the goal below which a local search ends, relative to the goal. It is
+#: the prediction of a linearised program within a trust region of `FIRST_REACH`.
 PROMISE_RTOL = 1e-5
-#: Ratio of the gain to the predicted gain below which the trust region is halved.
+#: Ratio of the actual to the predicted improvement below which the trust region is halved.
 POOR_GAIN = 0.25
-#: Ratio of the gain to the predicted gain above which the trust region may be doubled.
+#: Ratio of the actual to the predicted improvement above which the trust region may be doubled.
 GOOD_GAIN = 0.7
-#: Initial margin of the limits in a program, in their scales.
+#: Initial margin by which a program tightens the linearised limits, relative to their scales.
 MARGIN = 1e-7
-#: Largest increase of the margin per correction, in the scales of the limits.
+#: Largest increase of the margin of the linearised limits after a rejected step, relative to the
+#: scales of the limits.
 MAX_MARGIN_STEP = 1e-3
-#: Largest violation of a limit at which a law is feasible, in the limit's scale.
+#: Largest violation of a limit at which a law counts as feasible, relative to the scale of the
+#: limit.
 FEASIBLE_RTOL = 1e-9
-#: Largest margin of a limit, as a fraction of the last law's distance from it.
+#: Largest margin of a linearised limit, as a fraction of the distance of the present law from it.
 MARGIN_FRACTION = 0.5
-#: Step of the central differences of branches, as a fraction of the largest s, s' or s''.
+#: Step of the central differences of a function of s, s' and s'', as a fraction of the largest
+#: value of the argument. See `PointwiseTerm`.
 BRANCH_STEP = 1e-5
-#: Step of the central differences of a value, in lifts. The step is so large that flights start and
-#: end within it.
+#: Step of the central differences of a goal or limit by a B-spline ordinate, relative to the lift.
+#: It is so large that the differences include flights of the follower that appear or end within it.
 VALUE_STEP = 1e-3
-#: Distance of the evaluated points before and after a joint, as a fraction of a piece.
+#: Distance from a joint at which a quantity is evaluated on both sides, as a fraction of the length
+#: of a polynomial piece.
 JOINT_OFFSET = 1e-6
-#: Scale of a goal or limit that is a sound level, dB.
+#: Scale by which inequalities for a sound level are divided, in dB.
 LEVEL_SCALE = 10.0
-#: Margin of all limits at which the search for a feasible law aims, in their scales.
+#: Margin from all limits at which the search for a first feasible law aims, relative to the scales
+#: of the limits.
 FEASIBILITY_MARGIN = 0.02
 
 
@@ -73,7 +81,9 @@ FEASIBILITY_MARGIN = 0.02
 class PointwiseTerm:
     """Goal or limit on the maximum, over the turn, of functions of s, s' and s''.
 
-    These functions are called branches. ``allowed`` is the limit, NaN for a goal.
+    Such a quantity is, for example, the pressure angle. The functions of one cam angle are called
+    branches, and the quantity is the maximum of all branches over the turn. ``allowed`` is the
+    limit, NaN for a goal.
     """
 
     problem: DesignProblem
@@ -83,20 +93,27 @@ class PointwiseTerm:
 
     @cached_property
     def scale(self) -> float:
-        """Scale of the rows: the largest absolute value of a branch on the start law."""
+        """Scale by which values are divided: the largest |branch| on the start law.
+
+        A branch is one of the functions of s, s' and s'' whose maximum is limited.
+        """
         u = np.linspace(0.0, 1.0, SAMPLES)
         values = np.abs(self.branches(Motion.on_pieces(self.problem.start, u)))
         return float(values[np.isfinite(values)].max(initial=0.0)) or 1.0
 
     def max_value(self, law: Law) -> float:
-        """Return the maximum over the turn of the branches of a law."""
+        """Return the quantity of a law: the maximum of its branches over the turn.
+
+        A branch is one of the functions of s, s' and s'' whose maximum is limited.
+        """
         return max(value for value, _ in maxima(law, self.branches))
 
     @property
     def dwell_value(self) -> float:
-        """Maximum of the branches in the dwells, −∞ without a dwell.
+        """Maximum of the limited functions (branches) in the dwells.
 
-        No law of the class changes it.
+        It is the same for all laws of the class, because they share the dwells. It is −∞ if the law
+        has no dwell.
         """
         levels = [self.problem.start.at(start)[0] for start, _ in dwells(self.problem.start)]
         if not levels:
@@ -106,9 +123,10 @@ class PointwiseTerm:
 
     @cached_property
     def _grid(self) -> FloatArray:
-        """Cam angles (rad) at which the branches (see `QuantityRows`) are linearised.
+        """Cam angles (rad) at which the quantity is linearised.
 
-        They lie in all pieces of the events, and on both sides of their joints.
+        They lie in all polynomial pieces of the events, and on both sides of the joints between
+        them.
         """
         space = self.problem.space
         pieces = space.law_class.pieces
@@ -118,9 +136,9 @@ class PointwiseTerm:
         return np.concatenate([e.start + e.span / pieces * positions for e in space.events])
 
     def _inside(self, angles: FloatArray) -> FloatArray:
-        """Return the angles (rad) that lie inside events, except near their ends.
+        """Return those of the angles (rad) that are inside events and not close to an end.
 
-        No ordinate is free at the ends.
+        Near the ends of an event no ordinate is free, so a change of the law has no effect there.
         """
         space = self.problem.space
         edge = 0.25 / (space.law_class.pieces * space.parts)
@@ -128,10 +146,12 @@ class PointwiseTerm:
         return np.asarray(angles[((edge < position) & (position < 1.0 - edge)).any(axis=0)])
 
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
-        """Return the branches linearised at a law, at the grid's angles and at its maxima.
+        """Return the functions of s, s' and s'' (branches) linearised at a law.
 
-        The maxima of the laws that were ``tried`` from there are included. The rows then have the
-        exact values of the last of these laws.
+        There is one value per branch and cam angle. ``unknowns`` are those of the law. The angles
+        are a grid, and the angles of the law's maxima. ``tried`` are the unknowns of laws that this
+        step has rejected. Their maxima are added to the angles, and the values are shifted to be
+        exact at the last of them.
         """
         space = self.problem.space
         laws = [space.law(x, "design") for x in (unknowns, *tried)]
@@ -153,7 +173,11 @@ class PointwiseTerm:
         return rows
 
     def _slope(self, motion: Motion, order: int) -> FloatArray:
-        """Return the derivatives of the branches by s, s' or s'' (``order`` 0, 1 or 2)."""
+        """Return the derivatives of the branches by s, s' or s'', by central differences.
+
+        The branches are the functions of s, s' and s'' whose maximum is limited. ``order`` 0, 1 or
+        2 selects s, s' or s''.
+        """
         name = ("s", "slope", "curvature")[order]
         values = getattr(motion, name)
         step = BRANCH_STEP * float(np.abs(values).max())
@@ -163,7 +187,11 @@ class PointwiseTerm:
 
 @dataclass(eq=False)
 class ValueTerm:
-    """Goal or limit that has a single value per law, with derivatives by differences."""
+    """Goal or limit with one value per law, linearised by finite differences.
+
+    ``allowed`` is the limit, NaN for a goal. All values have the sign with which they are
+    minimised.
+    """
 
     problem: DesignProblem
     target: ScaledLimit
@@ -172,17 +200,18 @@ class ValueTerm:
         target = self.target
         self.name, self._sign = target.name, sign_of(target.sense)
         self.allowed = math.nan if target.value is None else self._sign * target.value
-        # The changes of a level in dB do not scale with the level.
+        # The changes of a level in dB are not proportional to the level.
         self.scale = LEVEL_SCALE if target.term.quantity.unit == "dB" else target.scale
 
     def max_value(self, law: Law) -> float:
-        """Return the value of a law, with the sign with which it is minimised."""
+        """Return the exact value of a law, negated if the quantity is to be maximised."""
         return self._sign * measured(self.problem, law, self.target.term, self.target.sense)
 
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
         """Return the value of the goal or limit, linearised at a law.
 
-        It is exact at the last law that was ``tried`` from there.
+        ``unknowns`` are those of the law. ``tried`` are the unknowns of laws that this step of the
+        search has rejected. The result is shifted to be exact at the last of them.
         """
         point, slope = tried[-1] if tried else unknowns, self._slope(unknowns.tobytes())
         constant = self._value(point) - slope @ point
@@ -192,8 +221,8 @@ class ValueTerm:
     def _slope(self, unknowns: bytes) -> FloatArray:
         """Return the derivatives of the value by the unknowns, ``(1, m)``.
 
-        ``unknowns`` are the bytes of the array. The result is cached, because a step is tried more
-        than once.
+        ``unknowns`` are the bytes of the array, which can be a key of the cache. The result is
+        cached, because a rejected step is repeated from the same law.
         """
         space = self.problem.space
         steps = VALUE_STEP * np.eye(space.free)
@@ -208,10 +237,11 @@ class ValueTerm:
 
 
 class Iterate(NamedTuple):
-    """Law of a descent, with its exact violation of the limits and its exact goal.
+    """Law of a local search with its exact values.
 
-    ``violation`` is the largest violation of a limit, in scales. ``goal`` is to be minimised, in
-    its scale. ``active`` names the active limits of the program that gave the law.
+    ``violation`` is the largest violation of a limit, relative to the scale of the limit, and
+    negative if all are satisfied. ``goal`` is relative to its scale, with the sign with which it is
+    minimised. ``active`` names the limits that the law reaches in its program.
     """
 
     unknowns: FloatArray
@@ -225,10 +255,13 @@ LocalTerm = PointwiseTerm | ValueTerm
 
 @dataclass(eq=False)
 class Descent:
-    """Descent for one goal, local or convex, under limits of both kinds.
+    """Local search for one goal under limits, from one law to better laws.
 
-    ``solver`` has the convex limits. ``row_sources`` add their rows in rounds, and keep them from
-    step to step. ``on_feasible`` is called with each law that satisfies all limits.
+    The goal is convex (`ScaledLimit`) or not convex, and ``limits`` are the limits that are not
+    convex. ``solver`` has the convex limits. ``row_sources`` provide inequalities of convex limits
+    that are added when a solution violates them. ``on_feasible`` is called with each law that
+    satisfies all limits. ``reach`` is the trust region: the largest change of a B-spline ordinate
+    in a step, relative to the lift.
     """
 
     solver: Solver
@@ -243,11 +276,14 @@ class Descent:
         self.problem, self._free = self.solver.problem, self.solver.problem.space.free
         assert not any(math.isnan(limit.allowed) for limit in self.limits)
         goal = self.goal
-        #: True if the goal is the rigid jump speed.
+        #: True if the goal is the jump speed of one rigid mass.
         self._speed = isinstance(goal, ScaledLimit) and rows_of(goal.term).run is not None
 
     def evaluate(self, unknowns: FloatArray) -> Iterate:
-        """Return the law of some unknowns with its exact values."""
+        """Evaluate a law exactly: its goal and its largest violation of a limit.
+
+        ``unknowns`` describe the law.
+        """
         law = self.problem.space.law(unknowns, "design")
         violations = ((limit.max_value(law) - limit.allowed) / limit.scale for limit in self.limits)
         violation = max(violations, default=-np.inf)
@@ -259,9 +295,9 @@ class Descent:
         return Iterate(unknowns, violation, value / self.goal.scale)
 
     def run(self, unknowns: FloatArray) -> Iterate:
-        """Descend from a law, and return the last law.
+        """Improve a law step by step, and return the last law.
 
-        The first law, ``unknowns``, satisfies the convex limits.
+        ``unknowns`` describe the first law, which must satisfy the convex limits.
         """
         current, self.reach, idle = self.evaluate(unknowns), FIRST_REACH, 0
         for _ in range(MAX_STEPS):
@@ -287,8 +323,9 @@ class Descent:
     def _step(self, current: Iterate) -> Iterate | None:
         """Return a better law in the trust region, or None if no better law was found.
 
-        If the law of a program is not better or violates its limits, the rows of the next program
-        are corrected by the exact values of that law, and tightened by its violation.
+        The law is the solution of a program that is linearised at the present law. If it is not
+        better or violates a limit, the program is repeated. It is then corrected by the exact
+        values of the rejected law, and its limits are tightened by the violation.
         """
         tried: list[FloatArray] = []
         margin = MARGIN
@@ -312,9 +349,9 @@ class Descent:
         return None
 
     def _has_converged(self, current: Iterate, solution: ProgramSolution) -> bool:
-        """Return True if a descent has converged at a law.
+        """Return True if the local search cannot improve the present law any more.
 
-        The law is then feasible, and its program promises almost no gain.
+        The law is then feasible, and its linearised program predicts almost no improvement.
         """
         promised, tolerance = (
             current.goal + solution.level,
@@ -327,12 +364,14 @@ class Descent:
         )
 
     def _adapt(self, current: Iterate, candidate: Iterate, level: float) -> None:
-        """Adapt the size of the trust region to the ratio of actual and promised gain.
+        """Adapt the trust region to the ratio of the actual to the predicted improvement.
 
-        ``level`` is the level of the program that gave the candidate.
+        ``level`` is the level (maximised variable) of the program that gave the candidate. The
+        prediction follows from it.
         """
         gain, promised = current.goal - candidate.goal, current.goal + level
-        if self._speed:  # the program's level is a force, not a gain
+        # for a jump speed the level of the program is a force and predicts no speed
+        if self._speed:
             promised = gain
         change = np.abs(candidate.unknowns - current.unknowns)[: self._free].max()
         if gain < POOR_GAIN * promised:
@@ -343,10 +382,11 @@ class Descent:
     def _solve_linearised(
         self, current: Iterate, tried: list[FloatArray], margin: float
     ) -> ProgramSolution:
-        """Return the solution of the program that is linearised at the current law.
+        """Return the solution of the program that is linearised at the present law.
 
-        ``tried`` are the unknowns of laws tried from there, and ``margin`` tightens the limits. The
-        goal is included only if the current law is feasible.
+        ``tried`` are the unknowns of laws that this step has rejected, and ``margin`` tightens the
+        limits. If the present law violates a limit, the program reduces the violation instead of
+        the goal.
         """
         program = self.solver.static_program(True)
         sources: list[RowSource] = [
@@ -356,7 +396,8 @@ class Descent:
         for limit in self.limits:
             slack = limit.rows(current.unknowns, tried) * (-1.0 / limit.scale)
             slack = slack.plus(limit.allowed / limit.scale)
-            # next to a dwell at the limit the distance is always nearly zero
+            # The margin is limited, because next to a dwell that reaches the limit the slack is
+            # always nearly zero.
             slack = slack.plus(-np.clip(MARGIN_FRACTION * slack(current.unknowns), 0.0, margin))
             program.at_least(limit.name, slack, -1.0 if current.violation > FEASIBLE_RTOL else 0.0)
         if current.violation > FEASIBLE_RTOL:
@@ -370,7 +411,7 @@ class Descent:
                     "the class has laws that keep contact at every speed; add a limit such as "
                     "peak_acceleration<=start"
                 )
-            # a positive minimum of the force at this jump speed gives a higher jump speed
+            # If the least force at the present jump speed becomes positive, the jump speed rises.
             rows = force_parts(self.problem, -current.goal * self.goal.scale, True)
             program.at_least(self.goal.name, rows, -1.0)
         elif rows_of(self.goal.term).in_rounds:
@@ -381,7 +422,10 @@ class Descent:
         return self.solver.solve_in_rounds(program, sources)
 
     def _trust_region(self, current: Iterate) -> RowBlock:
-        """Return the rows that keep the unknowns in the trust region of a law."""
+        """Return inequalities that keep a law close to the present law.
+
+        Each free B-spline ordinate may change by at most ``reach`` lifts.
+        """
         free = self._free
         eye = sparse.eye_array(free, self.problem.space.unknowns)
         point = current.unknowns[:free]

@@ -1,4 +1,4 @@
-"""Figures of a designed law next to its start, and of a front of designs."""
+"""Figures of the design study: designed law and start law, and Pareto front."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from cam_rig.show.looks import DERIVATIVE_NAMES, MM, PER_RADIAN, short
 from cam_rig.studies.design.result import Front, LawDesign
 from cam_rig.units import TURN, to_rpm
 
-#: Height of the figure, inches.
+#: Height of the figure of a designed law, inches.
 HEIGHT = 8.6
-#: Number of points of a curve per turn.
+#: Number of points per turn of the drawn curves.
 SAMPLES = 1441
-#: Line style of the start, and of bounds.
+#: Line style of the start law, and of bounds.
 START: dict[str, Any] = {"color": "0.45", "ls": "--", "lw": 1.2}
 #: Line style of the designed law.
 DESIGNED: dict[str, Any] = {"color": series(0)["color"], "lw": 1.4}
@@ -31,7 +31,10 @@ DESIGNED: dict[str, Any] = {"color": series(0)["color"], "lw": 1.4}
 
 @styled
 def figure(design: LawDesign) -> Figure:
-    """Draw derivatives, contact force and contour of the start and the designed law."""
+    """Draw the start law and the designed law for comparison.
+
+    The panels are lift, velocity, acceleration, jerk, contact force and cam contour.
+    """
     out = empty(HEIGHT)
     names = [[f"order {k}"] * 2 for k in range(4)] + [["force", "contour"]] * 2
     panels = out.subplot_mosaic(names, height_ratios=[1.0, 1.0, 1.0, 1.0, 0.9, 0.9])  # type: ignore[arg-type]
@@ -54,7 +57,10 @@ def figure(design: LawDesign) -> Figure:
 
 @styled
 def front_figure(front: Front) -> Figure:
-    """Draw the goal over the other quantity of a front, with the bound of the class."""
+    """Draw a Pareto front: the best goal over the other quantity.
+
+    The bound of the class of laws is included if the goal is convex.
+    """
     out = empty(4.0)
     axes = out.subplots()
     goal, other = front.designs[0].goal, front.other
@@ -71,9 +77,10 @@ def front_figure(front: Front) -> Figure:
 
 
 def _force(axes: Axes, design: LawDesign, laws: tuple[tuple[Law, str, Any], ...]) -> None:
-    """Draw the contact force of a rigid follower on both laws.
+    """Draw the contact force of a rigid follower (N) for the start and designed laws.
 
-    The speed is the jump speed of the designed law.
+    The speed is the jump speed of the designed law, or that of the start law if the former is
+    infinite.
     """
     follower = FollowerParameters.from_rig(design.rig)
     speed = rigid_jump_speed(design.law, follower)

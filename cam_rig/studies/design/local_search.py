@@ -1,9 +1,9 @@
-"""Local searches: the best spans of the events, and the best of several descents.
+"""Local searches of a design: for the spans of the events, and from several laws.
 
-The best law for given spans is a design by itself, convex if possible. The spans are searched by
-simplexes (Nelder-Mead) from several starts. If the dwells keep their lengths, the events share the
-remaining angle. Otherwise the events keep their middles, and the dwells take the remaining angle.
-An event at the start or end of the turn keeps that end instead.
+The best law for given spans of the events is a design by itself, convex if possible. The spans are
+searched for with the simplex method of Nelder and Mead from several start points. If the dwells
+keep their lengths, the events share the remaining angle. Otherwise each event keeps its middle, and
+the dwells take the remaining angle. An event at 0 or at 2π keeps that end instead.
 """
 
 from __future__ import annotations
@@ -36,27 +36,35 @@ from cam_rig.studies.design.rows import add, rows_of
 from cam_rig.studies.design.space import DesignProblem, ScaledLimit, Space, measured
 from cam_rig.units import TURN, FloatArray
 
-#: Lower bound of a free span, as a multiple of the start's span, unless a limit is given.
+#: Default lower bound of the span of an event that the search changes, as a multiple of its span in
+#: the start law.
 SHORTEST = 0.5
-#: Upper bound of a free span, as a multiple of the start's span, unless a limit is given.
+#: Default upper bound of the span of an event that the search changes, as a multiple of its span in
+#: the start law.
 LONGEST = 2.0
-#: Shortest length of a dwell that is shortened by a free span, rad.
+#: Shortest length (rad) to which a dwell may shrink when the events become longer.
 MIN_DWELL = 1e-3
-#: Tolerance of the spans at which a search ends, rad.
+#: Tolerance of the spans at which the Nelder-Mead search ends, rad.
 SPAN_ATOL = 5e-4
-#: Relative tolerance of the goal at which a search ends.
+#: Tolerance of the goal at which the Nelder-Mead search ends, relative to its first value.
 GOAL_RTOL = 1e-5
-#: Resolution of the spans, degrees: every span is a whole multiple of the resolution.
+#: Resolution of the spans in degrees: every span is a whole multiple of it.
 STEP_DEG = 1e-4
-#: Largest number of designs that one search computes, per free span.
+#: Largest number of designs that one Nelder-Mead search computes, per span that it varies.
 MAX_DESIGNS = 30
-#: Largest number of times that a start without a law is moved halfway to the base spans.
+#: Largest number of times that random spans without a law are moved halfway to the base spans,
+#: which are those nearest to the start law's.
 MAX_HALVINGS = 4
 
 
 @dataclass(eq=False)
 class EventSpans:
-    """Search for the spans (rad) of the events with which the best law is best."""
+    """Search for the spans of the events (rad) whose best law has the best goal.
+
+    An event is the stretch of the turn between two dwells. ``limits`` are limits on the spans.
+    ``value`` returns the goal of the best law of a problem, with the sign with which it is
+    minimised. If ``keep_dwells``, the dwells keep their lengths.
+    """
 
     problem: DesignProblem
     keep_dwells: bool
@@ -87,11 +95,15 @@ class EventSpans:
             bounds = self.low if limit.sense == ">=" else self.high
             bounds[limit.term.event - 1] = limit.value
         self.base = self._base()
-        #: Number of unknown spans. If dwells are kept, the last span follows from the others.
+        #: Number of spans that are searched for. If the dwells are kept, the last span follows from
+        #: the others.
         self.size = self.start.size - self.keep_dwells
 
     def _base(self) -> FloatArray:
-        """Return the spans of the events within their limits, nearest to the start spans."""
+        """Return the spans (rad) within their limits that are nearest to the start law's.
+
+        The random start points of the search are chosen around them.
+        """
 
         def total(change: float) -> float:
             return float(np.clip(self.start + change, self.low, self.high).sum() - self.start.sum())
@@ -108,9 +120,10 @@ class EventSpans:
         return spans
 
     def _rounded(self, spans: FloatArray) -> FloatArray:
-        """Return the spans of the events, rounded as in a cam file.
+        """Return spans (rad) of events rounded to the resolution `STEP_DEG` of a cam file.
 
-        If dwells are kept, the last span follows from the others.
+        If the dwells are kept, the sum of the spans must not change, so the last span follows from
+        the others.
         """
         step = np.radians(STEP_DEG)
         rounded = step * np.rint(spans / step)
@@ -119,25 +132,28 @@ class EventSpans:
         return np.asarray(rounded)
 
     def possible(self, spans: FloatArray) -> bool:
-        """Return True if the limits and the dwells allow the given spans of the events.
+        """Return True if the limits and the dwells allow these spans (rad) of the events.
 
-        The spans are in rad.
+        A dwell of the start law must not become shorter than `MIN_DWELL`.
         """
         slack = np.radians(STEP_DEG)
         if (spans < self.low - slack).any() or (spans > self.high + slack).any():
             return False
         dwells = np.diff(self._edges(spans))[::2]
-        # dwells before, between and after the events
+        # lengths of the dwells before, between and after the events
         start_dwells = np.diff(self._edges(self.start))[::2]
         return self.keep_dwells or bool((dwells >= np.where(start_dwells, MIN_DWELL, 0.0)).all())
 
     def _edges(self, spans: FloatArray) -> FloatArray:
-        """Return the borders of the events (rad): 0, start and end of each event, and 2π."""
+        """Return the ends of all events and of the turn (rad) for given spans.
+
+        They are 0, the start and end of each event in order, and 2π.
+        """
         events = self.problem.space.events
         starts = np.array([event.start for event in events])
         if self.keep_dwells:
             starts = starts + np.concatenate([[0.0], np.cumsum(spans - self.start)[:-1]])
-        else:  # an event grows by half on each side, except at the ends of the turn
+        else:  # An event grows equally on both sides, but at an end of the turn on one side only.
             before = np.full(len(events), 0.5)
             before[0] *= starts[0] != 0.0
             if starts[-1] + self.start[-1] == TURN:
@@ -147,7 +163,10 @@ class EventSpans:
         return np.concatenate([[0.0], ends, [TURN]])
 
     def shift_events(self, spans: FloatArray) -> DesignProblem:
-        """Return the design problem with the given spans of the events (rad)."""
+        """Return the design problem with the given spans (rad) of the events.
+
+        The start law is stretched to these spans.
+        """
         start = self.problem.start
         breaks = np.interp(start.breaks, self._edges(self.start), self._edges(spans))
         breaks[-1] = TURN
@@ -162,7 +181,8 @@ class EventSpans:
     def _value(self, unknowns: FloatArray) -> float:
         """Return the goal of the best law, with the sign with which it is minimised.
 
-        It is infinite if no law was found. ``unknowns`` determine the spans of the events.
+        It is infinite if no law was found. ``unknowns`` are the spans of the events in rad, without
+        the last if the dwells are kept.
         """
         spans = self._spans(unknowns)
         key = tuple(spans.tolist())
@@ -171,15 +191,16 @@ class EventSpans:
             if self.possible(spans):
                 try:
                     self._values[key] = self.value(self.shift_events(spans))
-                except DesignError as error:  # no law at these spans; other spans may have a law
+                except DesignError as error:  # there may be a law at other spans
                     self._last_error = str(error)
                     return np.inf
         return self._values[key]
 
     def best(self, search: Multistart) -> tuple[DesignProblem, Multistart]:
-        """Return the problem with the best spans, and the search with its agreements.
+        """Return the problem with the best spans, and the completed search options.
 
-        The agreements are the number of starts that ended within the tolerance of the best goal.
+        The latter contain the number of start points from which the search found the best goal,
+        within the tolerance `MULTISTART_RTOL`.
         """
         size = self.size
         bounds = list(zip(self.low[:size], self.high[:size], strict=True))
@@ -209,10 +230,10 @@ class EventSpans:
         return self.shift_events(self._spans(unknowns)), replace(search, starts_agreeing=near)
 
     def _start_spans(self, search: Multistart) -> Iterator[FloatArray]:
-        """Yield the spans of the events (rad) from which searches start.
+        """Yield the spans of the events (rad) from which the searches start.
 
-        The base spans come first, then random spans. Random spans with which no law was found are
-        replaced by others, if possible.
+        The first are the allowed spans nearest to those of the start law. Random spans follow.
+        Random spans at which no law was found are moved towards the first spans.
         """
         random, size = np.random.default_rng(search.seed), self.size
         yield self.base[:size]
@@ -230,21 +251,24 @@ class EventSpans:
             yield spans[:size]
 
 
-# Best of several descents, from starts that are reproducible by their seed.
+# Local search from several start laws, which are reproducible by their seed.
 
-#: Convex goals whose best laws are starts.
+#: Convex goals whose best laws are used as start laws of local searches.
 GOALS = ("rms_acceleration", "peak_velocity")
-#: Smallest distance of a random start from the first start, as a fraction of the way to a random
-#: corner of the class.
+#: Smallest distance of a random start law from the start law of least RMS acceleration, as a
+#: fraction of the way to a random extreme law of the class.
 MIN_FRACTION = 0.2
-#: Largest value of max |s''| on that way, as a multiple of that of the first start.
+#: Largest distance of a random start law on that way: its change of s'' is at most this multiple of
+#: the largest |s''| of the law of least RMS acceleration.
 MAX_GROWTH = 3.0
 
 
 def _starts(solver: Solver, sources: list[RowSource], search: Multistart) -> Iterator[FloatArray]:
-    """Yield the unknowns of the laws from which descents start.
+    """Yield the unknowns of the laws from which local searches start.
 
-    They satisfy the limits of the solver and the rows of the sources.
+    They satisfy the convex limits of the solver and the inequalities of the sources. The first is
+    the law nearest to the start law of the design. Then come the best laws for `GOALS`, and random
+    laws.
     """
     problem, space = solver.problem, solver.problem.space
     lift = problem.start.lift
@@ -255,7 +279,10 @@ def _starts(solver: Solver, sources: list[RowSource], search: Multistart) -> Ite
         return solver.solve_in_rounds(program, sources).unknowns
 
     def nearest(program: ConvexProgram) -> None:
-        """Set the goal of a program: the least mean square distance from the start's lift."""
+        """Set the goal of a program: the smallest distance from the start law.
+
+        The distance is the root of the summed squared differences of the lift.
+        """
         u = np.linspace(0.0, 1.0, space.parts + 1)
         angles = (space.breaks[:-1, None] + u * space.spans[:, None]).ravel()
         lifts = problem.start(np.minimum(angles, space.breaks[-1]))
@@ -263,9 +290,9 @@ def _starts(solver: Solver, sources: list[RowSource], search: Multistart) -> Ite
         program.within("start", distance * (1.0 / lift), weight=-1.0)
 
     def farthest(program: ConvexProgram) -> None:
-        """Set the goal of a program: the farthest law in a random direction.
+        """Set the goal of a program: the extreme law of the class in a random direction.
 
-        The direction is one of the ordinates.
+        The direction is a random vector of the free ordinates.
         """
         direction = np.zeros((1, space.unknowns))
         direction[0, : space.free] = random.normal(size=space.free) / np.sqrt(space.free)
@@ -310,9 +337,17 @@ def local_best(
     search: Multistart,
     on_best: OnBetterLaw,
 ) -> BestLaw:
-    """Return the best law of several descents.
+    """Return the best law of local searches from several start laws.
 
-    ``on_best`` is called with the unknowns and the goal's value (SI) of each better law.
+    It has no bound. ``on_best`` is called with the unknowns and the goal's value (SI) of each
+    better law.
+
+    Raises
+    ------
+    ConfigError
+        If the goal is a jump speed of two masses, which cannot be combined with local limits.
+    DesignError
+        If no law was found that satisfies the limits.
     """
     convex = [limit for limit in limits if not rows_of(limit.term).is_local(problem)]
     solver, rows = Solver(problem, goal, convex), rows_of(goal.term)

@@ -1,8 +1,9 @@
-"""Vibration of the follower at one speed, linear in the unknowns of a design.
+"""Vibration of the follower at one speed, as a linear function of the law.
 
-The complex amplitude a, with (η, η̇) = 2 Re a (1, λ), grows by
-∫ e^{λ(t − τ)} (d₁ ṡ + d₂ s̈)/(λ − λ̄) dτ. This is linear in the law. Gauss points in cells of small
-phase give it to rounding.
+The vibration η of the end mass has the complex amplitude a, with (η, η̇) = 2 Re a (1, λ), where λ
+is the eigenvalue of the mode. The law adds ∫ e^{λ(t − τ)} (d₁ ṡ + d₂ s̈)/(λ − λ̄) dτ to a, with two
+drive factors d₁ and d₂. This integral is linear in the unknowns of a design. Gauss points in cells
+of small phase compute it up to rounding.
 """
 
 from __future__ import annotations
@@ -24,24 +25,26 @@ from cam_rig.studies.design.convex_program import Affine
 from cam_rig.studies.design.space import Space
 from cam_rig.units import TURN, ComplexArray, FloatArray, to_rpm
 
-#: Number of Gauss points per cell of an event.
+#: Number of Gauss points per cell, where each event is divided into cells.
 GAUSS = 5
-#: Largest phase (rad) by which the stem vibrates within a cell.
+#: Largest change of phase (rad) of the stem's vibration within a cell.
 CELL_PHASE = 0.3
-#: Largest number of cells per event.
+#: Largest number of cells per event. It limits time and memory.
 MAX_CELLS = 8000
-#: Number of points per period of the stem at which the force in a dwell is evaluated.
+#: Number of points per period of the stem's vibration at which the force in a dwell is evaluated.
 PER_PERIOD = 32
-#: Number of periods of the stem from the start of a dwell in which the force is evaluated.
+#: Length of the first part of a dwell in which the force is evaluated, in periods of the stem's
+#: vibration.
 PERIODS = 1.25
 
 
 @dataclass(eq=False)
 class Cells:
-    """Division of the events into cells in which the phase of the vibration is small.
+    """Division of the events into cells for the integration of the vibration.
 
-    The phase is small at all speeds from ``slowest`` (rad/s) on. An event has ``count`` cells.
-    ``gauss`` are the Gauss points of [0, 1] and their weights.
+    The cells are so small that the phase of the vibration changes little within each, at all speeds
+    from ``slowest`` (rad/s) up. Each event has ``count`` cells of equal width. ``gauss`` are the
+    Gauss points of the interval [0, 1] and their weights.
     """
 
     space: Space
@@ -63,14 +66,18 @@ class Cells:
         self.gauss = 0.5 * (points + 1.0), 0.5 * weights
 
     def width(self, event: int) -> float:
-        """Return the width of the cells of an event (by its index), rad."""
+        """Return the width (rad) of each cell of an event.
+
+        ``event`` is the number of the event, from 0.
+        """
         return self.space.events[event].span / self.count
 
     @cached_property
     def driving(self) -> list[tuple[Affine, Affine, NDArray[np.intp]]]:
-        """Slope s' and curvature s'' at the Gauss points of each event, and the unknowns.
+        """Values of s' and s'' at the Gauss points of each event.
 
-        The unknowns are given by their indices.
+        Each entry contains two functions of the unknowns, for s' and s'', and the indices of the
+        unknowns that they depend on. The columns of the functions are these unknowns only.
         """
         u = ((np.arange(self.per_piece)[:, None] + self.gauss[0]) / self.per_piece).ravel()
         driving = []
@@ -83,15 +90,19 @@ class Cells:
 
     @cached_property
     def motion(self) -> list[list[Affine]]:
-        """Motion s, s' and s'' of each event at the ends of its cells, left of joints."""
+        """Values of s, s' and s'' of each event at the ends of its cells.
+
+        They are functions of the unknowns. At a joint they are left-hand limits.
+        """
         u = np.arange(1, self.per_piece + 1) / self.per_piece
         events = range(len(self.space.events))
         return [[self._derivative_at(index, order, u) for order in range(3)] for index in events]
 
     def _derivative_at(self, event: int, order: int, u: FloatArray) -> Affine:
-        """Return a derivative of s at the position u of every piece of an event.
+        """Return a derivative of s at the same positions of every piece of an event.
 
-        ``order`` is the order of the derivative.
+        ``event`` is the number of the event, and ``order`` the order of the derivative. ``u`` are
+        the positions in each polynomial piece, from 0 to 1.
         """
         degree, count = self.space.degree - order, self.space.law_class.pieces
         first = int(np.searchsorted(self.space.breaks, self.space.events[event].start))
@@ -100,9 +111,9 @@ class Cells:
         return self.space.derivative(order).rows(rows).mapped(table).dense()
 
     def stretches(self) -> Iterator[tuple[float, float, int | None]]:
-        """Yield start angle, end angle (rad) and index of each event and dwell in order.
+        """Yield start angle, end angle (rad) and number of each event and dwell in order.
 
-        The index of a dwell is None.
+        Events are numbered from 0. The number is None for a dwell.
         """
         angle = 0.0
         for index, event in enumerate(self.space.events):
@@ -113,9 +124,11 @@ class Cells:
 
 
 class FirstTurn(NamedTuple):
-    """First turn of a run from rest: angles ``(n,)``, contact force, final amplitude.
+    """Contact force in the first turn of a run from rest.
 
-    ``moving`` is True at the angles within events.
+    ``angles`` ``(n,)`` are the evaluated cam angles in rad, and ``moving`` is True for those within
+    events. ``force`` is the contact force in N at the angles. ``end`` is the complex amplitude of
+    the vibration at the end of the turn. Both are functions of the unknowns.
     """
 
     angles: FloatArray
@@ -126,11 +139,12 @@ class FirstTurn(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ForceAtSpeed:
-    """Contact force (N) of two masses at one speed (rad/s), linear in the unknowns.
+    """Contact force (N) of two masses at one speed, linear in the unknowns.
 
-    It is evaluated at the ends of cells and early in each dwell. Later in a dwell the vibration
-    only decays. Turn k of a run from rest contains the remainder of the vibration of all earlier
-    turns. Turn ∞ is the steady state.
+    ``speed`` is in rad/s. The unknowns describe the law of a design. The force is evaluated at the
+    ends of cells and early in each dwell, because later in a dwell the vibration only decays. Turns
+    of a run from rest are counted from 1. Each turn contains the vibration that the earlier turns
+    left. Turn ∞ is the steady state.
     """
 
     cells: Cells
@@ -138,7 +152,11 @@ class ForceAtSpeed:
 
     @cached_property
     def rate(self) -> complex:
-        """Growth rate λ/Ω of the complex amplitude per cam angle."""
+        """Eigenvalue λ of the vibration divided by the speed, per rad of cam angle.
+
+        Its real part is the growth rate of the amplitude (negative), its imaginary part the phase
+        rate.
+        """
         return self.cells.mode.rate / self.speed
 
     @cached_property
@@ -171,7 +189,11 @@ class ForceAtSpeed:
         return FirstTurn(np.concatenate(angles), np.concatenate(moving), Affine.stacked(force), end)
 
     def _amplitude_of_event(self, event: int) -> Affine:
-        """Return the amplitude that an event excites by itself, at the ends of its cells."""
+        """Return the vibration amplitude that an event excites by itself.
+
+        It is given at the ends of the event's cells, complex, as a function of the unknowns.
+        Vibration from before the event is not included.
+        """
         cells, mode = self.cells, self.cells.mode
         points, weights = cells.gauss
         width, count = cells.width(event), cells.count
@@ -206,22 +228,30 @@ class ForceAtSpeed:
 
     @cached_property
     def _before(self) -> ComplexArray:
-        """Contact force by a unit amplitude at the start of a turn, ``(n,)``."""
+        """Contact force (N) due to a unit vibration amplitude at the start of a turn.
+
+        It is complex with shape ``(n,)``, one value per evaluated angle. For an amplitude a the
+        force is the real part of a times this value.
+        """
         return np.asarray(
             2.0 * self.cells.mode.force_factor * np.exp(self.rate * self.first.angles)
         )
 
     def _turns_before(self, turns: FloatArray) -> ComplexArray:
-        """Return each turn's initial amplitude per unit of the first's final amplitude.
+        """Return the vibration amplitude at the start of each turn due to earlier turns.
 
-        ``turns`` are numbers of turns, ∞ for the steady state.
+        It is relative to the amplitude at the end of the first turn. ``turns`` are numbers of turns
+        from 1, ∞ for the steady state.
         """
         flow = np.exp(self.rate * TURN)
         decay = np.where(np.isinf(turns), 0.0, flow ** np.where(np.isinf(turns), 0.0, turns - 1.0))
         return np.asarray((1.0 - decay) / (1.0 - flow))
 
     def values(self, unknowns: FloatArray, turns: FloatArray) -> FloatArray:
-        """Return the contact force (N) in each of several turns, ``(len(turns), n)``."""
+        """Return the contact force (N) of a law in several turns, ``(len(turns), n)``.
+
+        ``unknowns`` describe the law. The columns are the n evaluated angles of a turn.
+        """
         amplitude = self.first.end(unknowns)[0] * self._turns_before(turns)
         vibration = np.outer(amplitude.real, self._before.real) - np.outer(
             amplitude.imag, self._before.imag
@@ -229,9 +259,10 @@ class ForceAtSpeed:
         return np.asarray(self.first.force(unknowns) + vibration)
 
     def rows(self, chosen: NDArray[np.intp], turn: float) -> Affine:
-        """Return the contact force at some angles of one turn, linear in the unknowns.
+        """Return the contact force (N) at some angles of one turn.
 
-        ``chosen`` are the indices of the angles, ``turn`` is ∞ for the steady state.
+        It is a function of the unknowns. ``chosen`` are the indices of the angles. ``turn`` is the
+        number of the turn from 1, ∞ for the steady state.
         """
         before = self._before[chosen] * self._turns_before(np.array([turn]))[0]
         end, force = self.first.end, self.first.force.rows(chosen)
@@ -240,5 +271,8 @@ class ForceAtSpeed:
 
 
 def _scale_last(last: Affine, factor: ComplexArray) -> Affine:
-    """Return the last value of a function times the factors ``(n,)``."""
+    """Return the last value of an affine function, times each of n complex factors.
+
+    The result has n values. It describes how an amplitude at one angle decays to n later angles.
+    """
     return Affine(factor * last.constant[-1], factor[:, None] * last.matrix[-1])

@@ -1,4 +1,7 @@
-"""Request of a design: goal, limits, class of laws, and options of the search."""
+"""Request of a design: goal, limits, class of laws, and options of the search.
+
+A design starts from a given law, the start law, and searches for the best law of a class.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +21,11 @@ from cam_rig.units import FloatArray
 
 
 class ClassConfig(Strict):
-    """Class of laws in a design file: B-splines in equal pieces of each event.
+    """Section ``class`` of a design file: the class of laws to search.
 
-    ``joints`` is the continuity at the joints, such as C3.
+    The laws are B-splines. Each event (the stretch of the turn between two dwells) is cut into
+    ``pieces`` polynomial pieces of equal span. ``joints`` is the continuity between the pieces,
+    such as C3. ``degree`` is the degree of the splines, or None for the order of ``joints`` + 2.
     """
 
     pieces: int = Field(default=16, strict=True)
@@ -29,9 +34,11 @@ class ClassConfig(Strict):
 
 
 class DesignConfig(Strict):
-    """Content of a design file.
+    """Content of a design file, the YAML form of a design request.
 
-    ``start`` and ``rig`` are files, relative to the folder of the design file, or shipped names.
+    ``start`` is the cam file whose law the design starts from, and ``rig`` the rig file. Both are
+    paths relative to the folder of the design file, or names of shipped files. Exactly one of
+    ``minimise`` and ``maximise`` must be set.
     """
 
     start: str
@@ -60,13 +67,13 @@ def is_design(path: Path) -> bool:
     return isinstance(data, dict) and "start" in data
 
 
-#: Largest number of pieces per event.
+#: Largest number of polynomial pieces into which an event can be divided.
 MAX_PIECES = 200
-#: Largest degree of the pieces of a designed law.
+#: Largest polynomial degree of a designed law.
 MAX_DEGREE = 15
-#: Largest order of continuity at the joints of a designed law.
+#: Largest order k of continuity Cᵏ between the polynomial pieces of a designed law.
 MAX_JOINTS = 6
-#: Largest number of ordinates per event in a cam file.
+#: Largest number of B-spline ordinates (control values) per event, the same as in a cam file.
 MAX_ORDINATES = 500
 
 
@@ -116,47 +123,61 @@ class LawClass:
 
     @property
     def power(self) -> int:
-        """Degree of the splines."""
+        """Degree of the B-splines: ``degree``, or ``joints`` + 2 if that is None."""
         return self.joints + 2 if self.degree is None else self.degree
 
     @property
     def knots(self) -> FloatArray:
-        """Knots of one event of unit length, with ``degree + 1`` equal knots at both ends."""
+        """Knot vector of one event scaled to unit length.
+
+        Both ends have ``degree + 1`` equal knots. Each inner joint has ``degree - joints`` equal
+        knots, which gives the continuity Cᵏ with k = ``joints``.
+        """
         inner = np.repeat(np.arange(1.0, self.pieces) / self.pieces, self.power - self.joints)
         ends = self.power + 1
         return np.concatenate([np.zeros(ends), inner, np.ones(ends)])
 
     @property
     def count(self) -> int:
-        """Number of ordinates of one event."""
+        """Number of B-spline ordinates (control values) of one event."""
         return (self.pieces - 1) * (self.power - self.joints) + self.power + 1
 
     @property
     def free(self) -> int:
-        """Number of ordinates that the conditions at the ends leave free."""
+        """Number of B-spline ordinates per event that a design can choose.
+
+        The first and last ``joints`` + 1 ordinates of an event are fixed, because the law must join
+        the neighbouring dwells.
+        """
         return self.count - 2 * (self.joints + 1)
 
     @property
     def words(self) -> str:
-        """Description of the class of laws for tables."""
+        """Description of the class for tables.
+
+        An example is ``B-splines of degree 5 in 16 pieces, C3 joints``.
+        """
         if self.pieces == 1:
             return f"Bézier curves of degree {self.power}"
         return f"B-splines of degree {self.power} in {self.pieces} pieces, C{self.joints} joints"
 
 
-#: Largest number of starts of a multistart search.
+#: Largest number of start laws of a multistart search (local searches from several laws).
 MAX_STARTS = 1000
-#: Default number of starts of a multistart search.
+#: Default number of start laws of a multistart search.
 DEFAULT_STARTS = 8
-#: Largest relative difference of the goals of two descents that count as the same result.
+#: Largest relative difference between the goals of two local searches at which they count as the
+#: same result.
 MULTISTART_RTOL = 1e-3
 
 
 @dataclass(frozen=True)
 class Multistart:
-    """Options and outcome of a search that starts from several laws.
+    """Options and outcome of local searches from several start laws.
 
-    ``starts_agreeing`` is the number of descents that ended within 0.1 % of the best.
+    ``starts`` is the number of searches and ``seed`` the seed of the random start laws.
+    ``starts_agreeing`` is the number of searches whose goal is within 0.1 % of the best. It is 0
+    before the search has run.
     """
 
     starts: int = DEFAULT_STARTS
@@ -171,18 +192,25 @@ class Multistart:
 
     @property
     def words(self) -> str:
-        """Description of the search for tables."""
+        """Description of the local searches for tables.
+
+        An example is ``local (8 starts, 5 ended within 0.1 % of the best)``.
+        """
         starts = "1 start" if self.starts == 1 else f"{self.starts} starts"
         return f"local ({starts}, {self.starts_agreeing} ended within 0.1 % of the best)"
 
 
-#: Properties of the start that the design keeps, by choice: spans of events, dwells and lift, all
-#: but the spans of events, or the lift only.
+#: Allowed sets of properties that a design takes over from its start law: spans of the events,
+#: dwells and lift (default), dwells and lift, or only the lift.
 KEEP = (("events", "dwells", "lift"), ("dwells", "lift"), ("lift",))
 
 
 def _parse_keep(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]:
-    """Return the kept parts of the start in the order of `KEEP`, after a check."""
+    """Check ``keep``, and return the matching entry of `KEEP`.
+
+    ``keep`` contains the properties of the start law that the design keeps, in any order. A limit
+    on the span of an event conflicts with kept events and raises a `ConfigError`.
+    """
     matches = [parts for parts in KEEP if set(parts) == {word.strip() for word in keep}]
     if not matches:
         allowed = " or ".join(",".join(parts) for parts in KEEP)
@@ -195,7 +223,7 @@ def _parse_keep(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]
 
 
 def parse_goal(text: str) -> Term:
-    """Parse the goal of a design.
+    """Parse the goal of a design, such as ``peak_jerk`` or ``shaft_torque@300rpm``.
 
     Raises
     ------
@@ -210,14 +238,21 @@ def parse_goal(text: str) -> Term:
 
 
 def parse_second(text: str) -> Term:
-    """Parse the other quantity of a front: a possible goal, or the span of an event."""
+    """Parse the second quantity of a Pareto front, over which the goal is plotted.
+
+    It must be a quantity that can be a goal, or the span of an event.
+    """
     term = parse_term(text, DESIGN_QUANTITIES)
     return term if term.quantity.where == "event" else parse_goal(text)
 
 
 @dataclass(frozen=True)
 class DesignRequest:
-    """Request of a design: goal, sense, limits, class of laws, and search options."""
+    """Request of a design: goal, limits, class of laws and search options.
+
+    ``sense`` is ``<=`` to minimise the goal and ``>=`` to maximise it. ``keep`` names the
+    properties that are taken over from the start law (see `KEEP`).
+    """
 
     goal: Term
     sense: Sense
@@ -237,25 +272,25 @@ class DesignRequest:
         multistart: Multistart | None = None,
         keep: Sequence[str] = KEEP[0],
     ) -> DesignRequest:
-        """Create a request from texts.
+        """Create a request from the texts of its goal and limits.
 
         Parameters
         ----------
         minimise, maximise : str, optional
-            Goal; exactly one of them is needed.
+            Quantity to minimise or to maximise. Exactly one of the two is required.
         limits : sequence of str, optional
             Limits such as ``"peak_acceleration<=start"``.
         law_class : LawClass, optional
-            Class of laws.
+            Class of laws to search (default: ``LawClass()``).
         multistart : Multistart, optional
-            Options of a local search.
+            Options of a local search (default: ``Multistart()``).
         keep : sequence of str, optional
-            Parts of the start to keep (default: all).
+            Properties of the start law to keep: an entry of `KEEP` (default: all of them).
 
         Raises
         ------
         ConfigError
-            If a text is invalid, or goal or limit is not possible in that sense or class.
+            If a text is invalid, or the goal or a limit is not possible in that sense or class.
         """
         if (minimise is None) == (maximise is None):
             raise ConfigError("exactly one goal is required, to minimise or to maximise")
@@ -277,7 +312,7 @@ class DesignRequest:
 
     @classmethod
     def of_config(cls, config: DesignConfig) -> DesignRequest:
-        """Create a request from a design file."""
+        """Create a request from the content of a design file."""
         config_class = config.class_
         if not (config_class.joints[:1] in ("C", "c") and config_class.joints[1:].isdecimal()):
             raise ConfigError(f"joints must be C1 to C{MAX_JOINTS}, got {config_class.joints!r}")
@@ -293,5 +328,5 @@ class DesignRequest:
 
     @property
     def words(self) -> str:
-        """Description of the goal for titles."""
+        """Description of the goal for titles, such as ``minimise peak acceleration``."""
         return f"{self.verb} {self.goal.words}"

@@ -1,4 +1,4 @@
-"""Results of designs: a law with its bound and cam file, and a front."""
+"""Results of designs: a law with its bound and cam file, and a Pareto front."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from cam_rig.studies.design.request import DesignRequest, Multistart
 from cam_rig.studies.design.space import DesignProblem, LawEvent, ScaledLimit
 from cam_rig.units import TURN, FloatArray
 
-#: Largest relative gap between the result and its bound at which a design is certified.
+#: Largest relative gap between the goal of a law and its bound at which the design is certified.
 CERTIFIED_RTOL = 2e-3
-#: Relative excess over a limit above which the start is reported to break the limit.
+#: Relative excess over a limit above which the start law is reported to break the limit.
 EXCESS_RTOL = 1e-6
 
 
@@ -29,7 +29,8 @@ class Measure:
     """Goal or limit of a design with its values, in SI (levels in dB).
 
     ``start`` and ``result`` are the values of the start law and of the designed law. ``bound`` is
-    the proved bound of a goal, ``limit`` the value of a limit.
+    the proved bound of a goal, or None. ``limit`` is the value of a limit, None for a goal.
+    ``active`` is True if the designed law reaches the limit.
     """
 
     term: Term
@@ -65,23 +66,25 @@ class LawDesign(Result):
     Attributes
     ----------
     request : DesignRequest
-        Goal, limits, class and options.
+        Goal, limits, class of laws and search options.
     start, law : Law
-        Law of the start, and the designed law.
+        Start law of the design, and the designed law.
     cam, text : CamConfig, str
         Designed cam, and the content of its file.
+    rig : RigConfig
+        Rig for which the law was designed.
     events : tuple of LawEvent
-        Events of the law, rad.
+        Events of the law, which are the stretches between dwells.
     tops : tuple of float
-        Cam angles (rad) within events at which start and law reach their lift.
+        Cam angles (rad) inside events at which the law reaches the extreme lift of the start law.
     measures : tuple of Measure
         Goal first, then the limits.
     rounds : int
-        Number of solved programs.
+        Number of solved convex programs.
     multistart : Multistart or None
-        Search of a design that is not convex, which is without a bound.
+        Local search from several start laws. None for a convex design.
     spans_bound : float or None
-        Bound for laws with the spans of this law, if the spans were searched.
+        Bound for laws with the spans of this law, if the spans of the events were searched for.
     interrupted : bool
         True if the search was interrupted. The law is then without a bound.
     """
@@ -139,14 +142,14 @@ class LawDesign(Result):
 
     @property
     def goal(self) -> Measure:
-        """Values of the goal."""
+        """Goal with its values for the start law and the designed law, and its bound."""
         return self.measures[0]
 
     @property
     def gap(self) -> float:
-        """Relative distance between the result of the goal and its bound.
+        """Relative distance between the goal of the designed law and its bound.
 
-        It is infinite without a bound. The distance of a sound level is that of the sound pressure.
+        It is infinite without a bound. For a sound level it is the distance of the sound pressures.
         """
         goal = self.goal
         if goal.bound is None:
@@ -161,7 +164,10 @@ class LawDesign(Result):
         return self.gap <= CERTIFIED_RTOL
 
     def tables(self) -> list[Records]:
-        """Return the tables ``measures`` (goal first), ``events`` and ``design``."""
+        """Return the tables ``measures`` (goal first), ``events`` and ``design``.
+
+        The last two appear in files only. ``design`` has one row with the options and the outcome.
+        """
         angles = " and ".join(f"{math.degrees(angle):.4g}°" for angle in self.tops)
         kept_parts = " and ".join(what for what in self.request.keep if what != "events")
         kept_parts += f", reached at {angles}," if angles else ""
@@ -179,9 +185,10 @@ class LawDesign(Result):
         ]
 
     def _compare_start(self) -> list[str]:
-        """Return a note if the start breaks limits or is better than the law.
+        """Return a note if the start law breaks a limit or is better than the result.
 
-        The start need not be of the class.
+        Both are possible, because the start law need not belong to the class of laws. Otherwise the
+        list is empty.
         """
         broken = [
             f"{x.term.words} {x.limit_text} {x.term.quantity.typeset}"
@@ -200,13 +207,13 @@ class LawDesign(Result):
         return [f"the start is better than the law found: use {more}"]
 
     def _bound_line(self) -> str:
-        """Return a line of text that states the bound of the goal."""
+        """Return a line of text on the bound of the goal, and whether it is certified."""
         goal, search = self.goal, self.multistart
         if self.interrupted:
             return "interrupted: the best law so far, without a bound"
         bound = self.spans_bound if goal.bound is None else goal.bound
         if bound is None:
-            assert search is not None  # a design without a bound has a search
+            assert search is not None  # a design without a bound is from a local search
             return f"{search.words}; no bound: another law may be better"
         limit_text = f"{'below' if goal.sense == '<=' else 'above'} {goal.in_table_unit(bound):.5g}"
         limit_text += f" {goal.term.quantity.typeset}"
@@ -225,10 +232,11 @@ def _certified_text(design: LawDesign) -> str:
 
 @dataclass(frozen=True, repr=False)
 class Front(Result):
-    """Designs with the best goal for each allowed value of another quantity.
+    """Pareto front: the best designs for each allowed value of another quantity.
 
-    The designs are in rising order of this quantity. ``allowed`` ``(n,)`` are its values in SI
-    (levels in dB).
+    ``other`` is the other quantity, and ``allowed`` ``(n,)`` its values in SI (levels in dB). They
+    are ordered from its best value, or from the shortest span of an event. An interrupted front has
+    fewer ``designs`` than ``requested_points``.
     """
 
     schema = "cam_rig.front.1"
@@ -255,7 +263,10 @@ class Front(Result):
     interrupted: bool = False
 
     def tables(self) -> list[Records]:
-        """Return ``front`` (one row per point) and ``quantities`` (keys and units)."""
+        """Return the tables ``front`` (one row per point) and ``quantities``.
+
+        The latter contains the names and units of the goal and of the other quantity.
+        """
         goal = self.designs[0].goal.term
 
         def in_unit(column: Column, heading: str, term: Term) -> Column:
@@ -274,14 +285,18 @@ class Front(Result):
         return [front, self.table("quantities", "Quantities", [self], single=True, hidden=True)]
 
     def summary(self) -> list[str]:
-        """Return the number of computed points as text, empty for a complete front."""
+        """Return a line with the number of computed points if the front is incomplete.
+
+        The list is empty for a complete front.
+        """
         text = f"interrupted: {len(self.designs)} of {self.requested_points} points"
         return [text] if self.interrupted else []
 
 
-# Cam file of the designed law: B-splines between the dwells of its start.
+# Cam file of the designed law, with the dwells of the start law and a B-spline in each event.
 
-#: Largest relative difference at which the lift of a law equals that of its file.
+#: Largest relative difference between the lift of a law and that of its file that counts as
+#: rounding.
 LIFT_RTOL = 1e-12
 
 
@@ -293,10 +308,10 @@ def designed_cam(
     limits: list[ScaledLimit],
     search: Multistart | None = None,
 ) -> tuple[CamConfig, str]:
-    """Return the cam of a designed law, and the text of its file.
+    """Return the cam of a designed law, and the text of its cam file.
 
-    ``unknowns`` are those of the law. ``search`` is that of a local search, None for a convex
-    program.
+    ``unknowns`` describe the law. ``search`` are the options and the outcome of a local search,
+    None for a convex program.
     """
     cam, space = problem.cam, problem.space
     law_class, goal = space.law_class, f"{request.verb} {request.goal.key}"
@@ -341,17 +356,23 @@ def spline_cam_data(
     Parameters
     ----------
     cam : CamConfig
-        Cam with the follower and the lift.
+        Cam from which the follower and the lift are taken.
     start : Law
         Law of ``cam``.
     events : list of LawEvent
-        Events, between which there are dwells.
+        Start and span of each event. The remaining angles become dwells.
     splines : list of dict
         Degree, knots and ordinates (in lifts) of each event, as in a cam file.
     name, title : str
         Name and title of the new cam.
     free : tuple of str, optional
-        Those of ``dwells`` and ``events`` whose spans differ from ``cam``.
+        Which of ``dwells`` and ``events`` have other spans than those of ``cam`` (default:
+        neither).
+
+    Returns
+    -------
+    dict
+        Content of the cam file.
     """
     data = file_data(cam)
     sections = {key: data[key] for key in ("follower", "contact") if key in data}
@@ -363,7 +384,8 @@ def spline_cam_data(
         f"as {cam.name}: {file_lift.source}",
         file_lift.residual,
     )
-    if abs(file_lift.si - start.lift) > LIFT_RTOL * start.lift:  # a law may differ from its file
+    # for example, if the law has errors of the profile
+    if abs(file_lift.si - start.lift) > LIFT_RTOL * start.lift:
         lift = quantity_data("assumed", start.lift * 1e3, "mm", f"that of the law of {cam.name}")
     head = {"name": name, "title": title, "lift": lift}
     return head | sections | {"segments": _segments(cam, events, splines, free)}

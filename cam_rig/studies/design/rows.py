@@ -1,9 +1,9 @@
-"""Representation of each quantity in a design: rows of a program, or functions.
+"""Inequalities and functions by which a design limits or optimises a quantity.
 
-The rows limit or optimise the quantity, the functions are used by a local search. There are two
-kinds of rows. Rows at points are necessary, so the bound of their program is valid for the whole
-class. Rows on the ordinates of subdivided pieces (``sufficient``) enforce the limit at every angle,
-so the law satisfies it: (38) of docs/proofs.md.
+A quantity is represented by rows (inequalities) of a convex program, or by functions for a local
+search. There are two kinds of rows. Rows at single angles are necessary for a limit, so the bound
+of their program is valid for the whole class. Rows on the Bernstein ordinates of subdivided pieces
+are ``sufficient``: they enforce the limit at every angle, by (38) of docs/proofs.md.
 """
 
 from __future__ import annotations
@@ -30,23 +30,29 @@ from cam_rig.studies.design.convex_program import Affine, ConvexProgram
 from cam_rig.studies.design.space import SPARE, DesignProblem, ScaledLimit, measured
 from cam_rig.units import TURN, FloatArray
 
-#: Number of parts of a piece in the hull of the lift if the lift has no extremes within an event.
+#: Number of parts into which a polynomial piece is cut to bound the lift, if the lift has no
+#: extremes within an event.
 LIFT_PARTS = 2
-#: Number of parts of a piece for a limit over a range of angles.
+#: Number of parts into which a polynomial piece is cut for a limit over a range of angles.
 RANGE_PARTS = 16
-#: Relative excess of a lift that is allowed near an angle within an event at which the lift is
-#: reached. The ordinates are above the curve there.
+#: Relative excess over the start's lift that is allowed if the lift has its maximum within an
+#: event. The Bernstein ordinates that are limited lie above the curve there.
 TURNING_RTOL = 1e-4
-#: Number of orders of the turn that are included in a sound level.
+#: Number of harmonics of the turn that are included in a sound level.
 HARMONICS = 96
-#: Upper bound of the relative contribution of the omitted higher orders to a sound level.
+#: Upper bound of the contribution of the omitted higher harmonics to a sound level, relative to it.
 LEFT_OUT = 2e-4
-#: Largest phase (rad) by which the highest order changes over a Gauss cell.
+#: Largest change of phase (rad) of the highest harmonic over a cell of the Gauss integration.
 CELL_PHASE = 6.0
 
 
 def force_parts(problem: DesignProblem, speed: float, sufficient: bool) -> Affine:
-    """Return one rigid mass's contact force at a speed (rad/s), in the force scale."""
+    """Return the contact force of one rigid mass at a speed (rad/s).
+
+    The values bound the force over the turn, in units of ``problem.force_scale``. If
+    ``sufficient``, values ≥ 0 imply contact at every angle. Otherwise they are forces at single
+    angles.
+    """
     return _force(problem, speed, sufficient) * (1.0 / problem.force_scale)
 
 
@@ -56,15 +62,16 @@ def _force(problem: DesignProblem, speed: float, sufficient: bool) -> Affine:
 
 
 def keep_lift(program: ConvexProgram, problem: DesignProblem, sufficient: bool) -> None:
-    """Add the limits of the lift to a program.
+    """Add the limits on the lift of the law to a program.
 
-    The lift is within the range of the start's lift, and equal to it at extremes within an event.
+    The lift stays within the range of the start law's lift. If that reaches its minimum or maximum
+    inside an event, the lift is equal to it at this angle.
     """
     space, scale = problem.space, 1.0 / problem.start.lift
     low, high = (end.value for end in extremes(problem.start, 0))
     turning = space.turning_points
     spare = SPARE if sufficient else 0.0
-    if turning:  # ordinates lie above a curve that turns
+    if turning:  # the Bernstein ordinates lie above the curve there
         spare = TURNING_RTOL
     parts, ordinates = space.parts if turning else LIFT_PARTS, space.derivative(0)
     lift = space.hull(ordinates, parts) if sufficient else space.points(ordinates)
@@ -76,7 +83,8 @@ def keep_lift(program: ConvexProgram, problem: DesignProblem, sufficient: bool) 
         program.equal("lift", lift_at_angle.plus(-level * scale))
 
 
-# Rows that are linear in the unknowns.
+# Quantities that are linear in the unknowns of a law. Each function returns their values in SI
+# units.
 
 
 def _peak(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> list[Affine]:
@@ -85,7 +93,10 @@ def _peak(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> list
 
 
 def _at_angles(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> list[Affine]:
-    """Return rows for a derivative of the lift at an angle, or over a range of angles."""
+    """Return values of a derivative of the lift at an angle or over a range.
+
+    The term of ``target`` has the order of the derivative and the range, rad.
+    """
     space, term, order = problem.space, target.term, target.term.quantity.order
     if term.low == term.high:
         return [space.at(order, np.array([term.low]))]
@@ -103,9 +114,11 @@ def _forces(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> li
 
 
 def _pressure(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> list[Affine]:
-    """Return rows for the pressure angle of a guided roller or point.
+    """Return values for a limit on the pressure angle of a guided roller or point.
 
-    They are at most α if tan α (d + s) ∓ (s' − e) ≥ 0 for the limit α.
+    The angle is at most α if tan α (d + s) ∓ (s' − e) ≥ 0, where d is the height of the centre at
+    zero lift and e its eccentricity. The values are α minus the left-hand sides, so that they are
+    at most α.
     """
     element, max_angle = problem.element, target.value
     assert isinstance(element, GuidedCentre) and max_angle is not None
@@ -119,20 +132,24 @@ def _pressure(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> 
 
 
 def _radius(problem: DesignProblem, _: ScaledLimit, sufficient: bool) -> list[Affine]:
-    """Return rows for the radius of curvature R_b + s + s'' under a flat face.
+    """Return values that bound the radius of curvature (m) of a flat face.
 
-    The radius is not linear for other followers.
+    The radius is R_b + s + s'', which is linear in the law for this follower only.
     """
     element, space = problem.element, problem.space
     assert isinstance(element, GuidedFace)
     return [space.bounds(space.weighted(1.0, 0.0, 1.0), sufficient).plus(element.base_radius)]
 
 
-# Values whose sum of squares is the square of a quantity.
+# Quantities whose square is a sum of squares. Each function returns the values to be squared, which
+# are linear in the unknowns.
 
 
 def _rms_acceleration(problem: DesignProblem, _: Term) -> Affine:
-    """Return weighted values of s'' whose squares add up exactly to its mean square."""
+    """Return weighted values of s'' whose squares add up to the mean square of s''.
+
+    The values are at Gauss points, so the sum is exact for polynomials.
+    """
     space = problem.space
     degree = space.degree - 2
     points, weights = np.polynomial.legendre.leggauss(degree + 1)
@@ -143,10 +160,10 @@ def _rms_acceleration(problem: DesignProblem, _: Term) -> Affine:
 
 
 def _sound(problem: DesignProblem, term: Term) -> Affine:
-    """Return weighted harmonics of s'' whose squares add up to the sound's power.
+    """Return weighted harmonics of s'' whose squares add up to a sound's power.
 
-    The follower stays on the cam. The sound pressure is the rate of the force, low-pass filtered by
-    the corner frequency of the structure.
+    The follower is one rigid mass that stays on the cam. The sound pressure is the rate of change
+    of the contact force, low-pass filtered by the corner frequency of the structure.
     """
     rigid = problem.rigid
     corner = TURN * problem.rig.need_radiation(f"the goal or limit {term.key}").corner_frequency.si
@@ -162,9 +179,9 @@ def _sound(problem: DesignProblem, term: Term) -> Affine:
 
 
 def _fourier(problem: DesignProblem, order: FloatArray) -> Affine:
-    """Return real and imaginary parts of the Fourier coefficients of s''.
+    """Return the Fourier coefficients of s'': all real parts, then imaginary parts.
 
-    ``order`` are the orders of the harmonics. The coefficients are integrated by Gauss points.
+    ``order`` are the orders of the harmonics. The coefficients are integrated with Gauss points.
     """
     space = problem.space
     parts = math.ceil(float(space.spans.max() * order.max()) / CELL_PHASE)
@@ -177,11 +194,15 @@ def _fourier(problem: DesignProblem, order: FloatArray) -> Affine:
     return values.mapped(sparse.csr_array(np.concatenate([turning.real, turning.imag])))
 
 
-# Functions of s, s' and s'' at one cam angle that are not convex. They are linearised near a law.
+# Quantities that are not convex, as functions of s, s' and s'' at one cam angle. A local search
+# linearises them at a law.
 
 
 def _angle(problem: DesignProblem, term: Term) -> Branches:
-    """Return the branches of the pressure angle: ± the angle (rad) on each disc."""
+    """Return the function that computes ± the pressure angle (rad) on each disc.
+
+    The largest of these branches is the absolute pressure angle.
+    """
     if isinstance(problem.element, GuidedFace):
         raise ConfigError(
             f"{term.key} requires a roller, a point or an arm, got {problem.cam.follower.type}, "
@@ -191,10 +212,10 @@ def _angle(problem: DesignProblem, term: Term) -> Branches:
 
 
 def _curvature(problem: DesignProblem, _: Term) -> Branches:
-    """Return the branches of the radius of curvature.
+    """Return the function whose maximum limits the radius of curvature.
 
-    They are the curvature of the pitch curve (1/m) on each disc. Under a face they are minus the
-    radius of curvature (m).
+    Its branches are the curvature of the pitch curve (1/m) on each disc. For a flat face they are
+    minus the radius of curvature (m).
     """
     return _on_discs(
         problem,
@@ -212,14 +233,18 @@ def _on_discs(problem: DesignProblem, quantity: Callable[[Touch], list[FloatArra
 
 
 def _as_curvature(problem: DesignProblem, _: Term, radius: float) -> float:
-    """Convert a limit of the radius of curvature (m) to a limit of its branches."""
+    """Convert a limit on the radius of curvature (m) to one on the branches.
+
+    The branches are those of `_curvature`: the result is a pitch curvature (1/m), or minus a radius
+    (m) for a flat face.
+    """
     motion = Motion.on_pieces(problem.start, np.zeros(1))
     element = discs(problem.cam.follower, problem.start)[0].element
     has_centre = element.touch(motion).pitch_curvature is not None
     return 1.0 / (radius + element.roller) if has_centre else -radius
 
 
-# Table of the quantities. A quantity without an entry is searched for by differences.
+# Table of the quantities. For a quantity without an entry, a local search uses finite differences.
 
 
 def _value_of_start(problem: DesignProblem, term: Term, sense: Sense) -> float:
@@ -228,9 +253,10 @@ def _value_of_start(problem: DesignProblem, term: Term, sense: Sense) -> float:
 
 
 class JumpRun(NamedTuple):
-    """Run to which a jump speed belongs: number of masses, and duration from rest.
+    """Kind of run that a jump speed is defined for.
 
-    ``rigid`` is True for one mass. ``duration`` is in s, None for the steady state.
+    ``rigid`` is True for a follower of one rigid mass, and False for two masses. ``duration`` is
+    the length of the run from rest in s, or None for the steady state.
     """
 
     rigid: bool
@@ -246,37 +272,43 @@ def _unchanged(_problem: DesignProblem, _term: Term, value: float) -> float:
 
 @dataclass(frozen=True)
 class QuantityRows:
-    """Representation of a quantity in a design.
+    """Representation of a quantity in a design, as inequalities or functions.
 
-    A goal or limit is convex if it has ``linear``, ``squares``, ``in_rounds`` or ``run`` and
-    ``convex`` is True. Otherwise it is searched for locally, by ``branches`` or by differences.
+    A goal or limit is convex if it has ``linear``, ``squares``, ``in_rounds`` or ``run``, and
+    ``convex`` returns True. Otherwise a local search uses its ``branches``, or finite differences.
     """
 
-    #: Linear rows of a goal or limit.
+    #: Function that returns values that are linear in the unknowns, each of which is limited.
     linear: Callable[[DesignProblem, ScaledLimit, bool], list[Affine]] | None = None
-    #: Values whose squares add to the square of the quantity.
+    #: Function that returns values whose squares add up to the square of the quantity.
     squares: Callable[[DesignProblem, Term], Affine] | None = None
-    #: True if rows are added in rounds, such as those of the residual vibration.
+    #: True if the inequalities of the quantity are added as solutions violate them, as for the
+    #: residual vibration.
     in_rounds: bool = False
-    #: Run of a jump speed, whose contact force is linear.
+    #: Kind of run that a jump speed is defined for. At a fixed speed, its contact force is linear
+    #: in the unknowns of a law.
     run: JumpRun | None = None
-    #: Functions of the motion whose maximum is the quantity.
+    #: Function that returns functions of s, s' and s'', whose maximum over the turn is the
+    #: quantity.
     branches: Callable[[DesignProblem, Term], Branches] | None = None
-    #: Conversion of a limit (SI) to a limit on the branches.
+    #: Conversion of a limit (SI) to a limit on the maximum of the branches.
     on_branches: Conversion = _unchanged
-    #: Function that returns True if the rows apply to a problem, as a goal (True) or limit.
+    #: Function that returns True if the inequalities of the quantity apply to a problem. Its second
+    #: argument is True for a goal and False for a limit.
     convex: Callable[[DesignProblem, bool], bool] = lambda _problem, _goal: True
-    #: Scale of the rows, by default the value of the start.
+    #: Function that returns the scale by which inequalities are divided (default: the value of the
+    #: start law).
     scale: Callable[[DesignProblem, Term, Sense], float] = _value_of_start
-    #: Conversion of a value (SI, dB) to the unit of the rows. `from_rows` is the inverse
-    #: conversion.
+    #: Conversion of a value (SI, levels in dB) to the unit in which the inequalities state it.
+    #: `from_rows` is the inverse conversion.
     to_rows: Conversion = _unchanged
     from_rows: Conversion = _unchanged
 
     def is_local(self, problem: DesignProblem, goal: bool = False) -> bool:
-        """Return True if a goal or limit must be searched for locally, without a bound.
+        """Return True if the quantity needs a local search, which gives no bound.
 
-        It then has no rows for this follower.
+        This is the case if it is not convex for the follower of the problem. ``goal`` is True for a
+        goal and False for a limit.
         """
         rows = self.linear or self.squares or self.in_rounds or self.run
         return not (rows and self.convex(problem, goal))
@@ -322,16 +354,20 @@ ROWS = {
 
 
 def rows_of(term: Term) -> QuantityRows:
-    """Return the representation of a term's quantity, empty if the table has no entry."""
+    """Return the representation of a term's quantity as inequalities or functions.
+
+    It is empty if the table `ROWS` has no entry for the quantity.
+    """
     return ROWS.get(term.name, QuantityRows())
 
 
 def scale_limit(
     problem: DesignProblem, term: Term, sense: Sense, value: float | None
 ) -> ScaledLimit:
-    """Convert the value of a goal or limit (SI, dB) to the unit of its rows.
+    """Return a goal or limit with its value in the unit of its inequalities.
 
-    The result contains the scale of the rows. ``value`` is None for a goal.
+    ``value`` is in SI (levels in dB), or None for a goal. The result also contains the scale by
+    which the inequalities are divided.
     """
     rows = rows_of(term)
     if value is not None:
@@ -341,7 +377,8 @@ def scale_limit(
         if not math.isfinite(value):
             raise ConfigError(f"limit {term.key}: the start has no such value; use a number")
     scale = 1.0 if rows.run else rows.scale(problem, term, sense)
-    if not (math.isfinite(scale) and scale > 0.0):  # the start's value cannot be a scale
+    # the value of the start law is 0, infinite or NaN
+    if not (math.isfinite(scale) and scale > 0.0):
         scale = 1.0 if value is None else abs(value) or 1.0
     return ScaledLimit(term, sense, value, scale)
 
@@ -349,18 +386,19 @@ def scale_limit(
 def add(
     program: ConvexProgram, problem: DesignProblem, target: ScaledLimit, sufficient: bool
 ) -> None:
-    """Add the rows of a goal or limit to a program.
+    """Add the inequalities of a convex goal or limit to a program.
 
-    The rows are ``sufficient`` for a law to satisfy a limit, or else necessary.
+    If ``sufficient``, a law that satisfies them satisfies the limit at every angle. Otherwise they
+    are only necessary.
     """
     rows = rows_of(target.term)
     if rows.squares is not None:
         parts, radius = rows.squares(problem, target.term), 0.0
-        if target.value is not None:  # a level omits the orders above the highest
+        if target.value is not None:  # a sound level omits the harmonics above the highest
             radius = target.value / target.scale * (1.0 - (LEFT_OUT if sufficient else 0.0))
         program.within(target.name, parts * (1.0 / target.scale), radius, target.weight)
         return
-    assert rows.linear is not None  # other quantities have no rows in a program
+    assert rows.linear is not None  # only convex goals and limits are added
     for quantity in rows.linear(problem, target, sufficient):
         room = target.room(quantity, SPARE if sufficient else 0.0)
         program.at_least(target.name, room, target.weight, not sufficient)

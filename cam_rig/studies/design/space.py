@@ -1,10 +1,15 @@
-"""Laws of a class: B-splines in each event of a start law, with its dwells.
+"""Laws that a design can choose, as affine functions of unknown numbers.
 
-Every law of the class is s₀ + Σ xⱼ bⱼ. Its derivatives, and all quantities that are linear in them,
-have the same form. `Space` gives their Bernstein ordinates as functions of the unknowns. The
-unknowns are the ordinates of each event, in lifts, and the ordinates of its s'' in addition,
-because accelerations computed from the former would lose most digits by cancellation. `Space.link`
-is the condition that both belong to one law.
+A law of the class has the dwells of a start law, and a B-spline in each event (the stretch of the
+turn between two dwells). Every such law is s₀ + Σ xⱼ bⱼ with fixed functions s₀ and bⱼ, so its
+derivatives and all quantities that are linear in them are affine in the unknowns x. `Space` returns
+their Bernstein ordinates as such functions. Bernstein ordinates are the control values of a
+polynomial, which lies in their convex hull.
+
+The unknowns are the B-spline ordinates of each event, in units of the lift, followed by the
+B-spline ordinates of its s''. The latter are unknowns too, because accelerations computed from the
+ordinates of s would lose most digits by cancellation. `Space.link` is the condition that both
+belong to one law.
 """
 
 from __future__ import annotations
@@ -33,17 +38,20 @@ from cam_rig.studies.design.convex_program import Affine
 from cam_rig.studies.design.request import LawClass
 from cam_rig.units import TURN, FloatArray
 
-#: Largest difference of the ordinates of a dwell, as a fraction of the lift.
+#: Largest difference between the Bernstein ordinates of a polynomial piece that counts as a dwell,
+#: as a fraction of the lift.
 FLAT_RTOL = 1e-12
-#: Largest relative difference between a derivative at the end and at the start of a turn.
+#: Largest step of a derivative between two turns that counts as continuous, relative to the largest
+#: ordinate of the derivative.
 CLOSURE_RTOL = 1e-9
 
 
 @dataclass(frozen=True)
 class LawEvent:
-    """Event of the turn whose law is designed: start and span, rad.
+    """Event of a law (the stretch of the turn between two dwells), which is designed.
 
-    ``first`` and ``last`` are s and its derivatives at both ends, which are kept.
+    ``start`` (cam angle) and ``span`` are in rad. ``first`` and ``last`` contain s and its
+    derivatives by the cam angle (m/radᵏ) at the two ends. The design keeps these values.
     """
 
     start: float
@@ -55,7 +63,7 @@ class LawEvent:
 def dwells(law: Law) -> list[tuple[float, float]]:
     """Return start and end (rad) of each dwell of a law.
 
-    Flat pieces that meet at one level are one dwell.
+    A dwell is a stretch of constant lift. Adjacent constant pieces of the law are merged.
     """
     flat = np.ptp(law.ordinates, axis=0) <= FLAT_RTOL * law.lift
     result: list[tuple[float, float]] = []
@@ -68,9 +76,10 @@ def dwells(law: Law) -> list[tuple[float, float]]:
 
 
 def events(law: Law, joints: int) -> list[LawEvent]:
-    """Return the events between the dwells of a law.
+    """Return the events of a law, which are the stretches between its dwells.
 
-    Their first and last derivatives are those of the neighbouring pieces.
+    ``joints`` is the highest order of the derivatives that are stored for the ends of an event.
+    They are the derivatives of the neighbouring pieces outside the event.
     """
 
     def ends(piece: int, row: int) -> tuple[float, ...]:
@@ -93,7 +102,10 @@ def events(law: Law, joints: int) -> list[LawEvent]:
 
 
 def _require_joined(law: Law, joints: int) -> None:
-    """Raise a `ConfigError` if a turn without dwells has a step in a kept derivative."""
+    """Raise a `ConfigError` if a law without dwells is not smooth between two turns.
+
+    The lift and its derivatives up to the order ``joints`` must be equal at 0 and 2π.
+    """
     for order in range(joints + 1):
         ordinates = law.derivative_ordinates(order)
         if abs(ordinates[0, 0] - ordinates[-1, -1]) > CLOSURE_RTOL * np.abs(ordinates).max():
@@ -105,9 +117,10 @@ def _require_joined(law: Law, joints: int) -> None:
 
 @lru_cache(maxsize=16)
 def _to_bezier(law_class: LawClass, order: int = 0) -> Any:
-    """Return the matrix from ordinates over an event to those of its Bézier pieces.
+    """Return the sparse matrix from B-spline ordinates to Bernstein ordinates.
 
-    The ordinates are those of a derivative of the law of the given order.
+    The B-spline is the derivative of the law of the given order over one event. The Bernstein
+    ordinates are those of the pieces of the event, piece by piece.
     """
     knots, degree = law_class.knots, law_class.power - order
     knots = knots[order : knots.size - order]
@@ -117,7 +130,10 @@ def _to_bezier(law_class: LawClass, order: int = 0) -> Any:
 
 @lru_cache(maxsize=8)
 def _second_derivative(law_class: LawClass) -> Any:
-    """Return the matrix from ordinates over one event of unit length to those of s''."""
+    """Return the sparse matrix from the B-spline ordinates of s to those of s''.
+
+    It is for one event of unit length. For a span β the result must be divided by β².
+    """
     knots, degree = law_class.knots, law_class.power
     matrix = np.eye(law_class.count)
     for _ in range(2):
@@ -127,23 +143,28 @@ def _second_derivative(law_class: LawClass) -> Any:
     return sparse.csr_array(matrix)
 
 
-#: Smallest number of parts per piece in the hull of a polynomial.
+#: Smallest number of equal parts into which each polynomial piece of a law is cut. The parts give
+#: bounds of its values.
 MIN_PARTS = 24
-#: Largest number of parts per piece that follows from `PARTS_PER_PIECE`.
+#: Largest number of parts of a polynomial piece that may follow from `PARTS_PER_PIECE`.
 MAX_PARTS = 48
-#: Smallest number of parts per turn in the hull of a polynomial.
+#: Smallest number of parts into which all polynomial pieces of a turn together are cut for bounds.
 PARTS_PER_TURN = 256
-#: Number of parts of each piece, per piece of its event: laws with more pieces are closer to their
-#: limits.
+#: Number of parts into which each polynomial piece is cut, divided by the number of pieces per
+#: event. Laws with more pieces come closer to their limits, so that their values need tighter
+#: bounds.
 PARTS_PER_PIECE = 1.5
 
 
 @dataclass(eq=False)
 class Space:
-    """Class of laws with the dwells and the ends of events of a start law.
+    """Class of laws that share the dwells and the ends of events of a start law.
 
-    The ``unknowns`` are the ``free`` ordinates of each event in order, in lifts, then all ordinates
-    of each event's s''. Pieces have joints at ``breaks`` ``(n + 1,)`` and ``spans`` ``(n,)``, rad.
+    An event is the stretch of the turn between two dwells. Laws are described by ``unknowns``
+    numbers. The first ``free`` of them are the free B-spline ordinates of the events in order, in
+    units of the lift. They are followed by all B-spline ordinates of each event's s''. The
+    polynomial pieces of a law, including dwells, have the joints ``breaks`` ``(n + 1,)`` and the
+    ``spans`` ``(n,)``, both in rad.
     """
 
     start: Law
@@ -160,12 +181,18 @@ class Space:
         self.spans = np.diff(self.breaks)
 
     def _offset(self, index: int) -> int:
-        """Return the index of the first ordinate of an event's s'' among the unknowns."""
+        """Return the position of the first s'' ordinate of an event in the unknowns.
+
+        ``index`` is the number of the event, from 0.
+        """
         return self.free + (self.law_class.count - 2) * index
 
     @cached_property
     def link(self) -> Affine:
-        """Condition that the ordinates of s and of s'' belong to one law: values of zero."""
+        """Condition that the unknown ordinates of s and of s'' belong to the same law.
+
+        It is a function of the unknowns, and its values are zero if the condition is satisfied.
+        """
         rows = []
         for index in range(len(self.events)):
             from_lift = self.coefficients(index).mapped(_second_derivative(self.law_class))
@@ -173,16 +200,21 @@ class Space:
         return Affine.stacked(rows)
 
     def _curvature(self, index: int) -> Affine:
-        """Return the ordinates of s'' of one event, in lifts over its squared span."""
+        """Return the B-spline ordinates of s'' of one event as a function of the unknowns.
+
+        Their unit is the lift divided by the squared span of the event. They are unknowns
+        themselves, so the function only selects them. ``index`` is the number of the event, from 0.
+        """
         count = self.law_class.count - 2
         matrix = sparse.eye_array(count, self.unknowns, k=self._offset(index), format="csr")
         return Affine(np.zeros(count), matrix)
 
     @property
     def turning_points(self) -> list[tuple[float, float]]:
-        """Extreme lifts (m) of the start law within events, and their angles (rad).
+        """Lowest and highest point of the start law, if they lie inside an event.
 
-        Extremes at an end of an event are left out.
+        Each point is a pair of lift (m) and cam angle (rad). An extreme lift that is also the lift
+        at an end of an event is omitted, because it is fixed already.
         """
         ends = {level for event in self.events for level in (event.first[0], event.last[0])}
         tolerance = FLAT_RTOL * self.start.lift
@@ -193,7 +225,12 @@ class Space:
         ]
 
     def coefficients(self, index: int) -> Affine:
-        """Return the ordinates (m) of one event, free and fixed, ``(count,)``."""
+        """Return the B-spline ordinates (m) of one event, shape ``(count,)``.
+
+        They are a function of the unknowns. The first and last ``joints`` + 1 ordinates are fixed
+        by the ends of the event and do not depend on the unknowns. ``index`` is the number of the
+        event, from 0.
+        """
         event, law_class = self.events[index], self.law_class
         fixed = law_class.joints + 1
         constant = np.zeros(law_class.count)
@@ -208,14 +245,15 @@ class Space:
     def _end_ordinates(
         self, event: LawEvent, derivatives: tuple[float, ...], end: int
     ) -> FloatArray:
-        """Return the ordinates (m) at one end of an event, from the end inwards.
+        """Return the B-spline ordinates (m) that are fixed at one end of an event.
 
-        ``derivatives`` are s and its derivatives at this end. ``end`` is 0 for the start, −1 for
-        the end.
+        They are ordered from the end inwards, shape ``(joints + 1,)``. ``derivatives`` are s and
+        its derivatives at this end. ``end`` is 0 for the start of the event and −1 for its end.
         """
         law_class = self.law_class
         if not any(derivatives[1:]):
-            return np.full(law_class.joints + 1, derivatives[0])  # at rest, to the last digit
+            # the law is at rest, so they are exactly equal
+            return np.full(law_class.joints + 1, derivatives[0])
         table = _to_bezier(law_class)[: law_class.power + 1, : law_class.joints + 1].toarray()
         span = event.span / law_class.pieces * (1.0 if end == 0 else -1.0)
         matrix = np.empty((law_class.joints + 1, law_class.joints + 1))
@@ -226,7 +264,10 @@ class Space:
         return np.asarray(np.linalg.solve(matrix, np.array(derivatives)))
 
     def _all_ordinates(self, order: int) -> Affine:
-        """Return the ordinates of s or of s'' of every piece, including dwells."""
+        """Return the Bernstein ordinates of s or s'' of all polynomial pieces of the turn.
+
+        ``order`` is 0 for s (m) or 2 for s'' (m/rad²). Dwells are included as constant pieces.
+        """
         parts: list[Affine] = []
         position = 0
         for index, event in enumerate(self.events):
@@ -248,9 +289,10 @@ class Space:
 
     @lru_cache(maxsize=16)  # noqa: B019 - a space lives as long as its design
     def derivative(self, order: int) -> Affine:
-        """Return the ordinates of the derivative dᵏs/dθᵏ (m/radᵏ) of every piece.
+        """Return the Bernstein ordinates of dᵏs/dθᵏ (m/radᵏ) of all n polynomial pieces.
 
-        Their degree is p − k, and their shape ``(n (p + 1 − k),)``.
+        They are a function of the unknowns, piece by piece, with shape ``(n (p + 1 − k),)``. Here k
+        is ``order``, and p is the degree of the law, so that each piece has the degree p − k.
         """
         if order in (0, 2):
             return self._all_ordinates(order)
@@ -260,59 +302,80 @@ class Space:
         return below.mapped(blocks)
 
     def joined(self, free: FloatArray) -> FloatArray:
-        """Return all unknowns of a law from its free ordinates (in lifts)."""
+        """Return all unknowns of a law from its free B-spline ordinates (in lifts).
+
+        The unknown ordinates of s'' are computed from the condition `link`.
+        """
         unknowns = np.zeros(self.unknowns)
         unknowns[: free.size] = free
         unknowns[free.size :] = self.link(unknowns)
         return unknowns
 
     def law(self, unknowns: FloatArray, name: str) -> Law:
-        """Return the law that the unknowns describe, with a name."""
+        """Return the motion law that a vector of unknowns describes, with the given name."""
         ordinates = self.derivative(0)(unknowns).reshape(-1, self.degree + 1).T
         return Law(name, self.breaks, ordinates)
 
     def weighted(self, *weights: float) -> Affine:
-        """Return the ordinates of the weighted sum Σ wₖ s⁽ᵏ⁾ of derivatives, of degree p."""
+        """Return the Bernstein ordinates of Σ wₖ dᵏs/dθᵏ for all polynomial pieces.
+
+        ``weights`` are w₀, w₁ and so on. All terms have the degree p of the law.
+        """
         terms = [self._elevated(order) * weight for order, weight in enumerate(weights)]
         return sum(terms[1:], terms[0])
 
     @lru_cache(maxsize=16)  # noqa: B019
     def _elevated(self, order: int) -> Affine:
-        """Return the ordinates of a derivative, elevated to degree p."""
+        """Return the Bernstein ordinates of a derivative, in the degree of the law.
+
+        They describe the same polynomial with more ordinates, which allows derivatives of different
+        orders to be added.
+        """
         elevation = bernstein.elevation_matrix(self.degree - order, self.degree)
         return self.derivative(order).mapped(self.blocks(elevation))
 
     def blocks(self, matrix: FloatArray) -> Any:
-        """Return the block matrix that applies a matrix to the ordinates of every piece."""
+        """Return the sparse block matrix that applies ``matrix`` to every piece.
+
+        The matrix acts on the Bernstein ordinates of one polynomial piece.
+        """
         return sparse.kron(sparse.eye_array(self.spans.size), matrix, "csr")
 
     def bounds(self, ordinates: Affine, sufficient: bool) -> Affine:
-        """Return bounds of a polynomial: its hull (sufficient) or its points (necessary).
+        """Return values from which limits on a piecewise polynomial can be stated.
 
-        ``ordinates`` are those of every piece.
+        ``ordinates`` are its Bernstein ordinates. If ``sufficient``, the values are the ordinates
+        of subdivided pieces. If these satisfy a limit, so does the polynomial at every angle.
+        Otherwise the values are those of the polynomial at many angles. They satisfy every limit
+        that the polynomial satisfies.
         """
         return self.hull(ordinates) if sufficient else self.points(ordinates)
 
     @property
     def parts(self) -> int:
-        """Number of parts into which each piece is divided for bounds."""
+        """Number of equal parts into which each polynomial piece is cut for bounds.
+
+        More parts give tighter bounds, but larger programs.
+        """
         parts = min(MAX_PARTS, round(PARTS_PER_PIECE * self.law_class.pieces))
         return max(MIN_PARTS, parts, round(PARTS_PER_TURN / self.spans.size))
 
     def hull(self, ordinates: Affine, parts: int | None = None) -> Affine:
-        """Return the ordinates of all pieces of a polynomial, each cut into parts.
+        """Return the Bernstein ordinates of a piecewise polynomial after subdivision.
 
-        The polynomial lies in the convex hull of the ordinates.
+        Each piece is cut into ``parts`` equal parts (default: `parts` of the space). The polynomial
+        lies in the convex hull of the returned ordinates, which is narrower for more parts.
         """
         parts = parts or self.parts
         degree = ordinates.constant.size // self.spans.size - 1
         return ordinates.mapped(self.blocks(np.concatenate(bernstein.parts(degree, parts))))
 
     def hull_over(self, order: int, low: float, high: float, parts: int) -> Affine:
-        """Return the ordinates of a derivative over the range ``low`` to ``high`` (rad).
+        """Return Bernstein ordinates that bound a derivative over a range of cam angles.
 
-        They are those of the parts of all pieces, cut at the ends of the range. The derivative lies
-        in their convex hull.
+        The range extends from ``low`` to ``high`` (rad). The pieces in it are each cut into
+        ``parts`` parts, and at the ends of the range. The derivative of the given order lies in the
+        convex hull of the returned ordinates.
         """
         count = self.degree - order + 1
         blocks = []
@@ -327,13 +390,22 @@ class Space:
         return self.derivative(order).mapped(matrix)
 
     def points(self, ordinates: Affine) -> Affine:
-        """Return a polynomial's values at the ends of all parts, both sides of joints."""
+        """Return the values of a piecewise polynomial at many points of each piece.
+
+        Each piece is divided into equal parts (see `parts`), and the points are the ends of the
+        parts. ``ordinates`` are the Bernstein ordinates of the polynomial. At a joint between two
+        pieces both one-sided values are returned.
+        """
         degree = ordinates.constant.size // self.spans.size - 1
         table = bernstein.basis(degree, np.linspace(0.0, 1.0, self.parts + 1))
         return ordinates.mapped(self.blocks(table))
 
     def at(self, order: int, angle: FloatArray) -> Affine:
-        """Return a derivative of the lift at angles (rad), the right limit at a joint."""
+        """Return a derivative of the lift at cam angles (rad).
+
+        It is a function of the unknowns, with one value (m/radᵏ) per angle. ``order`` is the order
+        k of the derivative. At a joint between two pieces it is the right-hand limit.
+        """
         ordinates, degree = self.derivative(order), self.degree - order
         inside = np.mod(angle, TURN)
         piece = np.searchsorted(self.breaks[1:-1], inside, side="right")
@@ -344,20 +416,21 @@ class Space:
         return ordinates.mapped(sparse.csr_array((table.ravel(), (rows, columns)), shape=shape))
 
 
-# Problem of a design: the space of laws, the rig and the follower. Goals and limits.
+# Input of a design: the start law, the rig and the class of laws, and its scaled goal and limits.
 
-#: Margin of the limits of a design, in their scales. It allows for the rounding of the solver and
-#: of the file.
+#: Margin by which a designed law must satisfy its limits, relative to the scale of each limit. It
+#: allows for the rounding of the solver and of the cam file.
 SPARE = 2e-8
 
 
 @dataclass(eq=False)
 class DesignProblem:
-    """Problem of a design: the data from which the rows of a program are computed.
+    """Input of a design that does not depend on its goal: cam, rig and class of laws.
 
-    ``free`` names the parts of the start's cam (dwells, events) whose angles differ. The
-    ``follower`` has two masses if the rig defines their split. ``rigid`` has one mass.
-    ``force_scale`` (N) is the preload, or the force of the spring at half the lift.
+    ``free`` contains ``dwells`` and ``events`` if the spans of these differ from those of the start
+    cam. The ``follower`` has two masses if the rig defines how its mass is split. ``rigid`` is the
+    follower as one rigid mass. ``force_scale`` (N), the unit of contact forces in programs, is the
+    preload. Without a preload it is the force of the spring at half the lift.
     """
 
     cam: CamConfig
@@ -374,12 +447,15 @@ class DesignProblem:
 
     @cached_property
     def mode(self) -> VibrationMode:
-        """Vibration mode of the follower on its stem."""
+        """Vibration mode of the follower's mass on its elastic stem."""
         return mode_of(self.rig)
 
     @cached_property
     def element(self) -> Element | None:
-        """Contact of a cam with one disc and without an inclined face, else None."""
+        """Contact geometry between cam and follower, if the cam has one disc.
+
+        None if the cam has several discs or the follower has an inclined face.
+        """
         plates = discs(self.cam.follower, self.start)
         element = plates[0].element
         inclined = getattr(element, "inclination", 0.0) != 0.0
@@ -388,31 +464,44 @@ class DesignProblem:
 
 @lru_cache(maxsize=64)
 def measured(problem: DesignProblem, law: Law, term: Term, sense: Sense) -> float:
-    """Return the value of a quantity of a law, SI (levels in dB)."""
+    """Return the exact value of a quantity for a law, in SI units (levels in dB).
+
+    ``term`` is the quantity with its speeds or angles. ``sense`` selects the worst value of a
+    range: ``<=`` for a quantity to keep small, ``>=`` for one to keep large.
+    """
     events = [(event.start, event.span) for event in problem.space.events]
     return term.quantity.value(Subject(law, problem.rig, problem.cam, events), term, sense)
 
 
 @dataclass(frozen=True)
 class ScaledLimit(Limit):
-    """Goal (``value`` None) or limit, with the scale (SI) of its rows."""
+    """Goal (``value`` None) or limit of a design, with the scale of its inequalities.
+
+    ``scale`` (SI) divides the inequalities of a convex program, so that their values are of order
+    1.
+    """
 
     scale: float
 
     @property
     def name(self) -> str:
-        """Name of the goal or limit in the table of active limits."""
+        """Name of the goal, or text of the limit, in the list of active limits."""
         return f"goal {self.term.key}" if self.value is None else self.words
 
     @property
     def weight(self) -> float:
-        """Weight of the level t in the rows: −1 for a goal, 0 for a limit."""
+        """Weight of a program's level t in the inequalities: −1 for a goal, 0 for a limit.
+
+        The level is the variable that the convex program maximises.
+        """
         return -1.0 if self.value is None else 0.0
 
     def room(self, quantity: Affine, spare: float) -> Affine:
-        """Return rows that are ≥ 0 if the limit is satisfied by more than ``spare``.
+        """Return values that are ≥ 0 if the limit is satisfied by more than ``spare``.
 
-        ``quantity`` is the limited quantity. The rows are in units of the scale.
+        ``quantity`` is the limited quantity as a function of the unknowns. The values and ``spare``
+        are relative to the scale. For a goal the values are the quantity itself, with a sign such
+        that larger is better.
         """
         rows = quantity * (-sign_of(self.sense) / self.scale)
         if self.value is None:

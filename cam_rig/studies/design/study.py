@@ -1,4 +1,4 @@
-"""Designs: the best law of a class by a goal, and fronts of two quantities."""
+"""Design study: the law of a class that is best for a goal, and Pareto fronts."""
 
 from __future__ import annotations
 
@@ -35,17 +35,18 @@ from cam_rig.studies.design.space import DesignProblem, ScaledLimit, Space, meas
 from cam_rig.units import FloatArray
 
 #: Largest difference between a law's goal and its bound that counts as rounding, as a fraction of
-#: the start's goal. It is due to cancellation in the integrals of a goal far below the start's.
-#: Within it, a bound that the law exceeds is set to the law's value.
+#: the start law's goal. It is due to cancellation in the integrals of a goal far below that of the
+#: start law. If the law exceeds its bound by less than this, the bound is set to the law's value.
 ROUNDING_RTOL = 1e-6
-#: Excess of the written law over a limit above which the limit is broken, relative to the larger of
-#: the limit and the start's value.
+#: Excess of the designed law over a limit above which the limit is broken, relative to the larger
+#: of the limit and the start law's value.
 BROKEN_RTOL = 1e-6
-#: Followers between two faces or rollers of one disc, whose fall depends on the rise.
+#: Types of followers between two faces or rollers of one disc. Their fall depends on their rise, so
+#: they cannot be designed.
 CLOSED_TYPES = ("constant_breadth", "constant_diameter")
-#: Largest relative distance of a span from its limit at which the limit is active.
+#: Largest relative distance of an event's span from its limit at which the limit counts as active.
 SPAN_RTOL = 1e-3
-#: Function that is called with a function that creates the design of a better law, and with the
+#: Callback for each better law: it receives a function that creates the design of the law, and the
 #: value of its goal (SI).
 OnBest = Callable[[Callable[[], LawDesign], float], None]
 
@@ -59,9 +60,9 @@ def search_design(
 ) -> LawDesign:
     """Search for the best law of a class between the dwells of a cam.
 
-    ``name`` is that of the designed cam, by default the name of the cam with ``_designed``.
-    ``on_best`` is called with each better law: a function that creates its design, and its goal's
-    value (SI).
+    ``name`` is that of the designed cam (default: the name of the cam with ``_designed``).
+    ``on_best`` is called for each better law, with a function that creates its design and with its
+    goal (SI).
 
     Raises
     ------
@@ -88,9 +89,10 @@ def _problem(cam: CamConfig, rig: RigConfig, request: DesignRequest) -> DesignPr
 
 @dataclass(frozen=True, eq=False)
 class DesignSearch:
-    """Search for the best law of a design.
+    """Search for the best law of a design problem.
 
-    ``on_best`` is called with better laws. ``spans`` is the search that found the events.
+    ``name`` is that of the designed cam. ``on_best`` is called for each better law. ``spans`` is
+    the completed search for the spans of the events, or None if the spans are those of the cam.
     """
 
     problem: DesignProblem
@@ -100,7 +102,11 @@ class DesignSearch:
     spans: Multistart | None = None
 
     def best_of_spans(self) -> LawDesign:
-        """Return the best law over all possible spans of the events."""
+        """Return the best law over all possible spans of the events.
+
+        The spans are searched for with one start law each. The design at the best spans then uses
+        all start laws.
+        """
         limits = self.with_values().limits
         spans = [limit for limit in limits if limit.term.quantity.where == "event"]
         others = replace(self.request, limits=tuple(x for x in limits if x not in spans))
@@ -127,7 +133,10 @@ class DesignSearch:
     def _compare_with_start(
         self, limits: Sequence[Limit], moved: DesignProblem, design: LawDesign
     ) -> LawDesign:
-        """Return a design with moved events, compared with the original start law."""
+        """Return a design with the values of the original start law for comparison.
+
+        ``moved`` is the problem with the spans of ``design``. Values for limits on spans are added.
+        """
         goal, *others = design.measures
         other_limits, measures = iter(others), [replace(goal, bound=None)]
         for limit in limits:
@@ -147,21 +156,21 @@ class DesignSearch:
         )
 
     def with_values(self) -> DesignRequest:
-        """Return the request with explicit values of limits that refer to the start."""
+        """Return the request with numbers for limits such as ``peak_acceleration<=start``."""
         limits = (replace(limit, value=self._limit_value(limit)) for limit in self.request.limits)
         return replace(self.request, limits=tuple(limits))
 
     def _limit_value(self, limit: Limit) -> float:
         """Return the value of a limit, SI (levels in dB).
 
-        A limit that refers to the start has the value of the start law.
+        A limit that refers to ``start`` has the value of the start law.
         """
         if limit.value is not None:
             return limit.value
         return measured(self.problem, self.problem.start, limit.term, limit.sense)
 
     def best(self) -> LawDesign:
-        """Return the best law, with the spans of the events that the problem has."""
+        """Return the best law for the spans of the events that the problem has."""
         problem, request = self.problem, self.request
         limits = [
             scale_limit(problem, x.term, x.sense, self._limit_value(x)) for x in request.limits
@@ -222,7 +231,10 @@ class DesignSearch:
 
 
 class DesignOptions(TypedDict, total=False):
-    """Options of `design` except ``pareto``, which selects the type of the result."""
+    """Keyword options of `design`, except ``pareto``.
+
+    ``pareto`` is separate, because it selects the type of the result.
+    """
 
     minimise: str | None
     maximise: str | None
@@ -261,11 +273,12 @@ def design(
     pareto: str | None = None,
     points: int = 25,
 ) -> LawDesign | Front:
-    """Design the law that is best by a goal, with B-splines in each event of a cam.
+    """Design the law that is best for a goal, with a B-spline in each event of a cam.
 
-    The command is ``cam-rig design``. Dwells, events and lift are kept. The bound is valid for the
-    whole class and comes from the multipliers of a convex program. A goal or limit that is not
-    convex is searched for from several starts, without a bound.
+    The command is ``cam-rig design``. An event is the stretch of the turn between two dwells.
+    Dwells, events and lift are kept. The bound is valid for the whole class of laws and comes from
+    the multipliers of a convex program. A goal or limit that is not convex is searched for from
+    several start laws, without a bound.
 
     Parameters
     ----------
@@ -274,24 +287,26 @@ def design(
     rig : Rig, str or Path
         Rig: its name in ``config/rigs``, its path, or the object.
     minimise, maximise : str, optional
-        Goal, as in `cam-rig design`. Exactly one of them is needed.
+        Quantity to minimise or to maximise, as in `cam-rig design`. Exactly one of them is needed.
     limits : sequence of str, optional
-        Limits such as ``"peak_acceleration<=start"`` or ``"lift@90deg>=30mm"``.
+        Limits such as ``"peak_acceleration<=start"`` or ``"lift@90deg>=30mm"``. The value ``start``
+        is that of the start law.
     pieces : int, optional
-        Number of pieces per event, 1 to 200 (default: 16).
+        Number of polynomial pieces per event, 1 to 200 (default: 16).
     joints : int, optional
-        Order k of continuity Cᵏ at the joints, 1 to 6 (default: 3).
+        Order k of continuity Cᵏ at the joints between pieces, 1 to 6 (default: 3).
     degree : int, optional
-        Degree, up to 15 (default: ``joints`` + 2).
+        Degree of the splines, up to 15 (default: ``joints`` + 2).
     starts : int, optional
-        Number of starts of a local search (default: 8).
+        Number of start laws of a local search (default: 8).
     seed : int, optional
-        Seed of its random starts. The same seed gives the same law.
+        Seed of its random start laws (default: 1). The same seed gives the same law.
     keep : sequence of str, optional
-        Parts of the start to keep: all (default), ``("dwells", "lift")`` or ``("lift",)``. The
-        spans of the events are then searched for.
+        Properties of the start law to keep: ``("events", "dwells", "lift")`` (default),
+        ``("dwells", "lift")`` or ``("lift",)``. Without ``events`` the spans of the events are
+        searched for.
     pareto : str, optional
-        Other quantity of a front. The result is then a `Front`.
+        Other quantity of a Pareto front. The result is then a `Front`.
     points : int, optional
         Number of points of the front, 3 to 200 (default: 25).
 
@@ -331,11 +346,12 @@ def design(
     return search_design(cam, rig, request)
 
 
-#: Smallest number of points of a front.
+#: Smallest number of points (designs) of a Pareto front.
 MIN_POINTS = 3
-#: Largest number of points of a front.
+#: Largest number of points (designs) of a Pareto front.
 MAX_POINTS = 200
-#: Tolerance of the shortest and the longest span of a front, as a fraction of the start's span.
+#: Tolerance of the shortest and the longest span of a front over the span of an event, as a
+#: fraction of the start law's span.
 EDGE_TOLERANCE = 2e-3
 
 
@@ -347,10 +363,18 @@ def front(
     points: int,
     progress: Progress = NULL_PROGRESS,
 ) -> Front:
-    """Compute a front: the best goal for values of another quantity.
+    """Compute a Pareto front: the best goal for each of several values of ``other``.
 
-    The values range from the best of the other quantity to the value from which on it does not
-    limit the goal, or over all possible spans of an event. ``points`` is their number, 3 to 200.
+    The values range from the best value of the other quantity to the value at which it no longer
+    limits the goal. If ``other`` is the span of an event, they cover all possible spans. ``points``
+    is the number of values, 3 to 200.
+
+    Raises
+    ------
+    ConfigError
+        If the number of points is out of range, or both quantities have the same best law.
+    DesignError
+        If the class has no law that satisfies the limits, or the search found no law.
     """
     if not MIN_POINTS <= points <= MAX_POINTS:
         raise ConfigError(f"--points must be between {MIN_POINTS} and {MAX_POINTS}, got {points}")
@@ -376,7 +400,7 @@ def front(
         limits = (*request.limits, Limit(other, sense, value))
         return search_design(cam, rig, replace(request, limits=limits))
 
-    # The first value is left out, because only one law is possible there.
+    # The first value is left out, because only the best law of the other quantity reaches it.
     return _compute_front(other, np.linspace(best, last, points + 1)[1:], design_at, progress)
 
 
@@ -385,7 +409,7 @@ def _compute_front(
 ) -> Front:
     """Return a front with one design per allowed value of the other quantity.
 
-    An interruption returns the designs so far.
+    Ctrl-C ends the computation, and the result then contains the designs so far.
     """
     designs: list[LawDesign] = []
     try:
@@ -402,7 +426,11 @@ def _compute_front(
 def _over_spans(
     problem: DesignProblem, request: DesignRequest, other: Term, points: int, progress: Progress
 ) -> Front:
-    """Return a front over the spans of one event, which keeps its middle."""
+    """Return a Pareto front over the span of one event.
+
+    For each point the spans of all events are scaled by the same factor. Each event keeps its
+    middle.
+    """
     if "events" not in request.keep:
         raise ConfigError(
             f"--pareto {other.key} cannot be combined with --keep, because the front sets the "
@@ -425,7 +453,7 @@ def _over_spans(
 
     longest = _last_factor(lambda factor: spans.possible(factor * spans.start), 1.0, LONGEST)
     if not has_law(longest):
-        design_at(longest)  # raises the error with its reason
+        design_at(longest)  # raises the error that states why there is no law
     progress.advance()
     shortest = _last_factor(has_law, longest, SHORTEST)
     progress.advance()
@@ -434,7 +462,10 @@ def _over_spans(
 
 
 def _last_factor(condition: Callable[[float], bool], inside: float, outside: float) -> float:
-    """Return the factor nearest to ``outside`` at which a condition is satisfied."""
+    """Return the factor nearest to ``outside`` at which a condition is satisfied.
+
+    The condition must be satisfied at ``inside``. The tolerance is `EDGE_TOLERANCE`.
+    """
     if condition(outside):
         return outside
     while abs(outside - inside) > EDGE_TOLERANCE:

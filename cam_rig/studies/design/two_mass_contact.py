@@ -1,9 +1,10 @@
 """Contact force of two masses as rows of a program, at all speeds up to a limit.
 
-A grid of rows that resolves the resonances would be too large. A program therefore contains only
-the minima of the force. Its law is evaluated over the grid, and new minima below the level become
-rows, until no force is below it. A loss of contact between the grid's speeds is found by the exact
-jump search, and its speed is added to the grid.
+A row is an inequality of a convex program: the contact force at one cam angle, turn and speed is at
+least the level. A grid of rows that resolves the resonances would be too large, so a program
+contains only minima of the force. The law that it returns is evaluated over the grid. New minima
+below the level become rows, until no force is below it. The exact jump search finds a loss of
+contact between the speeds of the grid, and its speed is added to the grid.
 """
 
 from __future__ import annotations
@@ -23,56 +24,63 @@ from cam_rig.studies.design.modal_amplitude import Cells, ForceAtSpeed
 from cam_rig.studies.design.space import SPARE, DesignProblem, ScaledLimit
 from cam_rig.units import RPM, TURN, FloatArray, to_rpm
 
-#: Lowest speed of the grid, as a fraction of the fastest speed.
+#: Lowest speed of the grid of cam speeds at which contact forces are evaluated, as a fraction of
+#: the highest speed.
 MIN_SPEED_RATIO = 0.45
-#: Largest phase difference (rad) of the vibration at neighbouring speeds, over the time in which
-#: the vibration decays.
+#: Largest difference in phase (rad) between the vibrations at neighbouring speeds of the grid of
+#: cam speeds, after the time in which the vibration decays.
 PHASE_STEP = 0.5
-#: Largest number of speeds of the grid.
+#: Largest number of cam speeds at which the contact force of a law is evaluated.
 MAX_SPEEDS = 400
-#: Lowest speed of an extended grid, as a fraction of the speed below the grid at which contact was
-#: lost.
+#: Lowest speed of the grid of cam speeds after an extension, as a fraction of the speed below the
+#: grid at which contact was lost.
 EXTENSION_RATIO = 0.7
-#: Lowest speed of any grid, rad/s.
+#: Lowest cam speed at which contact forces are evaluated, rad/s.
 MIN_SPEED = 10.0 * RPM
-#: Stride of the speeds that always have rows, counted from the fastest speed.
+#: Stride of the cam speeds that get inequalities in any case: every n-th speed of the grid, counted
+#: from the highest.
 SPEED_STRIDE = 6
-#: Largest number of rows that one law adds per turn and speed: those of its lowest minima.
+#: Largest number of inequalities that one law adds per speed: those at the lowest minima of its
+#: contact force.
 MAX_ROWS = 4
-#: Distance of the force from its limit below which a speed is evaluated in every round, in force
-#: scales.
+#: Distance of the contact force from the required force below which a speed is evaluated first in
+#: the next round, relative to `DesignProblem.force_scale`.
 CLOSE_DISTANCE = 0.1
-#: Distance above which a row is removed, in force scales: the solution's force at the row exceeds
-#: the limit by more than this distance.
+#: Distance of the contact force above the required force at which an inequality is removed from the
+#: program, relative to `DesignProblem.force_scale`.
 REMOVE_ABOVE = 0.15
-#: A row is added if the force is below the level by more than half of this value, in force scales.
+#: An inequality is added to the program if the contact force is below the required force by more
+#: than half of this value, relative to `DesignProblem.force_scale`.
 ROW_LEVEL_ATOL = 6e-3
-#: Fraction of the fastest speed above which rows are kept in any case, because the fastest speed
-#: may be lowered.
+#: Fraction of the highest cam speed above which inequalities are never removed, because the highest
+#: speed may be lowered later.
 KEEP_ABOVE = 0.95
-#: Upper limit of the level of a program, in force scales. It keeps the level finite before the
-#: first rows.
+#: Upper limit of the least contact force that a program maximises, relative to
+#: `DesignProblem.force_scale`. It keeps the program bounded while it has no other inequalities.
 MAX_LEVEL = 100.0
-#: Fall of the level since the last removal of rows after which rows are removed again, in force
-#: scales.
+#: Decrease of the least contact force, since inequalities were last removed, at which they are
+#: removed again. It is relative to `DesignProblem.force_scale`.
 MIN_LEVEL_FALL = 1e-3
-#: Initial lower limit of the contact force, as a fraction of the force scale. It is above 0 because
+#: Initial required contact force, relative to `DesignProblem.force_scale`. It is above 0, because
 #: the force is lower between the evaluated angles and speeds.
 MARGIN = 0.01
-#: Factor by which the margin is increased if the exact search finds a loss of contact.
+#: Factor by which the required contact force is increased if the exact search finds a loss of
+#: contact that gives no new inequality.
 MARGIN_FACTOR = 1.6
-#: Numbers of the evaluated turns of a run from rest, as far as the run lasts. The last turn of the
-#: run is added.
+#: Numbers of the turns of a run from rest at which the contact force is evaluated, as far as the
+#: run lasts. The last turn of the run is added.
 TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
 
 
 @dataclass(eq=False)
 class ContactRows:
-    """Rows that keep the contact force F ≥ t at speeds up to ``fastest`` (rad/s).
+    """Inequalities F ≥ t for the contact force of two masses, up to a highest speed.
 
-    The force is in the problem's force scale. ``duration`` (s) is that of the run from rest, None
-    for the steady state. ``margin`` is the least force, in the scale, where no goal requires more.
-    ``extra_turns`` maps additional speeds to the turns of their loss of contact.
+    The level t is the variable that a program maximises. F and t are relative to the problem's
+    ``force_scale``. ``fastest`` (rad/s) is the highest speed. ``duration`` (s) is that of the run
+    from rest, None for the steady state. If ``limit`` is True, the inequalities belong to a limit
+    and require ``margin`` instead of t. In dwells the margin is required in any case.
+    ``extra_turns`` maps additional speeds (rad/s) to the turn in which contact was lost.
     """
 
     problem: DesignProblem
@@ -101,16 +109,20 @@ class ContactRows:
         self.anchor = self.fastest
 
     def _start_grid(self, slowest: float) -> None:
-        """Create the grid of speeds from a lowest speed (rad/s)."""
+        """Create the grid of speeds from its lowest speed (rad/s).
+
+        Forces that were computed on an earlier grid are discarded.
+        """
         self.slowest = slowest
         self.cells = Cells(self.problem.space, self.problem.mode, slowest)
         self._forces: dict[float, ForceAtSpeed] = {}
         self._distances: dict[float, float] = {}
 
     def _speeds(self) -> list[float]:
-        """Return the speeds of the grid (rad/s) up to the fastest.
+        """Return the cam speeds (rad/s) at which contact forces are evaluated, rising.
 
-        The speeds that the exact search has added are included.
+        They are a grid up to the highest speed, and speeds at which the exact search has found a
+        loss of contact.
         """
         ratio = 1.0 + self.step
         top_index = math.floor(self._grid_position + 1e-9)
@@ -122,24 +134,27 @@ class ContactRows:
 
     @property
     def _grid_position(self) -> float:
-        """Position of the fastest speed in the grid of speeds, in steps."""
+        """Number of steps of the speed grid from its anchor to the highest speed.
+
+        The anchor is the highest speed at the start of the search.
+        """
         return math.log(self.fastest / self.anchor) / math.log(1.0 + self.step)
 
     def move(self, factor: float) -> None:
-        """Multiply the fastest speed of the grid by a factor.
+        """Multiply the highest speed of the search by a factor.
 
-        It is rounded to the grid if the change is a step or more.
+        The new speed is rounded to a speed of the grid if the change is about a grid step or more.
         """
         before, self.fastest = self.fastest, self.fastest * factor
         if abs(factor - 1.0) > 0.7 * self.step:
             on_grid = self.anchor * (1.0 + self.step) ** round(self._grid_position)
             self.fastest = on_grid if on_grid != before else self.fastest
-        self._lowest_level = np.inf  # a level may be higher than the lowest so far
+        self._lowest_level = np.inf  # at another speed the level may be higher again
 
     def _turns(self, speed: float) -> list[float]:
-        """Return the turns of the run that are evaluated at a speed (rad/s).
+        """Return the numbers of the turns whose force is evaluated at a speed (rad/s).
 
-        They are whole turns that the run completes, ∞ for the steady state.
+        They are turns that the run completes, or only ∞ for the steady state.
         """
         if self.duration is None:
             return [math.inf]
@@ -148,9 +163,10 @@ class ContactRows:
         return sorted({extra_turn, *(turn for turn in TURNS if turn < last), float(last)})
 
     def refine(self, jump: Jump, solution: ProgramSolution) -> None:
-        """Add the speed of an exact loss of contact to the grid of speeds.
+        """Add the speed of a loss of contact to the grid of speeds.
 
-        If this adds no row, the margin is increased.
+        ``jump`` is the loss of contact that the exact search found for the law of ``solution``. If
+        no inequality results, the required contact force (margin) is increased.
         """
         if jump.speed < self.slowest:
             self._start_grid(max(EXTENSION_RATIO * jump.speed, MIN_SPEED))
@@ -166,11 +182,13 @@ class ContactRows:
         return self._forces[speed]
 
     def add_rows_below(self, unknowns: FloatArray, level: float) -> int:
-        """Add rows at which the contact force is below a level, and return their number.
+        """Add inequalities where the contact force of a law is too low, and count them.
 
-        In dwells, where only vibration lowers the force, the margin replaces the level. Of
-        neighbouring speeds the worst is used, and of its turns the worst. Speeds that were close in
-        the last evaluation come first. All speeds are evaluated if these add no row.
+        The force is compared with ``level``, in units of the force scale. In dwells, where only
+        vibration lowers the force, it is compared with the margin. An inequality is added at the
+        minimum among neighbouring speeds, and only for the turn with the least force. Speeds at
+        which the force was close to the level before are evaluated first. All speeds are evaluated
+        only if these give no inequality.
         """
         speeds = self._speeds()
         close = [speed for speed in speeds if self._distances.get(speed, 0.0) < CLOSE_DISTANCE]
@@ -195,10 +213,11 @@ class ContactRows:
     def _worst_turn(
         self, speed: float, unknowns: FloatArray, level: float
     ) -> tuple[float, FloatArray]:
-        """Return the turn with the least force at a speed (rad/s).
+        """Return the turn with the least contact force at a speed (rad/s).
 
-        The second result is the contact force in this turn above the required force, in the force
-        scale.
+        The second result is the force in this turn minus the required force at each evaluated
+        angle, relative to the force scale. The required force is ``level``, or the margin in
+        dwells.
         """
         force, turns = self._force_at(speed), np.array(self._turns(speed))
         required = np.where(force.first.moving, level, self.margin)
@@ -208,24 +227,25 @@ class ContactRows:
         return float(turns[worst]), above[worst]
 
     def add_violated(self, solution: ProgramSolution) -> bool:
-        """Add rows where the contact force is below the level.
+        """Add inequalities where the contact force of a solution is too low.
 
-        Rows far above the level are removed. Returns True if any row was added.
+        Inequalities whose force is far above the required force are removed from time to time.
+        Returns True if any inequality was added.
         """
         level = self.margin if self.limit else solution.level
         if (
             level < self._lowest_level - MIN_LEVEL_FALL
-        ):  # else rows could be removed and added endlessly
+        ):  # otherwise the same rows could be removed and added endlessly
             self._lowest_level = level
             self._remove_rows(solution)
         return self.add_rows_below(solution.unknowns, level) > 0
 
     @property
     def blocks(self) -> list[RowBlock]:
-        """Blocks with the present rows at speeds up to the fastest."""
+        """Blocks of the program with the present inequalities at speeds up to the highest."""
         scale = self.problem.force_scale
         chosen = [row for row in self._rows if row[0] <= self.fastest]
-        if not self.limit:  # keeps the level finite before the first rows
+        if not self.limit:  # this keeps the program bounded without other inequalities
             top = Affine.number(MAX_LEVEL * scale, self.problem.space.unknowns).dense()
             chosen.append((self.fastest, top, np.full(1, -1.0)))
         if not chosen:
@@ -238,7 +258,10 @@ class ContactRows:
         return [RowBlock(self.name, affine, weight, "nonneg", necessary=necessary)]
 
     def _remove_rows(self, solution: ProgramSolution) -> None:
-        """Remove the rows whose force in the solution is far above the required force."""
+        """Remove the inequalities whose contact force is far above the required force.
+
+        The force is that of the law of ``solution``.
+        """
         remaining = []
         for speed, rows, weight in self._rows:
             force = rows(solution.unknowns) / self.problem.force_scale
@@ -249,21 +272,24 @@ class ContactRows:
         self._rows = remaining
 
 
-# Residual vibration: the amplitude after each event, at all speeds of a range.
+# Limits and goals on the residual vibration, which remains after each event, over a range of
+# speeds.
 
-#: Stride of the speeds that have rows in the first program.
+#: Stride of the speeds in the first program: every n-th speed of the range has an inequality.
 FIRST_STRIDE = 8
-#: Relative excess of the law over the allowed amplitude above which a row is added.
+#: Relative excess of the vibration amplitude over its limit above which an inequality is added.
+#: Sufficient inequalities tighten the limit by the same fraction.
 CUT_RTOL = 1e-4
-#: Largest number of elements of a table of phases. The limit bounds the memory.
+#: Largest number of elements of a table of vibration phases (speeds times Gauss points). It limits
+#: the memory.
 MAX_TABLE = 2_000_000
 
 
 @lru_cache(maxsize=4)
 def _amplitudes(problem: DesignProblem, low: float, high: float) -> tuple[FloatArray, list[Affine]]:
-    """Return the speeds (rad/s) of a range, and the amplitudes after each event.
+    """Return the speeds (rad/s) of a range, and the vibration amplitudes at them.
 
-    The amplitudes are those of the vibration.
+    There is one function of the unknowns per event: the complex amplitude at its end, in m.
     """
     events = problem.space.events
     cells = Cells(problem.space, problem.mode, low)
@@ -272,9 +298,11 @@ def _amplitudes(problem: DesignProblem, low: float, high: float) -> tuple[FloatA
 
 
 def final_amplitude(cells: Cells, event: int, speeds: FloatArray) -> Affine:
-    """Return the vibration amplitude at the end of an event, linear in the unknowns.
+    """Return the complex vibration amplitude (m) at the end of an event.
 
-    It is computed at each of the speeds (rad/s). Gauss points in the cells give it to rounding.
+    It is a linear function of the unknowns, with one value per speed of ``speeds`` (rad/s).
+    Vibration from before the event is not included. Gauss points in the cells of the event compute
+    it up to rounding.
     """
     mode, (slope, curvature, columns) = cells.mode, cells.driving[event]
     points, weights = cells.gauss
@@ -296,9 +324,11 @@ def final_amplitude(cells: Cells, event: int, speeds: FloatArray) -> Affine:
 
 @dataclass(eq=False)
 class ResidualRows:
-    """Cones that limit the residual vibration after every event at speeds of a range.
+    """Inequalities that limit the residual vibration after every event of a law.
 
-    They are |2a| ≤ limit (or t) for the amplitude a.
+    They are |2a| ≤ limit for the complex amplitude a, at some speeds of a range. For a goal, minus
+    the level t of the program replaces the limit. If ``sufficient``, the limit is tightened by a
+    margin.
     """
 
     problem: DesignProblem
@@ -314,9 +344,10 @@ class ResidualRows:
             self._add(affine.rows(slice(None, None, FIRST_STRIDE)))
 
     def add_violated(self, solution: ProgramSolution) -> bool:
-        """Add the speeds at which the residual vibration of a law is largest.
+        """Add inequalities at speeds at which the vibration of a solution is too large.
 
-        Returns True if any speed was added.
+        These are the peaks of the amplitude over the speed. Returns True if any inequality was
+        added.
         """
         allowed = self.target.value
         if allowed is None:

@@ -1,9 +1,10 @@
 """Search for the law with the highest jump speed of two masses, by cutting planes.
 
-The level of a program is the least contact force of its best law, in scales. It decreases as the
-speed rises and as rows are added. The jump speed of the class is where the level of all rows is
-zero. The programs contain a few of these rows, and each program at a speed either adds rows, or
-changes the speed: see `SearchPhase`.
+At a fixed speed a convex program maximises the level: the least contact force, relative to the
+force scale of the problem. The level decreases as the speed rises and as inequalities (rows) are
+added. The jump speed of the class is the speed at which the level with all inequalities is zero. A
+program contains only a few of them. After each program, either violated inequalities are added or
+the speed is changed: see `SearchPhase`.
 """
 
 from __future__ import annotations
@@ -26,48 +27,56 @@ from cam_rig.studies.design.cutting_planes import (
 from cam_rig.studies.design.two_mass_contact import MARGIN, ContactRows
 from cam_rig.units import FloatArray, to_rpm
 
-#: Fastest speed at the start of the search, as a fraction of the bound of one rigid mass.
+#: Cam speed at which the search starts, as a fraction of the bound for one rigid mass.
 FIRST_SPEED_FRACTION = 0.95
-#: Contact force below which the minima of the best law of a rigid mass give the first rows, in
-#: force scales.
+#: Contact force below which minima of the force give the first inequalities, relative to
+#: `DesignProblem.force_scale`. They are minima for the best law of one rigid mass.
 FIRST_LEVEL = 0.5
-#: Largest number of programs in a search for the jump speed of two masses.
+#: Largest number of programs that one search for a law, or for a bound at one speed, solves.
 MAX_SPEED_ROUNDS = 120
-#: Largest number of laws that the exact search may reject before the search ends.
+#: Largest number of laws that may fail the exact check of their jump speed before the search over
+#: the speed ends.
 MAX_REJECTED = 24
-#: Largest distance of the level from the margin at which a speed has converged, in force scales.
+#: Largest difference between the least contact force and the required force at which the search
+#: over the speed has converged, relative to `DesignProblem.force_scale`.
 LEVEL_ATOL = 4e-3
-#: Relative amount by which the jump speed of a law may be below a speed that it reaches.
+#: Largest relative amount by which the exact jump speed of a law may be below the speed at which
+#: its program keeps contact.
 JUMP_RTOL = 5e-4
-#: Largest number of searches for one design.
+#: Largest number of times that the search for a law and the search for a bound are repeated.
 MAX_SEARCHES = 6
-#: Relative gap between law and bound at which the search ends.
+#: Relative gap between the jump speed of the best law and its bound at which the search ends.
 GAP_RTOL = 2e-3
-#: Largest distance of the level above the margin at which a law is checked by the exact search, in
-#: force scales. At a larger distance the speed is raised without an exact search.
+#: Largest distance of the least contact force above the required force at which the jump speed of a
+#: law is checked exactly, relative to `DesignProblem.force_scale`. At a larger distance the speed
+#: is raised without this costly check.
 EXACT_DISTANCE = 0.1
-#: First estimate of the change of the level (force scales) per relative change of the speed.
+#: First estimate of the change of the least contact force per relative change of the speed,
+#: relative to `DesignProblem.force_scale`.
 FIRST_SLOPE = -11.0
-#: Largest relative change of the speed per round.
+#: Largest relative change of the cam speed after one program.
 MAX_STEP = 0.06
-#: Smallest ratio of a law's jump speed to the fastest speed of its search. Below this ratio the
-#: search has located only the bound.
+#: Ratio of the best law's jump speed to the highest speed of the search above which a bound is
+#: searched for just above that jump speed. Below this ratio the law is far from optimal, and the
+#: bound is searched for just above the highest speed.
 MIN_SPEED_FRACTION = 0.95
-#: Multiples of the best law's jump speed at which a bound is searched for.
+#: Multiples of a speed that are tried in rising order as a bound of all jump speeds.
 BOUND_FACTORS = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 1.15, 1.3)
 
 
 class SearchPhase(Enum):
-    """Next action of the search after a program was solved at a speed."""
+    """Next action of the search for the highest jump speed, after solving a program."""
 
-    #: The law of the program violated rows that were not in use. These rows were added.
+    #: The law of the program violates inequalities that were not in use. They were added, and a new
+    #: program is solved.
     CUT = auto()
-    #: The law keeps contact on the grid, and the exact search finds a lower jump speed. The grid
-    #: was refined there.
+    #: The law keeps contact at the evaluated speeds, but its exact jump speed is lower. This speed
+    #: was added, and a new program is solved.
     REFINE = auto()
-    #: The level at this speed is not the margin. The speed is changed.
+    #: The least contact force differs from the required force. The speed is changed.
     MOVE = auto()
-    #: The level is the margin, or the limit of the speed is reached.
+    #: The least contact force equals the required force, or the highest allowed speed is reached.
+    #: The search ends.
     CONVERGED = auto()
 
 
@@ -76,12 +85,13 @@ class TwoMassSearch:
     """Search for the law of two masses with the highest jump speed.
 
     ``duration`` (s) is that of a run from rest, None for the steady state. ``best_law`` is the best
-    law so far. ``rejected`` is the number of laws that the exact search has rejected.
+    law so far. ``rejected`` is the number of laws that the exact check of the jump speed has
+    rejected.
 
     Invariants: ``best_law.value`` is the exact jump speed of ``best_law.unknowns`` and never
-    decreases. At one speed and margin the level never rises. Rows are added until it converges, and
-    removed only after it has fallen by `MIN_LEVEL_FALL`, so rows are not added and removed
-    endlessly.
+    decreases. At one speed and margin the level (the maximised least contact force) never rises.
+    Inequalities are added until it converges, and removed only after it has fallen by
+    `MIN_LEVEL_FALL`, so inequalities are not added and removed endlessly.
     """
 
     solver: Solver
@@ -92,9 +102,9 @@ class TwoMassSearch:
     _converged: tuple[float, float] | None = None
 
     def best(self) -> BestLaw:
-        """Return the best law found, and a speed that no law of the class reaches.
+        """Return the best law found, with a speed that no law of the class reaches.
 
-        Searches for a law and for a bound alternate until both are equal within `GAP_RTOL`.
+        Searches for a law and for this bound alternate until both speeds agree within `GAP_RTOL`.
         """
         solver = self.solver
         rigid = Solver(solver.problem, solver.goal, solver.limits).rigid()
@@ -111,26 +121,26 @@ class TwoMassSearch:
             limit = contact.fastest if far_bound else np.inf
             self._raise_speed(contact, sources, limit)
             speed = self.best_law.value
-            if speed < limit * (1.0 - JUMP_RTOL):  # else higher speeds remain possible
+            if speed < limit * (1.0 - JUMP_RTOL):  # otherwise higher speeds remain possible
                 near = speed > MIN_SPEED_FRACTION * contact.fastest
                 bound = min(bound, self._bound(contact, speed if near else contact.fastest))
             if bound <= speed * (1.0 + GAP_RTOL):
                 break
-            # the rejected laws refined the grid, so a smaller margin between its speeds suffices
+            # The rejected laws have refined the grid of speeds, so the margin can be small again.
             contact.margin, self.rejected, contact.fastest = MARGIN, 0, 0.5 * (bound + speed)
         return replace(self.best_law, bound=bound, rounds=solver.rounds)
 
     def _raise_speed(self, contact: ContactRows, sources: list[RowSource], limit: float) -> None:
         """Raise the speed to the highest at which a law keeps contact.
 
-        The search ends at ``limit`` (rad/s).
+        The search ends at the speed ``limit`` (rad/s). The laws found are kept in ``best_law``.
         """
         self._slope, self._converged, solution = FIRST_SLOPE, None, None
         program = GrowingProgram()
         for _ in range(MAX_SPEED_ROUNDS):
             try:
                 solution = self.solver.solve_rows([*sources, contact], program)
-            except InfeasibleError:  # the dwells alone admit no law at this speed
+            except InfeasibleError:  # at this speed every law loses contact in the dwells
                 contact.move(1.0 - MAX_STEP)
                 continue
             phase = self._next_phase(contact, sources, solution, limit)
@@ -140,7 +150,7 @@ class TwoMassSearch:
                 excess = solution.level - contact.margin
                 step = float(np.clip(-excess / self._slope, -MAX_STEP, MAX_STEP))
                 contact.move(min(1.0 + step, limit / contact.fastest))
-        if solution is not None:  # not converged within the rounds
+        if solution is not None:  # the search over the speed did not converge
             self._reaches(contact, solution)
 
     def _next_phase(
@@ -150,9 +160,11 @@ class TwoMassSearch:
         solution: ProgramSolution,
         limit: float,
     ) -> SearchPhase:
-        """Add the rows that a solution violates, or else adapt the speed's slope.
+        """Decide how the search continues after a program was solved.
 
-        Returns the next action of the search.
+        Inequalities that the solution violates are added. If there are none, the estimated slope of
+        the least contact force over the speed is updated. ``limit`` (rad/s) is the highest allowed
+        speed.
         """
         excess = solution.level - contact.margin
         if excess <= -LEVEL_ATOL:  # more rows would only lower the level
@@ -173,9 +185,9 @@ class TwoMassSearch:
         return SearchPhase.MOVE
 
     def _reaches(self, contact: ContactRows, solution: ProgramSolution) -> bool:
-        """Return True if the exact search confirms that a law reaches the fastest speed.
+        """Return True if the exact jump speed of a law confirms that of its program.
 
-        Otherwise the grid of speeds is refined.
+        Otherwise the grid of speeds is refined, and the law counts as rejected.
         """
         active = self.solver.other_than_goal(solution.active, contact.name)
         jump = self._evaluate(solution.unknowns, active)
@@ -186,7 +198,10 @@ class TwoMassSearch:
         return False
 
     def _evaluate(self, unknowns: FloatArray, active: tuple[str, ...]) -> Jump:
-        """Return the exact jump speed of a law, and keep the law if it is the best so far."""
+        """Return the exact jump speed of a law, and store the law if it is the best.
+
+        ``active`` names the limits that the law reaches.
+        """
         problem = self.solver.problem
         jump = find_jump(problem.space.law(unknowns, "design"), problem.follower, self.duration)
         if jump.speed > self.best_law.value:
@@ -197,11 +212,12 @@ class TwoMassSearch:
     def _bound(self, contact: ContactRows, speed: float) -> float:
         """Return a speed above all jump speeds of the class, by (41) of docs/proofs.md.
 
-        The rows are some of those that every law with a higher jump speed satisfies.
+        The search tries multiples of ``speed`` (rad/s). Its inequalities are necessary: every law
+        with a higher jump speed satisfies them.
         """
         solver = self.solver
         sources = [WorkingRows(solver.static_program(False).blocks), *solver.row_sources(False)]
-        contact.margin = 0.0  # necessary rows: contact is kept, without a margin
+        contact.margin = 0.0  # necessary inequalities must not have a margin
         program = GrowingProgram()
         for factor in BOUND_FACTORS:
             contact.fastest = speed * factor

@@ -1,8 +1,10 @@
 """Local fit of the geometry of an arc cam to its published noise curve.
 
-A global search takes minutes (examples/paper/identify.py). The local fit takes seconds, for studies
-of the effect of other numbers on the geometry. It varies lift and event. The flank is fixed,
-because every global search ends at the straightest flank that is still concave.
+An arc cam has a profile of tangent circular arcs. A global search takes minutes
+(examples/paper/identify.py). The local fit takes seconds, for studies of the effect of other
+numbers on the geometry. It varies the lift and the event, which is the angle of rise and fall
+together. The flank, the arc between base circle and nose, is fixed, because every global search
+ends at the straightest flank that is still concave.
 """
 
 from __future__ import annotations
@@ -22,15 +24,19 @@ from cam_rig.simulation.simulate import Acoustics, Turns
 from cam_rig.simulation.sound_constants import PublishedCam
 from cam_rig.units import FloatArray, rms
 
-#: Largest pitch radius (m) of a flank that is visibly concave, as in the paper. With a larger
-#: radius a flank of some millimetres is practically straight.
+#: Largest radius (m) of the pitch curve of a flank that is visibly concave, as in the paper. With a
+#: larger radius, a flank of some millimetres is practically straight.
 MAX_FLANK = 0.5
-#: Fit error (dB) assigned to a geometry that cannot exist, far above that of any other.
+#: Level difference (dB) that a fit assigns to a geometry that cannot exist. It is far above that of
+#: any possible geometry.
 IMPOSSIBLE = 50.0
 
 
 def with_geometry(cam: CamConfig, lift_mm: float, event_deg: float, nose_deg: float) -> CamConfig:
-    """Return a cam file with another lift (mm), event angle and nose angle (degrees)."""
+    """Return an arc cam's file with another lift (mm), event and nose (degrees).
+
+    The event is the angle of rise and fall together. The nose is the arc at the top.
+    """
     data = cam.model_dump(exclude_none=True)
     dwell = 180.0 - 0.5 * event_deg
     data["lift"] |= {"identified": lift_mm, "unit": "mm"}
@@ -40,23 +46,29 @@ def with_geometry(cam: CamConfig, lift_mm: float, event_deg: float, nose_deg: fl
     return CamConfig.model_validate(data)
 
 
-#: Lifts of the start shapes, as multiples of the given shape's lift.
+#: Lifts at which the search for the shape of an arc cam is started, as multiples of the given
+#: shape's lift.
 LIFTS = (1.2, 1.0, 0.85, 0.72, 0.61)
-#: Event angles of the start shapes, as multiples of the angle in the valley of equal levels. In
-#: this valley the lift is about proportional to the cube of the event angle.
+#: Event angles at which the search for a shape is started, as multiples of the given angle times
+#: the cube root of the factor of the lift (see `LIFTS`). Shapes with about equal sound levels have
+#: lifts proportional to the cube of the event angle.
 EVENTS = (0.97, 1.0, 1.03)
-#: Initial steps of the search, relative to lift and event angle.
+#: Initial steps of the Nelder-Mead search, relative to lift and event angle.
 SIMPLEX = 0.03
-#: Largest number of evaluations of the level error in the search.
+#: Largest number of shapes that the Nelder-Mead search evaluates.
 TRIALS = 32
-#: Step of a difference quotient, relative to lift and event angle. It is large, because levels
+#: Step of a difference quotient, relative to lift or event angle. It is large, because levels
 #: scatter by 0.01 dB as the shape changes: at the joints of arcs the force jumps between samples.
 DERIVATIVE_STEP = 2e-2
 
 
 @dataclass(frozen=True)
 class ArcShape:
-    """Shape of an arc cam: lift (m), event (rad), curvature of the flank (1/m)."""
+    """Shape of a cam of tangent arcs: lift (m), event (rad), flank curvature (1/m).
+
+    The event is the angle of rise and fall together. The flank is the arc between base circle and
+    nose. Its curvature is negative if it is concave.
+    """
 
     lift: float
     event: float
@@ -64,7 +76,7 @@ class ArcShape:
 
     @classmethod
     def of(cls, cam: CamConfig) -> ArcShape:
-        """Return the shape of the arc cam in a cam file."""
+        """Return the shape of the cam of tangent arcs in a cam file."""
         circles = arc_cam(cam)
         return cls(circles.lift, 2.0 * circles.event_half_angle, 1.0 / circles.radii()[0])
 
@@ -78,9 +90,9 @@ class ArcShape:
         return ArcShape(lift * self.lift, event * self.event, self.curvature)
 
     def nose(self, base: float) -> float:
-        """Return the angle (rad) of the nose that is tangent to the flank.
+        """Return the angle (rad) of the nose, which is the arc at the top.
 
-        ``base`` is the base radius in m.
+        The nose is tangent to the flank. ``base`` is the base radius of the pitch curve in m.
         """
         flank, top, half = self.flank, base + self.lift, 0.5 * self.event
         a = base**2 + top**2 - 2.0 * base * top * np.cos(half)
@@ -93,7 +105,7 @@ class ArcShape:
         return float(2.0 * np.angle(joint))
 
     def law(self, cam: CamConfig) -> Law:
-        """Return the law of a cam file with this shape.
+        """Return the law of a cam file whose arcs have this shape.
 
         Raises
         ------
@@ -109,7 +121,7 @@ class ArcShape:
 
 @dataclass(frozen=True)
 class ShapeProblem:
-    """Fit of the shape of an arc cam to its published levels.
+    """Fit of the shape of a cam of tangent arcs to its published sound levels.
 
     Parameters
     ----------
@@ -118,7 +130,7 @@ class ShapeProblem:
     published : ndarray
         Published levels in dB, shape (n,).
     turn : callable
-        Function that simulates a law at the speeds of the levels.
+        Function that simulates a law at the n speeds of the published levels.
     """
 
     cam: CamConfig
@@ -127,9 +139,9 @@ class ShapeProblem:
     _cache: dict[ArcShape, PublishedCam] = field(default_factory=dict, init=False, compare=False)
 
     def cam_of(self, shape: ArcShape) -> PublishedCam:
-        """Return the simulated turns of an arc cam with a shape.
+        """Return the simulated turns of the arc cam with a shape.
 
-        They are cached, because fits to other constants start at the same shapes.
+        They are cached, because fits with other acoustic constants evaluate the same shapes.
         """
         if shape not in self._cache:
             turns = self.turn(shape.law(self.cam))
@@ -137,9 +149,9 @@ class ShapeProblem:
         return self._cache[shape]
 
     def sensitivity(self, shape: ArcShape, acoustics: Acoustics) -> FloatArray:
-        """Return the derivatives of the sound levels by the shape, shape (n, 2).
+        """Return the derivatives of the sound levels by lift and event, shape (n, 2).
 
-        They are in dB per relative change of lift and of event.
+        They are in dB per relative change.
         """
         changed = [shape.scaled(*(1.0 + DERIVATIVE_STEP * axis)) for axis in np.eye(2)]
         base, *levels = (acoustics.levels(self.cam_of(s).turns) for s in (shape, *changed))
@@ -148,7 +160,8 @@ class ShapeProblem:
     def fit(self, near: ArcShape, acoustics: Acoustics) -> ArcShape:
         """Fit lift and event of the arc cam to its published cubic regression.
 
-        The regression of the simulated levels is compared. The search starts near the shape `near`.
+        The regression over speed of the simulated levels is compared with it. The search starts at
+        the shape `near` and at shapes with other lifts.
         """
         projection = cubic_projection(self.cam_of(near).rpm)
 

@@ -1,4 +1,4 @@
-"""Fits of the shared acoustic constants to published noise curves of cams."""
+"""Fits of the acoustic constants, which all cams share, to published noise curves."""
 
 from __future__ import annotations
 
@@ -19,17 +19,19 @@ from cam_rig.simulation.simulate import Acoustics
 from cam_rig.simulation.sound_constants import PublishedCam, fit_two_constants
 from cam_rig.units import TURN, FloatArray, rms
 
-#: Number of terms of the speed response. Together with the gain the response is a cubic, like the
-#: regressions.
+#: Number of terms of the speed response (level over speed that the rig adds to any cam). Together
+#: with the gain it is a cubic, as the published regressions are.
 RESPONSE_TERMS = 3
-#: Step of a difference quotient: relative for a constant, in dB for a term of the response.
+#: Step of a difference quotient: relative for gain and corner frequency, in dB for a term of the
+#: speed response.
 DERIVATIVE_STEP = 1e-4
 
 
 def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:
-    """Fit gain and speed response to the sound levels of the reference cam.
+    """Fit gain and speed response to the published levels of the reference cam.
 
-    The corner frequency is that of `fit_two_constants`.
+    The speed response is the level over speed that the rig adds to the sound of any cam. The corner
+    frequency is that of `fit_two_constants`.
 
     Five numbers are fitted to one cubic, which has four, so the curve of the reference tests
     nothing. The method is that of the reference sound source (ISO 3747): the transfer between
@@ -51,9 +53,10 @@ def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:
 
 
 def sensitivity(cam: PublishedCam, acoustics: Acoustics) -> FloatArray:
-    """Return the derivatives of a cam's sound levels (dB) by the constants, (n, k).
+    """Return the derivatives of a cam's sound levels (dB) by the k constants, (n, k).
 
-    The constants are log gain and log corner, or log gain and the terms of the response.
+    The constants are log gain and log corner frequency, or, with a speed response, log gain and the
+    terms of the response.
     """
     r = acoustics.radiation
     base = acoustics.levels(cam.turns)
@@ -75,18 +78,21 @@ def sensitivity(cam: PublishedCam, acoustics: Acoustics) -> FloatArray:
     return np.stack([(a.levels(cam.turns) - base) / DERIVATIVE_STEP for a in changed], axis=1)
 
 
-# Transfer functions between contact force and sound, fitted to one cam and tested on another.
+# Comparison of transfer functions between contact force and sound: each is fitted to one cam and
+# tested on another.
 
-#: Number of samples of the contact force per turn.
+#: Number of samples of the contact force per turn, for its harmonics.
 SAMPLES = 1024
-#: Number of harmonics of the turn that radiate sound: up to 500 Hz at 200 rpm.
+#: Number of harmonics of the turn that radiate sound. At 200 rpm they reach 500 Hz.
 HARMONICS = 150
-#: Number of starts of a fit of resonance modes, which has several local minima.
+#: Number of initial values from which a fit of resonance modes is started, because it has several
+#: local minima.
 STARTS = 8
-#: Seed of the random generator of the starts of a fit of resonance modes.
+#: Seed of the random initial values of a fit of resonance modes.
 SEED = 1
 
-#: Function that returns |pressure per force|² from log constants ``x`` and frequency (Hz).
+#: Function that returns |pressure per force|² from the logarithms ``x`` of its constants and the
+#: frequency (Hz).
 Transfer = Callable[[FloatArray, FloatArray], FloatArray]
 
 
@@ -94,7 +100,8 @@ Transfer = Callable[[FloatArray, FloatArray], FloatArray]
 class Structure:
     """Candidate for the transfer function from contact force to sound pressure.
 
-    `start` are the initial constants of its fit.
+    `start` are the initial constants of its fit. `weighting` is the frequency weighting of the
+    sound-level meter: A, C, or Z for none.
     """
 
     name: str
@@ -105,8 +112,9 @@ class Structure:
 
 @dataclass(frozen=True)
 class StructureFit:
-    """R.m.s. differences (dB) of a transfer function on fitted and predicted cam.
+    """Accuracy of a transfer function on the cam it is fitted to, and on another cam.
 
+    `fitted_db` and `predicted_db` are the r.m.s. level differences (dB) on these two cams.
     `numbers` is the number of fitted constants.
     """
 
@@ -137,9 +145,9 @@ def _modes(x: FloatArray, frequency: FloatArray) -> FloatArray:
 
 
 _POLE = (1e-4, 20.0)
-#: Start values of the first mode: gain, frequency (Hz) and damping ratio.
+#: Initial values of the fit for the first resonance mode: gain, frequency (Hz) and damping ratio.
 _LOW_MODE = (1e-4, 12.0, 0.4)
-#: Start values of the second mode: gain, frequency (Hz) and damping ratio.
+#: Initial values of the fit for the second resonance mode: gain, frequency (Hz) and damping ratio.
 _HIGH_MODE = (1e-4, 50.0, 0.4)
 STRUCTURES = (
     Structure("low-pass", _low_pass, _POLE),
@@ -158,7 +166,7 @@ def compare_structures(
 ) -> list[StructureFit]:
     """Fit every transfer function to one of two cams, and predict the other cam.
 
-    Both cams keep contact. `fitted` is the name of the fitted cam.
+    Both cams must keep contact at all speeds. `fitted` is the name of the cam to which is fitted.
     """
     (other,) = cams.keys() - {fitted}
     speeds = np.asarray(cams[fitted].turns.speeds)
@@ -195,9 +203,9 @@ def _fit(residual: Callable[[FloatArray], FloatArray], start: tuple[float, ...])
 
 
 def harmonic_power(law: Law, follower: FollowerParameters, speeds: FloatArray) -> FloatArray:
-    """Return the mean square of each harmonic of the contact force, N².
+    """Return the mean square (N²) of each harmonic of the contact force.
 
-    The shape is (len(speeds), HARMONICS), with `speeds` in rad/s.
+    The follower is one rigid mass. The shape is (len(speeds), HARMONICS), with `speeds` in rad/s.
     """
     angle = TURN * np.arange(SAMPLES) / SAMPLES
     motion = np.stack([law(angle, order) for order in range(3)])

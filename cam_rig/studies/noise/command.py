@@ -1,4 +1,4 @@
-"""Command ``cam-rig noise``: the study of the paper's noise regressions."""
+"""Command ``cam-rig noise``, which compares simulated with published noise."""
 
 from __future__ import annotations
 

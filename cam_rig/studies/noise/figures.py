@@ -1,4 +1,4 @@
-"""Figure of the noise study: levels with bands, one panel per calibration."""
+"""Figure of the noise study: sound levels with bands, one panel per calibration."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ from cam_rig.studies.noise.study import NoiseStudyResult
 
 @styled
 def figure(study: NoiseStudyResult) -> Figure:
-    """Draw simulated and published sound levels over speed, a panel per calibration."""
+    """Draw simulated and published sound levels over speed.
+
+    There is one panel per method of calibration.
+    """
     titles = {cam: short(title) for cam, title in study.titles.items()}
     fig = empty(2.5 * len(study.methods) + 0.8)
     axes = fig.subplots(len(study.methods), 1, sharex=True, sharey=True, squeeze=False)[:, 0]

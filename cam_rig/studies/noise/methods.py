@@ -1,11 +1,14 @@
 """Noise curves of three cams by method of calibration, with bands and crossings.
 
-There are three methods of calibration:
+A noise curve is the sound level over the cam speed. There are three methods of calibrating the
+acoustic constants on the reference cam:
 
-* Two constants are gain and corner of the structure. The geometry of the arc cam is that of its
-  file, which was fitted by the differences of simulated points and published regression.
-* Two constants with the arc cam refitted use the differences of the two regressions instead.
-* Substitution also measures with the reference how the rig transmits sound at each speed.
+* Two constants: gain and corner frequency are fitted. The geometry of the arc cam is that of its
+  file, which was fitted to the differences of simulated levels and published regression.
+* Two constants, arc cam refitted: its geometry is fitted to the differences of the two cubic
+  regressions over speed instead.
+* By substitution: gain and speed response are fitted, so the reference cam also measures how the
+  rig transmits sound at each speed. The arc cam is refitted too.
 """
 
 from __future__ import annotations
@@ -30,22 +33,25 @@ from cam_rig.studies.noise.calibration import by_substitution, sensitivity
 from cam_rig.studies.noise.roles import NoiseSetup, StudyRoles
 from cam_rig.units import FloatArray, rms
 
-# Confidence intervals of the noise curves and their crossings, by a bootstrap of the fit errors.
+# Confidence intervals of the noise curves and of their crossings, by a bootstrap of the level
+# differences.
 
-#: Number of neighbouring speeds that are drawn together in the bootstrap: a third of the range.
+#: Number of neighbouring speeds whose level differences are drawn together in the bootstrap: a
+#: third of all speeds.
 BLOCK = 7
-#: Number of draws of the bootstrap.
+#: Number of random series that the bootstrap draws.
 DRAWS = 2000
-#: Seed of the random generator of the draws.
+#: Seed of the random generator of the bootstrap.
 SEED = 1
-#: Percentage of the draws that are outside a 95 % band on each side.
+#: Percentage of the bootstrap draws outside a 95 % band, on each side.
 TAIL = 2.5
 
 
 def resample(residual: FloatArray, generator: np.random.Generator) -> FloatArray:
-    """Return random series of blocks of a residual, for a bootstrap, shape (DRAWS, n).
+    """Return random series for a bootstrap, composed of blocks of a residual.
 
-    ``residual`` has the shape (n,).
+    ``residual`` are level differences over the speeds, shape (n,). The result is (DRAWS, n). Blocks
+    of `BLOCK` neighbouring values preserve the correlation between speeds.
     """
     count = residual.size
     blocks = -(-count // BLOCK)
@@ -56,25 +62,30 @@ def resample(residual: FloatArray, generator: np.random.Generator) -> FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Band that contains 95 % of bootstrap draws, in dB at each speed, shape (n,)."""
+    """Band that contains 95 % of the bootstrap draws: lower and upper level in dB.
+
+    Both have one value per speed, shape (n,).
+    """
 
     low: FloatArray
     high: FloatArray
 
     @classmethod
     def of(cls, draws: FloatArray) -> Band:
-        """Return the 95 % band of bootstrap draws, shape (DRAWS, n)."""
+        """Return the band that contains 95 % of bootstrap draws, shape (DRAWS, n)."""
         low, high = np.percentile(draws, [TAIL, 100.0 - TAIL], axis=0)
         return cls(low, high)
 
     def holds(self, level: FloatArray) -> float:
-        """Return the fraction of the speeds at which a curve ``(n,)`` is in the band."""
+        """Return the fraction of the speeds at which a noise curve (n,) is in the band."""
         return float(np.mean((level >= self.low) & (level <= self.high)))
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """Speed in rpm at which two regressions cross, with its confidence interval.
+    """Speed in rpm at which two noise curves cross, with its confidence interval.
+
+    The curves are cubic regressions over speed. The interval is from a bootstrap.
 
     Parameters
     ----------
@@ -87,7 +98,7 @@ class Crossing:
     missing : float
         Fraction of the draws that do not cross within the speeds.
     points_rpm : float, optional
-        Speed in rpm at which the simulated levels cross, or None.
+        Speed in rpm at which the simulated levels themselves cross, or None.
     """
 
     rpm: float | None
@@ -99,7 +110,7 @@ class Crossing:
 
 
 def all_crossings(rpm: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the speeds (rpm) at which two cubic regressions cross.
+    """Return all speeds (rpm) at which two cubic regressions over speed cross.
 
     ``first`` and ``second`` are their values at the speeds, ``(n,)``.
     """
@@ -108,10 +119,10 @@ def all_crossings(rpm: FloatArray, first: FloatArray, second: FloatArray) -> Flo
 
 
 def crossing(rpm: FloatArray, first: FloatArray, second: FloatArray, near: float) -> float | None:
-    """Return the speed nearest to ``near`` (rpm) at which two cubic regressions cross.
+    """Return the speed (rpm) at which two cubic regressions over speed cross.
 
-    ``first`` and ``second`` are their values at the speeds, ``(n,)``. The result is in rpm, or None
-    if they do not cross.
+    Of several crossings it is the one nearest to ``near`` (rpm). The result is None if they do not
+    cross. ``first`` and ``second`` are their values at the speeds, ``(n,)``.
     """
     fit, scale = _difference(rpm, first, second)
     return nearest_crossing(fit, (rpm[0], rpm[-1]), near, scale=scale, shift=1.0)
@@ -120,8 +131,8 @@ def crossing(rpm: FloatArray, first: FloatArray, second: FloatArray, near: float
 def _difference(rpm: FloatArray, first: FloatArray, second: FloatArray) -> tuple[FloatArray, float]:
     """Return the cubic of the difference of two curves, and the scale of the speed.
 
-    The cubic's coefficients are those of powers of rpm/scale − 1. The values of the curves are of
-    shape (n,), or draws of shape (DRAWS, n).
+    The cubic has coefficients of the powers of rpm/scale − 1, where scale is the mean speed in rpm.
+    The values of the curves have the shape (n,), or (DRAWS, n) for bootstrap draws.
     """
     scale = float(rpm.mean())
     fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, (first - second).T, REGRESSION_DEGREE)
@@ -131,10 +142,10 @@ def _difference(rpm: FloatArray, first: FloatArray, second: FloatArray) -> tuple
 def points_crossing(
     rpm: FloatArray, first: FloatArray, second: FloatArray, near: float
 ) -> float | None:
-    """Return the speed nearest to ``near`` (rpm) at which two polylines cross.
+    """Return the speed (rpm) at which two polylines of sound levels cross.
 
-    The polylines connect the sound levels at the speeds. The result is in rpm, or None if they do
-    not cross.
+    The polylines connect the levels at the speeds. Of several crossings it is the one nearest to
+    ``near`` (rpm). The result is None if they do not cross.
     """
     gap = first - second
     index = np.flatnonzero(np.sign(gap[1:]) != np.sign(gap[:-1]))
@@ -151,7 +162,8 @@ def crossing_interval(
 ) -> Crossing:
     """Return the crossing of two regressions, with its interval from bootstrap draws.
 
-    ``best`` are the regressions, shape (n,), and ``draws`` their draws, shape (DRAWS, n).
+    ``best`` are the two regressions, shape (n,), and ``draws`` their draws, shape (DRAWS, n). Of
+    several crossings the one nearest to ``near`` (rpm) is used.
     """
     fits, scale = _difference(rpm, *draws)
     ends = (rpm[0], rpm[-1])
@@ -167,22 +179,24 @@ def crossing_interval(
 
 @dataclass(frozen=True, eq=False)
 class StudiedCurve:
-    """Noise curve of one cam by one method of calibration.
+    """Noise curve (sound level over speed) of one cam by one method of calibration.
 
     Parameters
     ----------
     method, cam, role : str
-        Method of calibration, name of the cam, and origin of its level.
+        Method of calibration, name of the cam, and origin of its level: calibrated, predicted or
+        identified.
     numbers : int
         Number of constants fitted to the published curve of this cam, a cubic with four numbers.
     rpm : ndarray
         Speeds in rpm, shape (n,).
     level_db, regression_db, published_db : ndarray
-        Simulated levels, their regression, and the published regression, in dB, shape (n,).
+        Simulated levels, their cubic regression over speed, and the published regression, in dB,
+        shape (n,).
     coefficients : ndarray
         Coefficients of the regression, dB/rpm^i.
     rms_db, rms_regression_db : float
-        R.m.s. difference in dB of the simulated levels, and of their regression, to the published
+        R.m.s. difference in dB between the simulated levels, or their regression, and the published
         regression.
     confidence : Band
         95 % band of the regression, which results from the fitted constants.
@@ -206,9 +220,9 @@ class StudiedCurve:
 
     @property
     def largest(self) -> tuple[float, float]:
-        """Largest difference (dB) of a simulated level, and its speed (rpm).
+        """Largest difference (dB) of a simulated to the published level, and its speed.
 
-        An r.m.s. difference hides it.
+        The speed is in rpm. An r.m.s. difference would hide this value.
         """
         difference = self.level_db - self.published_db
         index = int(np.argmax(np.abs(difference)))
@@ -217,7 +231,11 @@ class StudiedCurve:
 
 @dataclass(frozen=True)
 class PairCrossing:
-    """Crossing of two cams' published curves, and of their curves by a method."""
+    """Crossing of two cams' published curves, and of their simulated curves.
+
+    ``published_rpm`` is the speed at which the published curves cross. ``computed`` is the crossing
+    of the simulated curves by one method of calibration that is nearest to it.
+    """
 
     method: str
     between: tuple[str, str]
@@ -227,7 +245,7 @@ class PairCrossing:
 
 @dataclass(frozen=True, eq=False)
 class Method:
-    """Method of calibration with its constants, curves and crossings.
+    """Method of calibration with its constants, noise curves and crossings.
 
     Parameters
     ----------
@@ -238,7 +256,7 @@ class Method:
     shape : ArcShape
         Geometry of the arc cam.
     curves : dict
-        Curves by cam.
+        Noise curves by cam.
     crossing : Crossing
         Crossing of the two cams that the paper names.
     pairs : tuple of PairCrossing
@@ -254,38 +272,47 @@ class Method:
 
     @property
     def predicted_rms_db(self) -> float:
-        """R.m.s. difference (dB) of the levels of cams to which no number was fitted."""
+        """R.m.s. level difference (dB) over the cams to which no number was fitted.
+
+        It is infinite if there is no such cam.
+        """
         unseen = [curve.rms_db for curve in self.curves.values() if curve.numbers == 0]
         return rms(np.array(unseen)) if unseen else np.inf
 
 
 def with_two_constants(study: NoiseSetup, refit: bool) -> Method:
-    """Calibrate gain and corner frequency on the reference cam.
+    """Calibrate gain and corner frequency on the reference cam, and return its curves.
 
-    `refit` is True to refit the arc cam.
+    If `refit` is True, the geometry of the arc cam is fitted with these constants. Otherwise it is
+    that of its file.
     """
     name = "two constants, arc cam refitted" if refit else "two constants"
     return _method(name, study, lambda cam: fit_two_constants([cam], study.start), refit)
 
 
 def with_substitution(study: NoiseSetup) -> Method:
-    """Calibrate gain and speed response on the reference cam, and refit the arc cam."""
+    """Calibrate gain and speed response on the reference cam, and refit the arc cam.
+
+    The result contains the noise curves with these constants.
+    """
     return _method("by substitution", study, lambda cam: by_substitution(cam, study.start), True)
 
 
 def _method(
     name: str, study: NoiseSetup, calibrate: Callable[[PublishedCam], Acoustics], refit: bool
 ) -> Method:
-    """Calibrate by one method, and return its curves, bands and crossings.
+    """Calibrate by one method, and return its noise curves, bands and crossings.
 
-    The bootstrap needs the difference (dB) of the method on a cam to which it was not fitted. This
-    is the difference of the reference after a calibration on the predicted cam.
+    ``calibrate`` fits the acoustic constants to one cam. The bootstrap needs the level differences
+    (dB) of the method on a cam to which it was not fitted. They are those of the reference cam
+    after a calibration on the predicted cam.
     """
     reference = study.cams[study.roles.reference]
     acoustics, project = calibrate(reference), cubic_projection(study.rpm)
     prediction_error = reference.difference(calibrate(study.cams[study.roles.predicted]))
     shape = study.fit_shape(acoustics) if refit else study.shape
-    # Projection onto the curve to which the geometry was fitted: regression or points.
+    # Matrix from levels to the values to which the geometry was fitted: the regression, or the
+    # levels themselves.
     projection = project if refit else np.eye(study.rpm.size)
     arcs, shape_slope = study.problem.cam_of(shape), study.problem.sensitivity(shape, acoustics)
     roles, cams = study.roles, study.cams | {arcs.cam: arcs}
@@ -322,9 +349,10 @@ def _method(
 
 
 def _refit(slopes: FloatArray, projection: FloatArray) -> FloatArray:
-    """Return the matrix from changes of levels to changes of fitted numbers, (k, n).
+    """Return the matrix from changes of n levels to changes of k fitted numbers.
 
-    ``slopes`` are the derivatives of the levels by the numbers, (n, k).
+    Its shape is (k, n). ``slopes`` are the derivatives of the levels by the numbers, (n, k).
+    ``projection`` is the matrix from levels to the values that are fitted.
     """
     return np.asarray(np.linalg.pinv(slopes, rcond=1e-2) @ projection)
 
@@ -344,7 +372,8 @@ def _curve(
     return StudiedCurve(
         method=method,
         cam=cam.cam,
-        role=study.loaded.fitted_origin(cam.cam),  # valid here, because each method recalibrates
+        # each method calibrates on the reference cam again, so this origin applies
+        role=study.loaded.fitted_origin(cam.cam),
         numbers=numbers,
         rpm=study.rpm,
         level_db=level,
@@ -358,18 +387,19 @@ def _curve(
     )
 
 
-# Leave-one-out test: the acoustic constants are fitted to two of the three cams.
+# Leave-one-out test: the acoustic constants are fitted to two of the three cams, and tested on the
+# third.
 
-#: Number of rounds in which the shape and the acoustic constants are fitted in turn.
+#: Number of times that the shape of the arc cam and the acoustic constants are fitted alternately.
 ROUNDS = 2
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Result of the test that leaves out one cam.
+    """Result of the leave-one-out test for one cam.
 
-    The geometry of the arc cam is fitted together with the constants. If the arc cam is left out,
-    its geometry is fitted to its curve after the constants.
+    The acoustic constants are fitted to the other two cams. The geometry of the arc cam is fitted
+    together with them. If the arc cam is left out, its geometry is fitted to its curve afterwards.
 
     Parameters
     ----------
@@ -380,9 +410,9 @@ class LeftOut:
     acoustics : Acoustics
         Acoustic constants from the other cams.
     rms_db : dict
-        R.m.s. difference in dB on each cam.
+        R.m.s. level difference in dB on each cam.
     rms_regression_db : float
-        R.m.s. difference in dB of the regression of the cam that is left out.
+        R.m.s. difference in dB of the cubic regression of the cam that is left out.
     """
 
     cam: str
@@ -393,7 +423,10 @@ class LeftOut:
 
 
 def leave_one_out(study: NoiseSetup) -> list[LeftOut]:
-    """Return the leave-one-out test of each of the three cams, in the scene's order."""
+    """Fit the acoustic constants without each of the three cams in turn.
+
+    The results are in the order of the cams in the scene.
+    """
     return [_leave_out(study, cam) for cam in study.cams]
 
 
@@ -415,9 +448,11 @@ def _leave_out(study: NoiseSetup, cam: str) -> LeftOut:
     )
 
 
-# Claims of the paper on noise, tested on its curves and on those of the study.
+# Claims of the paper on which cam is quieter, tested on its published curves and on the simulated
+# curves.
 
-#: Curves on which a claim is tested: heading -> function of a studied curve.
+#: Curves on which a claim of the paper is tested: table heading, and function that returns the
+#: levels.
 TESTED_ON: dict[str, Callable[[StudiedCurve], FloatArray]] = {
     "published curves": lambda curve: curve.published_db,
     "regressions": lambda curve: curve.regression_db,
@@ -427,14 +462,14 @@ TESTED_ON: dict[str, Callable[[StudiedCurve], FloatArray]] = {
 
 @dataclass(frozen=True)
 class NoiseClaim:
-    """Claim of the paper on the levels of its cams, and its test.
+    """Claim of the paper on which of its cams is quieter, and its test.
 
     Parameters
     ----------
     words, source : str
         Text of the claim, and its position in the paper.
     tested_on : str
-        Key of `TESTED_ON`.
+        Key of `TESTED_ON`: the curves on which the claim is tested.
     holds, cases : int
         Number of speeds at which the claim is true, and number of tested speeds.
     fails_rpm : tuple of float, optional
@@ -452,9 +487,10 @@ class NoiseClaim:
 def noise_claims(
     roles: StudyRoles, curves: Mapping[str, StudiedCurve], crossover_rpm: float
 ) -> list[NoiseClaim]:
-    """Test the paper's claims on noise below and above the crossing speed (rpm).
+    """Test the paper's claims on noise at speeds below and above a crossing.
 
-    ``crossover_rpm`` is the speed that the paper states.
+    ``crossover_rpm`` is the speed (rpm) of equal levels that the paper states. ``curves`` are the
+    noise curves by cam.
     """
     rpm = curves[roles.arcs].rpm
     below, above = rpm < crossover_rpm, rpm > crossover_rpm

@@ -1,7 +1,7 @@
 """Set-up of a noise study: the role of each cam, and its simulated turns.
 
-The reference cam calibrates the acoustic constants. The second cam is predicted, and the geometry
-of the third is identified.
+The acoustic constants are calibrated on the reference cam. The noise of the second cam is
+predicted, and the geometry of the third, a cam of arcs, is identified.
 """
 
 from __future__ import annotations
@@ -21,19 +21,23 @@ from cam_rig.simulation.sound_constants import PublishedCam
 from cam_rig.studies.noise.arc_cam import ArcShape, ShapeProblem
 from cam_rig.units import FloatArray, to_rpm
 
-#: Stride of the speeds at which a shape is fitted: every second speed. The result is compared at
-#: all speeds.
+#: Stride of the speeds at which the shape of the arc cam is fitted: every second speed. The result
+#: is compared at all speeds.
 EVERY = 2
-#: Remedy in the error message for a scene that does not fit a noise study.
+#: Advice in the error message for a scene that does not fit a noise study.
 OTHERWISE = "for any other scene take cam-rig simulate or report"
-#: Smallest number of speeds of a noise study. Half of them are still more than the four numbers of
-#: a cubic.
+#: Smallest number of speeds of a noise study. Every second of them still gives more levels than the
+#: four coefficients of a cubic.
 MIN_SPEEDS = 9
 
 
 @dataclass(frozen=True)
 class StudyRoles:
-    """Names of the cams of a scene by their role in the study."""
+    """Names of the three cams of a noise study, by their roles.
+
+    The acoustic constants are calibrated on ``reference``. The noise of ``predicted`` is predicted.
+    ``arcs`` is the cam of circular arcs, whose geometry is identified from its noise.
+    """
 
     reference: str
     predicted: str
@@ -46,7 +50,7 @@ class StudyRoles:
         Raises
         ------
         ConfigError
-            If the scene has too few speeds or does not have three cams with the three roles.
+            If the scene has too few speeds, or not one cam for each of the three roles.
         """
         speeds = len(loaded.scene.schedule.speeds.numbers)
         if speeds < MIN_SPEEDS:
@@ -68,7 +72,10 @@ class StudyRoles:
 
 @dataclass(frozen=True, eq=False)
 class NoiseSetup:
-    """Scene, roles and simulated turns of each cam of a noise study."""
+    """Scene, roles and simulated turns of each cam of a noise study.
+
+    ``start`` are the acoustic constants from which fits start.
+    """
 
     loaded: LoadedScene
     roles: StudyRoles
@@ -77,7 +84,7 @@ class NoiseSetup:
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> NoiseSetup:
-        """Create the set-up of a scene, and simulate the turns of all its cams."""
+        """Create the set-up of a noise study, and simulate the turns of all its cams."""
         roles = StudyRoles.of(loaded)
         speeds = np.array(loaded.scene.schedule.speeds.si_list)
         published = {cam: loaded.published_levels(cam, to_rpm(speeds)) for cam in loaded.scene.cams}
@@ -90,7 +97,7 @@ class NoiseSetup:
 
     @property
     def shape(self) -> ArcShape:
-        """Geometry of the arc cam according to its cam file."""
+        """Geometry of the arc cam (of tangent circular arcs) as its cam file states it."""
         return ArcShape.of(self.loaded.cams[self.roles.arcs])
 
     @property
@@ -100,13 +107,16 @@ class NoiseSetup:
 
     @property
     def crossover(self) -> Crossover:
-        """Crossing that the paper states: two cams and their speed of equal levels."""
+        """Crossing that the paper states: two cams, and their speed of equal levels."""
         assert self.loaded.published is not None  # scenes of a study have published levels
         return self.loaded.published.crossover
 
     @cached_property
     def problem(self) -> ShapeProblem:
-        """Fit of the arc cam's shape to its sound levels at all speeds."""
+        """Fit of the arc cam's shape to its published sound levels at all speeds.
+
+        The follower is that of the scene's rig, as one rigid mass.
+        """
         return self.shape_problem("one_mass", self.loaded.follower, 1)
 
     @cached_property
@@ -114,9 +124,9 @@ class NoiseSetup:
         return self.shape_problem("one_mass", self.loaded.follower)
 
     def shape_problem(self, model: str, follower: Any, every: int = EVERY) -> ShapeProblem:
-        """Return the fit of the arc cam's shape with the follower of another model.
+        """Return the fit of the arc cam's shape with a follower and dynamic model.
 
-        Only every `every`-th speed is used.
+        Only every `every`-th speed is simulated, to save time.
         """
         arcs = self.cams[self.roles.arcs].every(every)
 
@@ -126,5 +136,8 @@ class NoiseSetup:
         return ShapeProblem(self.loaded.cams[self.roles.arcs], arcs.published, turn)
 
     def fit_shape(self, acoustics: Acoustics) -> ArcShape:
-        """Fit lift and event of the arc cam to its sound levels with acoustic constants."""
+        """Fit lift and event of the arc cam to its published levels.
+
+        ``acoustics`` are the acoustic constants, which stay fixed. Every second speed is used.
+        """
         return self._problem_at_some_speeds.fit(self.shape, acoustics)

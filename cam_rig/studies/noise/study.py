@@ -1,6 +1,7 @@
-"""Noise study: its parts and its result, with tests of the paper's claims.
+"""Noise study: comparison of simulated sound levels with published regressions.
 
-The study compares simulated sound levels with published regressions.
+This module runs the parts of the study, and defines its result with tables and tests of the paper's
+claims.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from cam_rig.studies.noise.variants import (
 )
 from cam_rig.units import FloatArray
 
-#: Parts of a study in order, for the progress bar.
+#: Names of the parts of a noise study in order, for the progress bar.
 PARTS = (
     "the cams' turns",
     "structures",
@@ -51,12 +52,15 @@ PARTS = (
     "lift, high dwell and joints",
 )
 
-#: Stride of the speeds that have a displayed row: every second speed.
+#: Stride of the speeds that have a row in the displayed table of levels: every second speed.
 EVERY = 2
 
 
 class LevelAt(NamedTuple):
-    """Sound levels (dB) of a cam at one speed (rpm) by a method, with its bands."""
+    """Sound levels (dB) of a cam at one speed (rpm), by one method of calibration.
+
+    ``confidence`` and ``expected`` are the ends of the 95 % bands of `StudiedCurve` at this speed.
+    """
 
     method: str
     cam: str
@@ -68,17 +72,20 @@ class LevelAt(NamedTuple):
 
 
 class OnCam(NamedTuple):
-    """Result of a study for one cam, with the constants of a rig or of two other cams."""
+    """Table row for one cam, of a result that covers several cams.
+
+    ``of`` is the result: a rig, or a leave-one-out test.
+    """
 
     of: OneRig | LeftOut
     cam: str
 
 
 class Changed(NamedTuple):
-    """Sound level (dB) of a cam of the factorial study at one speed (rpm).
+    """Sound level (dB) of one cam of the factorial at one speed (rpm).
 
-    The factorial varies lift, high dwell and joints. ``change`` are the smallest and the largest
-    difference to the reference cam over all speeds, dB.
+    The factorial varies lift (m), high dwell (rad) and rise. ``change`` are the smallest and the
+    largest difference to the reference cam over all speeds, dB.
     """
 
     lift: float
@@ -97,7 +104,10 @@ def _constants(of: str = "") -> tuple[Column, ...]:
 
 
 def _shape(of: str = "", hidden: bool = False) -> tuple[Column, ...]:
-    """Return the table columns of the geometry of the arc cam."""
+    """Return the table columns of the arc cam's geometry: lift, event and flank.
+
+    ``of`` is the path of the object with the shape, ending with a dot.
+    """
     return (
         Column("lift", "mm", ".2f", "arc cam: lift", f"{of}shape.lift", hidden=hidden),
         Column("event", "°", ".1f", of=f"{of}shape.event", hidden=hidden),
@@ -110,7 +120,10 @@ def _response(i: int) -> Callable[[Method], float | None]:
 
 
 def _crossing(hidden: bool, before: str = "", of: str = "computed") -> tuple[Column, ...]:
-    """Return the table columns of a crossing of two regressions and of its bootstrap."""
+    """Return the table columns of a crossing of two regressions and its interval.
+
+    ``before`` is a prefix of the keys. ``of`` is the name of the field with the crossing.
+    """
     kinds = (
         ("crossing", ".1f", "regressions", "rpm", "nowhere"),
         ("deviation", ".1f", "standard deviation", "deviation", ""),
@@ -128,9 +141,28 @@ def _crossing(hidden: bool, before: str = "", of: str = "computed") -> tuple[Col
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NoiseStudyResult(Result):
-    """Result of a noise study.
+    """Result of a noise study: noise curves by method of calibration, with tests.
 
-    ``named`` is the crossing that the paper states, and ``rpm`` are the speeds, shape (n,).
+    Attributes
+    ----------
+    named : Crossover
+        Crossing of two cams that the paper states.
+    titles : dict
+        Titles of the cams by name.
+    roles : StudyRoles
+        Role of each cam.
+    rpm : FloatArray
+        Speeds in rpm, shape (n,).
+    structures : tuple of StructureFit
+        Comparison of transfer functions between contact force and sound.
+    methods : tuple of Method
+        Methods of calibration with their noise curves.
+    excluded : tuple of LeftOut
+        Results of the leave-one-out test.
+    one_rig : tuple of OneRig
+        Noise with the rig that is identified from jump speeds.
+    high_dwell : HighDwellStudy or None
+        Factorial of lift, high dwell and joints. None if the reference cam does not allow it.
     """
 
     schema = "cam_rig.noise.1"
@@ -258,15 +290,15 @@ class NoiseStudyResult(Result):
     def best(self) -> Method:
         """Method of calibration with the best prediction.
 
-        The criterion is the r.m.s. difference of cams to which no number was fitted, not the
+        The criterion is the r.m.s. difference on cams to which no number was fitted, not the
         crossing. Of equal methods the first is chosen, which has the fewest fitted numbers.
         """
         return min(self.methods, key=lambda method: round(method.predicted_rms_db, 3))
 
     def tables(self) -> list[Records]:
-        """Return the tables of the study.
+        """Return the tables of the study, ``curves`` first.
 
-        ``curves``, with one row per method and cam, is the first.
+        ``curves`` has one row per method of calibration and cam.
         """
         named, best = self.named, self.best
         way_text = best.name if best.name.startswith("by ") else f"with {best.name}"
@@ -303,7 +335,11 @@ class NoiseStudyResult(Result):
         ]
 
     def _further(self) -> list[Records]:
-        """Return the tables of structures, cams left out, one rig, high dwell and levels."""
+        """Return the tables that follow those of the calibrations.
+
+        They are transfer functions, cams left out, one rig for jump and noise, the factorial of
+        lift, high dwell and joints, and the levels.
+        """
         best, thinned = self.best, set(self.rpm[::EVERY])
         base, middle = self.methods[1], self.rpm[self.rpm.size // 2]
         rms_db = {cam: curve.rms_db for cam, curve in base.curves.items()}
@@ -389,13 +425,14 @@ def study_noise(
     rig : RigConfig
         Rig identified from jump speeds, with two masses.
     arcs : bool
-        True to fit the arc cam also on that rig, which takes minutes.
+        True to fit the arc cam also on that rig, which takes minutes (default: False).
     progress : Progress
         Receiver of the progress.
     """
     parts = progress.track(PARTS)
     next(parts)
-    TwoMassParameters.from_rig(rig)  # raises for an unsuitable rig before the long computation
+    # raises an error for an unsuitable rig before the long computation
+    TwoMassParameters.from_rig(rig)
     study = NoiseSetup.of(loaded)
     smooth = {cam: study.cams[cam] for cam in (study.roles.reference, study.roles.predicted)}
     next(parts)

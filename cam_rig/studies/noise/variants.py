@@ -1,13 +1,14 @@
-"""Noise study on another rig, and factorial of the reasons for a quiet arc cam.
+"""Further parts of the noise study: another rig, and why the arc cam is quiet.
 
-The other rig is identified from the jump speeds (Table 2): event angles, preload, mass split and
-stem are not fitted to noise. Gain and corner are refitted to the reference. The arc cam is not in
-Table 2, so it is fitted to its noise curve twice: on that rig with a rigid stem, which shows the
-effect of the preload, and on request with the complete two-mass follower.
+The other rig is identified from the jump speeds (Table 2 of the paper), so event angles, preload,
+mass split and stem are not fitted to noise. Gain and corner frequency are refitted to the reference
+cam. The arc cam is not in Table 2, so it is fitted to its noise curve twice: on that rig with a
+rigid stem, which shows the effect of the preload, and on request with the complete two-mass
+follower.
 
-The factorial varies the reference cam in three factors: two lifts, with and without the high dwell,
-and two rises. The second rise has an acceleration that jumps at a dwell, as in a cam of arcs.
-Rise and fall keep their angles. Without the high dwell the low dwell is longer.
+A factorial varies the reference cam in three factors: two lifts, with and without the high dwell,
+and two rises. The second rise has an acceleration that jumps at a dwell, as in a cam of arcs. Rise
+and fall keep their angles. Without the high dwell the low dwell is longer.
 """
 
 from __future__ import annotations
@@ -35,32 +36,35 @@ from cam_rig.studies.noise.methods import crossing
 from cam_rig.studies.noise.roles import EVERY, NoiseSetup
 from cam_rig.units import FloatArray
 
-#: Bounds of the search: lift (m), event (rad) and curvature of the flank (1/m).
+#: Bounds of the search for the shape of the arc cam: lift (m), event (rad) and curvature of the
+#: flank (1/m).
 SEARCH_BOUNDS = Bounds([0.002, 1.2, 1.0 / MAX_FLANK], [0.02, 3.5, 40.0])
-#: Largest number of generations of the evolutionary search.
+#: Largest number of generations of the evolutionary search for the shape of the arc cam.
 GENERATIONS = 12
-#: Number of shapes per generation, for each varied number.
+#: Number of shapes per generation of the evolutionary search, as a multiple of the number of varied
+#: numbers.
 POPULATION = 7
-#: Seed of the random generator of the search.
+#: Seed of the random generator of the evolutionary search.
 SEED = 2
 
 
 @dataclass(frozen=True)
 class OneRig:
-    """Noise of the cams with a follower identified from the jump speeds.
+    """Noise of the cams with a follower that is identified from the jump speeds.
 
     Parameters
     ----------
     name : str
         Name of the rig.
     acoustics : Acoustics
-        Acoustic constants.
+        Acoustic constants, fitted to the reference cam.
     rms_db : dict
-        R.m.s. difference in dB of the points to the published regression of each cam.
+        R.m.s. difference in dB of the simulated levels to the published regression of each cam.
     shape : ArcShape, optional
         Geometry of the arc cam. None if it was not fitted.
     crossing_rpm : float, optional
-        Crossing in rpm of the cams that the paper names. None if the arc cam was not fitted.
+        Speed in rpm at which the two cams that the paper names are equally loud. None if the arc
+        cam was not fitted.
     """
 
     name: str
@@ -71,15 +75,15 @@ class OneRig:
 
 
 def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
-    """Return the noise with a rig's follower as one rigid mass.
+    """Return the noise of the cams with a rig's follower as one rigid mass.
 
-    Mass, spring and preload are those of the rig.
+    Mass, spring and preload are those of ``rig``. The shape of the arc cam is fitted.
     """
     follower = FollowerParameters.from_rig(rig)
     smooth = _smooth(study, "one_mass", follower)
     acoustics = fit_two_constants([smooth[study.roles.reference]], study.start)
     problem = study.shape_problem("one_mass", follower)
-    # The lift-off speed is constant if lift and preload increase together.
+    # Initial lift of the fit: the lift-off speed is the same if lift and preload increase together.
     preload_ratio = rig.follower.preload.si / study.loaded.rig.follower.preload.si
     shape = problem.fit(study.shape.scaled(preload_ratio**0.5, 1.0), acoustics)
     arcs = problem.cam_of(shape)
@@ -89,9 +93,9 @@ def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
 def with_elastic_stem(
     study: NoiseSetup, rig: RigConfig, arcs: bool = False, progress: Progress = NULL_PROGRESS
 ) -> OneRig:
-    """Return the noise with the complete two-mass follower of a rig.
+    """Return the noise of the cams with the complete two-mass follower of a rig.
 
-    With ``arcs`` the shape of the arc cam is fitted, too, which takes minutes.
+    With ``arcs`` the shape of the arc cam is fitted too, which takes minutes.
     """
     follower = TwoMassParameters.from_rig(rig)
     smooth = _smooth(study, "two_mass", follower)
@@ -107,7 +111,7 @@ def with_elastic_stem(
 def _smooth(study: NoiseSetup, model: str, follower: Any) -> dict[str, PublishedCam]:
     """Return the turns of the reference and the predicted cam with another follower.
 
-    They are simulated at all speeds.
+    They are simulated at all speeds of the study. ``model`` is the dynamic model of the follower.
     """
     cams = (study.cams[cam] for cam in (study.roles.reference, study.roles.predicted))
     return {
@@ -122,10 +126,10 @@ def _smooth(study: NoiseSetup, model: str, follower: Any) -> dict[str, Published
 
 
 def _landing_on_roller(study: NoiseSetup, follower: TwoMassParameters) -> RadiationParameters:
-    """Return the radiation parameters with a contact time of landings of the roller.
+    """Return radiation parameters with the contact time of landings of the roller.
 
-    The model contains the elasticity of the stem, so only that of the contact remains. The paper
-    does not print it. It is assumed equal to the stem stiffness of the scene's rig (Table 1).
+    The two-mass model contains the elasticity of the stem, so only that of the contact remains. The
+    paper does not print it. It is assumed equal to the stem stiffness of the scene's rig (Table 1).
     """
     stiffness = study.loaded.follower.stem
     time = np.pi * np.sqrt(follower.roller_mass / stiffness)
@@ -135,7 +139,8 @@ def _landing_on_roller(study: NoiseSetup, follower: TwoMassParameters) -> Radiat
 def _search(problem: ShapeProblem, acoustics: Acoustics, progress: Progress) -> ArcShape:
     """Return the shape of the arc cam with the smallest r.m.s. level difference.
 
-    The search uses no gradient, because the difference is not smooth with an elastic stem.
+    The search is evolutionary and uses no gradient, because the difference is not a smooth function
+    of the shape with an elastic stem.
     """
 
     def cost(x: FloatArray) -> float:
@@ -173,16 +178,20 @@ def _result(
     return OneRig(name, acoustics, rms_db, shape, crossed)
 
 
-# Factorial of the reasons why the arc cam is quiet: lift, missing high dwell and joints.
+# Factorial of three possible reasons why the arc cam is quiet: its lift, the missing high dwell,
+# and its joints.
 
-#: Rise whose acceleration jumps at a dwell, as at the joints of arcs.
+#: Rise whose acceleration jumps at a dwell, as it does at the joints of a cam of arcs.
 WITH_JUMPS = "simple_harmonic"
-#: Names of the factors in order.
+#: Names of the factors of the factorial, in order.
 FACTORS = ("lift", "high dwell", "joints")
 
 
 class Timing(NamedTuple):
-    """Timing of a cam with equal rise and fall and a high dwell, in rad and m."""
+    """Rise law, event, high dwell (rad) and lift (m) of a cam.
+
+    Its rise and fall are equal. ``event`` is the angle of the rise, which is also that of the fall.
+    """
 
     rise: str
     event: float
@@ -197,11 +206,11 @@ class HighDwellStudy:
     Parameters
     ----------
     levels_db : dict
-        Levels in dB at the speeds of the study, by lift (m), high dwell (rad) and rise. The first
-        of the eight cams is the reference.
+        Sound levels in dB at the speeds of the study, by lift (m), high dwell (rad) and rise. The
+        first of the eight cams is the reference.
     shares : mapping
-        Fractions of the sum of squares of the mean levels, by the indices into `FACTORS` of the
-        interacting factors.
+        Fraction of the sum of squares of the mean levels for each factor and each interaction of
+        factors. The keys are tuples of indices into `FACTORS`.
     """
 
     levels_db: dict[tuple[float, float, str], FloatArray]
@@ -210,19 +219,23 @@ class HighDwellStudy:
     def change_db(self, factor: str) -> FloatArray:
         """Return the change of the reference cam's levels (dB) if one factor changes.
 
-        ``factor`` is in `FACTORS`.
+        ``factor`` is one of `FACTORS`. The shape is (n,), for n speeds.
         """
-        # The last factor varies fastest in the list: the indices 4, 2 and 1 change one factor.
+        # The last factor varies fastest, so the cams 4, 2 and 1 differ from cam 0 in the first,
+        # second and third factor.
         return list(self.levels_db.values())[4 >> FACTORS.index(factor)] - self.reference
 
     @property
     def reference(self) -> FloatArray:
-        """Sound levels (dB) of the reference cam, shape (n,)."""
+        """Sound levels (dB) of the reference cam at the speeds of the study, shape (n,)."""
         return next(iter(self.levels_db.values()))
 
 
 def timing_of(cam: CamConfig) -> Timing | None:
-    """Return the timing of a cam with a high dwell between two equal rises, else None."""
+    """Return rise law, angles and lift of a cam with a high dwell between equal rises.
+
+    The result is None for a cam of another kind.
+    """
     rises = [segment for segment in cam.segments if isinstance(segment, Rise)]
     dwells = [segment for segment in cam.segments if isinstance(segment, Dwell)]
     shape = [isinstance(segment, Rise) for segment in cam.segments]
@@ -241,9 +254,9 @@ def study_high_dwell(
 ) -> HighDwellStudy | None:
     """Compute the factorial of the reference cam: lift, high dwell and joints.
 
-    Returns None if the reference cam cannot be changed in all three factors. It must have a high
-    dwell between two equal rises, a lift that differs from ``other_lift`` (m), that of the arc cam,
-    and an acceleration without jumps.
+    ``other_lift`` (m) is the second lift, that of the arc cam. Returns None if the reference cam
+    cannot be changed in all three factors. It must have a high dwell between two equal rises, a
+    lift that differs from ``other_lift``, and an acceleration without jumps.
     """
     timing = timing_of(setup.loaded.cams[setup.roles.reference])
     if timing is None:
@@ -262,10 +275,11 @@ def study_high_dwell(
 
 
 def two_levels(values: FloatArray) -> dict[tuple[int, ...], float]:
-    """Return the fractions of the sum of squares of factors and interactions.
+    """Return the fraction of the sum of squares due to each factor and interaction.
 
-    ``values`` has one axis per factor, shape (2, …, 2). The keys are the interacting axes, such as
-    ``(0,)`` or ``(0, 2)``. The fractions add up to one, or are all zero if the values are equal.
+    ``values`` are the results of a factorial with two levels per factor, shape (2, …, 2) with one
+    axis per factor. The keys are the interacting axes, such as ``(0,)`` or ``(0, 2)``. The
+    fractions add up to one, or are all zero if the values are equal.
     """
     signs = np.array([-1.0, 1.0])
     squares = {}

@@ -1,1 +1,1 @@
-"""Simulated and recorded runs: tables and figures of motion, force and sound."""
+"""Simulated and recorded runs, with tables and figures of motion, force and sound."""

@@ -43,9 +43,9 @@ def analyze(
 
 
 def read_run(bag: Path, scene: str | None = None) -> SceneRun:
-    """Return the run of a bag, and print its size and the notes on missing data.
+    """Read the run of a bag, and print its size and notes on missing data.
 
-    The default scene is the scene that is attached to the bag.
+    ``scene`` is needed only for a bag without an attached scene.
     """
     from cam_rig.studies.simulate.recorded import read_bag
 
@@ -55,7 +55,7 @@ def read_run(bag: Path, scene: str | None = None) -> SceneRun:
     return run
 
 
-#: File name extensions of a bag that is a single file. A bag can also be a folder.
+#: File name extensions of a bag that consists of a single file. A bag can also be a folder.
 BAG_FILES = (".mcap", ".db3")
 
 
@@ -120,7 +120,10 @@ def export(
 
 
 def _track(ticks: Iterable[TickSamples], progress: Progress) -> Iterator[TickSamples]:
-    """Yield the ticks, and report the progress after each tick."""
+    """Yield the ticks of a run unchanged, and report the progress after each tick.
+
+    A tick contains the samples between two cam states, one turn by default.
+    """
     for tick in ticks:
         yield tick
         progress.advance()

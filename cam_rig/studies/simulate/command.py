@@ -15,9 +15,9 @@ from cam_rig.show.command import DEFAULT_SCENE, OtherRig, Scene, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
 
-#: Sample rate of the sound file, Hz: that of audio equipment.
+#: Sample rate (Hz) of the sound file, which is common in audio equipment.
 RATE = 48_000
-#: Default duration of one speed, s.
+#: Default duration (s) of the sound at one speed.
 SECONDS = 5.0
 
 

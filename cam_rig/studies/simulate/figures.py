@@ -30,16 +30,16 @@ from cam_rig.studies.simulate.sound import SoundLevel
 from cam_rig.studies.simulate.study import SceneRun
 from cam_rig.units import FloatArray
 
-#: Free space above and below the levels of turns in the figure, dB. Without it the axis would show
-#: their rounding.
+#: Free space above and below the levels of single turns in a figure, dB. Without it the axis would
+#: magnify their rounding.
 MARGIN_DB = 1.0
 
 
 @styled
 def figure(run: SceneRun) -> Figure:
-    """Plot the sound level of each cam over speed.
+    """Draw the sound level of each cam over speed.
 
-    Without levels, plot the contact force over the turn.
+    If the rig has no acoustic constants, the contact force over the turn is drawn instead.
     """
     if run.loaded.missing_for_sound:
         return over_turn(force_curves(run))
@@ -48,9 +48,10 @@ def figure(run: SceneRun) -> Figure:
 
 @styled
 def noise_figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
-    """Plot sound levels over speed as in fig. 16 of the paper, with both regressions.
+    """Draw sound levels over speed as in fig. 16 of the paper.
 
-    These are the simulated and the published regression.
+    The cubic regressions of the simulated levels and, if published, of the measured levels are
+    drawn too.
     """
     out = empty(3.4)
     axes = out.subplots()
@@ -88,7 +89,7 @@ def noise_figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
 
 @styled
 def turn_by_turn(result: SoundLevel) -> Figure:
-    """Plot the sound level of each turn, and that of all settled turns."""
+    """Draw the sound level of each turn, and that of all settled turns."""
     by_turn, transient_turns, level = result.by_turn, result.transient_turns, result.level_db
     out = empty(3.4)
     axes = out.subplots()
@@ -111,7 +112,10 @@ ForceCurve = tuple[float, FloatArray, FloatArray]
 
 @styled
 def motion_figure(motion: FollowerMotion) -> Figure:
-    """Plot lift and contact force over time, with loss of contact (zero force) shaded."""
+    """Draw lift and contact force over time.
+
+    Times at which the follower has no contact (zero force) are shaded.
+    """
     out = empty(4.6)
     lift, force = out.subplots(2, 1, sharex=True)
     time, lost = motion.time, motion.force == 0.0
@@ -130,9 +134,9 @@ def motion_figure(motion: FollowerMotion) -> Figure:
 
 @styled
 def over_turn(curves: Mapping[str, Sequence[ForceCurve]]) -> Figure:
-    """Plot the contact force over the cam angle: a panel per cam, a line per speed.
+    """Draw the contact force over the cam angle: a panel per cam, a line per speed.
 
-    `curves` contains the curves of each cam by its title.
+    `curves` contains the force curves of each cam by its title.
     """
     out = empty(0.5 + 2.5 * len(curves))
     panels = out.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
@@ -150,7 +154,8 @@ def over_turn(curves: Mapping[str, Sequence[ForceCurve]]) -> Figure:
 def force_curves(run: SceneRun) -> dict[str, list[ForceCurve]]:
     """Return the contact force over the last turn at some speeds, by the cam's title.
 
-    A curve consists of speed (rpm), cam angles (°) and forces (N).
+    A curve consists of speed (rpm), cam angles (°) and forces (N). The speeds are evenly chosen
+    from those of the scene.
     """
     scene = run.loaded.scene
     speeds = spread_speeds(speeds_of(scene), FORCE_SPEEDS)
@@ -169,9 +174,10 @@ def force_curves(run: SceneRun) -> dict[str, list[ForceCurve]]:
 
 
 def _force_curve(rpm: float, ticks: Iterable[TickSamples]) -> ForceCurve:
-    """Return the contact force of the ticks of one turn, sorted by the cam angle.
+    """Return the contact force over one turn, sorted by the cam angle.
 
-    The result is speed (rpm), cam angles (°) and forces (N).
+    ``ticks`` contain the samples of the turn. The result is speed (rpm), cam angles (°) and forces
+    (N).
     """
     angle = np.concatenate([tick.angle_in_turn for tick in ticks])
     order = np.argsort(angle, kind="stable")

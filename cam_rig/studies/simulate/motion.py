@@ -23,30 +23,32 @@ from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import FloatArray
 
-#: Largest number of samples of a motion. A motion of this length takes 1 GB.
+#: Largest number of samples of a simulated motion. A motion of this length takes 1 GB.
 MAX_TOTAL_SAMPLES = 20_000_000
-#: Name of the cam in the scene of a motion.
+#: Name of the only cam in the scene that is created for a motion.
 CAM = "cam"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FollowerMotion(NamedRows, Result):
-    """Motion of a follower: samples ``(n,)`` by name, read-only, and events.
+    """Simulated motion of a follower: arrays of samples ``(n,)``, and events.
 
     The samples are ``time`` (s), ``lift`` (m), ``velocity`` (m/s), ``acceleration`` (m/s²),
     ``force`` (contact force, N), ``impulse`` (of the landings since the previous sample, N·s) and
-    ``angle`` (cam angle with all its turns, rad).
+    ``angle`` (cam angle with all its turns, rad). The arrays are read-only.
 
     Parameters
     ----------
     law : Law
+        Motion law of the cam.
     rig : RigConfig
+        Rig with the follower.
     scene : SceneConfig
         Model, speed, turns and sample rate.
     rows : (6, n) array
-        All samples except ``angle``.
+        All samples except ``angle``, in the order above.
     blocks : tuple of Block
-        Samples of each turn as views of `rows`, with their intervals and events.
+        Samples of each interval of the run as views of `rows`, with their events.
     """
 
     schema = "cam_rig.motion.1"
@@ -78,7 +80,7 @@ class FollowerMotion(NamedRows, Result):
 
     @cached_property
     def angle(self) -> FloatArray:
-        """Cam angle with all its turns, rad, shape `(n,)`."""
+        """Cam angle counted over all turns, rad, shape `(n,)`."""
         rate = int(self.scene.sample_rate.si)
         intervals = [block.interval for block in self.blocks]
         angle = np.concatenate([i.unwrapped_at(i.grid(rate).sample_times()) for i in intervals])
@@ -100,7 +102,7 @@ class FollowerMotion(NamedRows, Result):
         return f"FollowerMotion({run}: {self.time.size} samples, {len(self.events)} events)"
 
     def tables(self) -> list[Records]:
-        """Return the tables ``samples``, which is only exported, and ``events``."""
+        """Return the tables ``samples``, for export only, and ``events``."""
         return [
             self.array_table("samples"),
             self.table("events", "Lift-offs and landings", self.events),
@@ -196,10 +198,15 @@ def scene_of(
     sample_rate: int,
     ramp: float | None,
 ) -> SceneConfig:
-    """Return the arguments of a function as a scene, checked like a scene file.
+    """Return a scene with the arguments of a function, checked like a scene file.
 
-    `rpm` is in rpm, `sample_rate` in Hz, and `ramp` in s. Errors start with the name of the
-    function.
+    `rpm` is in rpm, `sample_rate` in Hz, and `ramp` in s. `function` is the name of the function,
+    with which error messages start.
+
+    Raises
+    ------
+    ConfigError
+        If an argument is out of range.
     """
 
     def number(value: object, unit: str) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""Reader of a recorded run together with its scene."""
+"""Reading of a recorded run (a ROS 2 bag) together with its scene."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from cam_rig.studies.simulate.study import SceneRun
 
 
 def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
-    """Read a recorded run.
+    """Read a recorded run with its scene.
 
-    `scene` is the scene that was run, for a bag without an attached scene.
+    `scene` is the file of the scene that was run, for a bag without an attached scene.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Sound level of a simulated motion, and the sound of a scene for a sound file."""
+"""Sound level of a simulated motion, and sound of a scene for a sound file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from cam_rig.units import FloatArray
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SoundLevel(Result):
-    """Sound pressure level in dB re 20 µPa, unweighted.
+    """Sound pressure level of a simulated motion, in dB re 20 µPa, unweighted.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class SoundLevel(Result):
     level_db : float
         Level of the settled turns, dB.
     by_turn : (n,) array
-        Level of every turn at that speed, including those left out, dB.
+        Level of every turn at that speed, dB, including the turns that are left out.
     transient_turns : int
         Number of turns left out at the start.
     calibrated_on : str
@@ -74,7 +74,7 @@ class SoundLevel(Result):
 
     @property
     def calibrated(self) -> bool:
-        """True if the level is absolute, False if only differences are valid."""
+        """True if the level is absolute, False if only differences of levels are valid."""
         return bool(self.calibrated_on)
 
     def __str__(self) -> str:
@@ -84,7 +84,10 @@ class SoundLevel(Result):
         return f"{self.level_db:.1f} dB at {self.rpm:g} rpm ({origin})"
 
     def tables(self) -> list[Records]:
-        """Return the tables ``turns`` and ``level``, which is only exported."""
+        """Return the tables ``turns`` (level of each turn) and ``level``.
+
+        The latter is exported only.
+        """
         turns = enumerate(self.by_turn.tolist(), start=1)
         rows = [(turn, level, turn > self.transient_turns) for turn, level in turns]
         return [
@@ -107,7 +110,7 @@ def sound_level(motion: FollowerMotion, *, transient_turns: int = 1) -> SoundLev
     motion : FollowerMotion
         Result of `simulate`.
     transient_turns : int
-        Number of turns left out at the start, less than the number of turns.
+        Number of turns left out at the start, less than the number of turns (default: 1).
 
     Returns
     -------
@@ -141,7 +144,10 @@ def sound_level(motion: FollowerMotion, *, transient_turns: int = 1) -> SoundLev
 
 
 def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
-    """Return the sound pressure at the microphone over each block of a motion."""
+    """Return the sound pressure at the microphone for each block of a motion.
+
+    A block contains the samples of one interval of the run.
+    """
     radiation = RadiationParameters.from_rig(motion.rig, lands=MODELS[motion.scene.model].lifts_off)
     microphone = MicrophoneSimulator(radiation, int(motion.scene.sample_rate.si))
     measured = []
@@ -155,17 +161,18 @@ def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
 def _calibration_cam(motion: FollowerMotion) -> str:
     """Return the name of the cam to which the rig's sound constants were fitted.
 
-    It is empty if the constants are not valid for the motion.
+    It is empty if the constants are not valid for the motion: for another model, or if the model
+    keeps contact although a real follower would lift off.
     """
     if not MODELS[motion.scene.model].lifts_off and bool((motion.force < 0.0).any()):
-        return ""  # a real follower would lose contact
+        return ""  # a real follower would lose contact here
     return calibration_cam(motion.rig, motion.scene.model)
 
 
 def audition(
     loaded: LoadedScene, cam: str | None, rpm: float | None, seconds: float, rate: int
 ) -> LoadedScene:
-    """Return a scene with another sample rate, and optionally one cam or one speed.
+    """Return a scene with another sample rate, and optionally only one cam or speed.
 
     Parameters
     ----------
@@ -192,13 +199,13 @@ def audition(
     return replace(loaded, scene=SceneConfig.model_validate(data))
 
 
-#: Descriptions of the frequency weightings of the levels.
+#: Descriptions of the frequency weightings of sound levels.
 WEIGHTED = {"A": "A-weighted", "C": "C-weighted", "Z": "unweighted (Z), as in tables"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ListenResult(Result):
-    """Sound of a scene: pressure (Pa), and the levels that a meter shows for it."""
+    """Sound of a scene for a sound file, with the levels that a meter shows for it."""
 
     schema = "cam_rig.listen.1"
     columns: ClassVar = {
@@ -233,7 +240,7 @@ class ListenResult(Result):
 
     @property
     def full_scale(self) -> float:
-        """Sound pressure (Pa) at full scale of the sound file, at least the peak."""
+        """Sound pressure (Pa) of the largest number in the sound file, at least the peak."""
         return full_scale(self.measured.peak_pa)
 
     @property
@@ -242,7 +249,7 @@ class ListenResult(Result):
         return self.pressure.size / self.rate
 
     def tables(self) -> list[Records]:
-        """Return the tables ``levels``, ``third_octaves`` and ``sound``, only exported."""
+        """Return the tables ``levels``, ``third_octaves`` and ``sound``, for export only."""
         bands = self.measured.bands
         thirds = list(zip(bands.names, bands.level_db.tolist(), strict=True))
         return [
@@ -252,7 +259,11 @@ class ListenResult(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return lines of text: the file, one per weighting, and the measurement's limits."""
+        """Return lines of text on the sound file and its levels.
+
+        They contain file, duration and peak, the levels of each weighting, and limits of the
+        measurement.
+        """
         measured = self.measured
         lines = [
             f"{self.out}: {self.duration:.1f} s; full scale is {self.full_scale:g} Pa, "
@@ -273,7 +284,9 @@ class ListenResult(Result):
 def listen(
     loaded: LoadedScene, rate: int, out: Path, progress: Progress = NULL_PROGRESS
 ) -> ListenResult:
-    """Simulate the sound of a scene at its microphone, for a file.
+    """Simulate the sound of a scene at its microphone, for a sound file.
+
+    The file is written by the caller.
 
     Parameters
     ----------
@@ -282,7 +295,7 @@ def listen(
     rate : int
         Sample rate, Hz.
     out : Path
-        Sound file that the summary names. It is not written.
+        Sound file that the summary names.
     progress : Progress, optional
         Receiver of the progress.
     """

@@ -1,4 +1,4 @@
-"""Run of a scene, simulated or read from a bag: tables by speed and of noise."""
+"""Result of running a scene, simulated or read from a bag, and its tables."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from cam_rig.simulation.simulate import (
 from cam_rig.studies.simulate.motion import scene_of
 from cam_rig.units import to_rpm
 
-#: Columns of the table of one row per cam and speed, see `SpeedRow`.
+#: Columns of the table with one row per cam and speed, see `SpeedRow`.
 SPEEDS = (
     Column("cam"),
     Column("rpm", "rpm", ".6g", "speed"),
@@ -50,7 +50,8 @@ SPEEDS = (
 )
 
 
-#: Note on a row without a sample in contact, for which no contact force is reported.
+#: Note below the table for rows whose follower is never at rest on the cam, and thus has no contact
+#: force.
 BOUNCING = Footnote(
     "The follower bounces without end and is never at rest on the cam, so no sample has a contact "
     "force, only the impulses of landings.",
@@ -67,9 +68,9 @@ def _regression(curve: NoiseCurve) -> str:
 
 
 def _role(curve: NoiseCurve) -> str:
-    """Return the origin of a level for the table of noise.
+    """Return the origin of a cam's sound level for the table of noise.
 
-    It is empty unless the level is compared with a regression or relative.
+    It is empty unless the level is compared with a published regression, or is relative.
     """
     return "" if curve.rmse_db is None and curve.role is not LevelOrigin.RELATIVE else curve.role
 
@@ -87,6 +88,8 @@ def _coefficient(power: int) -> Column:
 class SceneRun(Result):
     """Run of a scene, simulated or recorded.
 
+    A tick is the time between two published states of the cam, one turn by default.
+
     Parameters
     ----------
     loaded : LoadedScene
@@ -96,7 +99,7 @@ class SceneRun(Result):
     source : Path
         Scene file or bag.
     blocks : callable
-        Returns an iterator over the samples of each tick, see also `samples`.
+        Function that returns an iterator over the samples of each tick, see also `samples`.
     counts : dict of str to int
         Number of messages by topic, empty for a simulated run.
     speeds : SpeedRows, optional
@@ -154,14 +157,15 @@ class SceneRun(Result):
 
     @property
     def complete(self) -> bool:
-        """True if the whole scene was run."""
+        """True if the run contains the whole scene."""
         return len(self.ticks) >= tick_count(self.loaded.scene)
 
     @cached_property
     def noise(self) -> NoiseResult:
-        """Sound levels (dB) over speed (rpm), and the speed of equal levels.
+        """Sound levels (dB) of each cam over speed (rpm), with regressions and crossing.
 
-        The field ``curves`` contains the levels by cam.
+        The field ``curves`` contains the levels by cam. The crossing is the speed at which the two
+        cams that the publication names are equally loud.
         """
         roles = {cam: self.loaded.level_origin(cam) for cam in self._levels}
         return compare(self._levels, roles, self.loaded.published)
@@ -218,7 +222,7 @@ class SceneRun(Result):
     def by_speed(self) -> tuple[SpeedRow, ...]:
         """One row per cam and speed: level, forces, lift-offs, landings and torque.
 
-        Only whole settled turns count.
+        Only whole settled turns are evaluated.
 
         Examples
         --------
@@ -270,9 +274,9 @@ class SceneRun(Result):
         export(Path(path), self.blocks(), self.loaded, cam, rpm)
 
     def tables(self) -> list[Records]:
-        """Return the tables ``speeds`` and ``noise``, and tables that are only exported.
+        """Return the tables ``speeds`` and ``noise``, and tables for export only.
 
-        The table ``speeds`` is empty for a bag without samples.
+        ``speeds`` has one row per cam and speed. It is empty for a bag without samples.
         """
         title, curves = self.loaded.scene.title, self.noise.curves.values()
         rate = int(self.loaded.scene.sample_rate.si)
@@ -297,10 +301,10 @@ class SceneRun(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return a line on the speed at which the two published cams are equally loud.
+        """Return a line on the speed at which two published cams are equally loud.
 
-        The result is empty if the run does not have both cams. It is a note if the run has no
-        sound.
+        The result is empty if the run does not contain both cams. If the run has no sound, it is a
+        note on the reason.
         """
         published = self.loaded.published
         if self.loaded.no_sound_note:
