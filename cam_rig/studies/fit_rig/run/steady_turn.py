@@ -35,7 +35,7 @@ class OneMassTurn:
     """Periodic turn of one rigid mass.
 
     It is the last turn of ``trajectory``, from the time ``begin`` (s) on. ``events`` are its
-    lift-offs and landings.
+    lift-offs and landings, with cam angles in [0, 2π).
     """
 
     trajectory: OneMassTrajectory
