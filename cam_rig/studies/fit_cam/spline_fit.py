@@ -262,7 +262,7 @@ class SplineFit(Result):
             yield list_outliers(readings)
 
     def _relative_residuals(self) -> FloatArray:
-        """Return the magnitudes of the residuals relative to those of other readings, ``(n,)``.
+        """Return residuals as multiples of the other readings' deviation, shape ``(n,)``.
 
         The unit is the r.m.s. of the other residuals. For a reading that its neighbours contradict,
         it is the scatter of the readings instead, if that gives a larger value. The reason is that

@@ -1,8 +1,8 @@
 """Selection of one contour of tangent arcs for the readings of one or several followers.
 
-An interpretation of the columns is the kind of follower (flat or not) and the turning sense of each
+An interpretation of the columns is the type of follower (flat or not) and the turning sense of each
 column. An `ArcSearch` fits each possible interpretation. The likeliest is fitted again with
-straight flanks, and these are used if the readings do not rule them out.
+straight flanks, which are used if the readings do not rule them out.
 """
 
 from __future__ import annotations
@@ -36,23 +36,24 @@ from cam_rig.studies.fit_cam.outliers import (
 
 Columns = tuple[Readings, ...]
 
-#: Largest number of rounds in which outliers are determined from the arcs and the arcs are fitted
-#: again.
+#: Largest number of repetitions in which outliers are determined from the fitted arcs and the arcs
+#: are fitted again.
 MAX_OUTLIER_ROUNDS = 4
-#: R.m.s. residual above which the contour does not fit the readings, as a fraction of the lift. The
-#: tables of other cams have larger residuals.
+#: R.m.s. residual, as a fraction of the lift, above which no contour of arcs is accepted. The
+#: tables of cams of other shapes have larger residuals.
 MAX_RMS_RATIO = 0.05
-#: Base radius (lifts) of the search under a flat face without a given base radius. It is so large
-#: that it does not bound the contour.
+#: Base radius, as a multiple of the lift, in a search with only flat followers and no given base
+#: radius. It has no effect on the lifts, and is so large that it does not limit the contour.
 FREE_BASE_LIFTS = 100.0
-#: Ratio of the nose radius of the pitch curve to a given roller radius, below which the search has
-#: ended at the lower bound of the nose radius.
+#: Ratio of the fitted nose radius of the pitch curve to its lower bound, a given roller radius,
+#: below which the search has ended at this bound.
 BOUND_RATIO = 1.01
-#: Largest ratio of the r.m.s. residual to the smallest one at which an interpretation is refined. A
-#: rough search ends close to its minimum, so refinement does not change the order at larger ratios.
+#: Largest ratio of an interpretation's r.m.s. residual to the smallest at which its fit is refined.
+#: A rough search ends close to its minimum, so refinement does not change the order at larger
+#: ratios.
 MAX_REFINED_RATIO = 2.0
-#: Lower limit of the r.m.s. residual (m) in the likelihood, for exact lifts. It is far below the
-#: residual of any gauge.
+#: Lower limit of the r.m.s. residual (m) in the likelihood, for exact lifts. It is far below that
+#: of any gauge.
 MIN_RMS = 1e-12
 
 
@@ -126,9 +127,10 @@ def fit_arcs(
 
 
 def _fit_without_outliers(fit: Callable[[Columns], ArcsFit], columns: Columns) -> ArcsFit:
-    """Return a fit whose arcs determine the outliers that the fit excludes.
+    """Return a fit in which the fitted arcs determine the excluded outliers.
 
-    The last fit is returned if the outliers still change after `MAX_OUTLIER_ROUNDS` repetitions.
+    ``fit`` fits arcs to columns. It is repeated until the outliers no longer change, at most
+    `MAX_OUTLIER_ROUNDS` times. The last fit is returned.
     """
     result = fit(columns)
     for _ in range(MAX_OUTLIER_ROUNDS):
@@ -154,8 +156,9 @@ def _searches(
 ) -> Iterator[ArcSearch]:
     """Yield one search for each possible interpretation of the columns.
 
-    A contour and its mirror image differ only in the angle of the nose. The sense of the first
-    column is therefore not reversed. The other columns are tried in both senses.
+    ``kinds`` are True for a flat follower, False for another, None if unknown. A contour and its
+    mirror image differ only in the angle of the nose. The sense of the first column is therefore
+    not reversed. The other columns are tried in both senses.
     """
     free_base = FREE_BASE_LIFTS * max(float(column.lifts.max()) for column in columns)
     all_flats = product(*((True, False) if kind is None else (kind,) for kind in kinds))
@@ -176,7 +179,8 @@ def _searches(
 def _select(searches: list[ArcSearch], radii: Radii, flank: Flank) -> ArcsFit:
     """Solve all searches, and return the fit of the likeliest interpretation.
 
-    Straight flanks are used if the readings do not rule them out.
+    Straight flanks are used if the readings do not rule them out, unless the shape ``flank`` is
+    given. Raises LawError if no contour is close to the readings.
     """
     curved, *others = _solve_all(searches)
     columns = curved.search.columns
@@ -211,11 +215,11 @@ def _select(searches: list[ArcSearch], radii: Radii, flank: Flank) -> ArcsFit:
 
 
 def _solve_all(searches: list[ArcSearch]) -> list[Profile]:
-    """Return the best contour of each search, ordered by likelihood.
+    """Return the best contour of each search, the likeliest first.
 
-    The likeliest is first. A contour with a far larger residual than the smallest is not refined,
-    which saves a quarter of the time for two columns. The order is that of Schwarz's criterion
-    (BIC): of two contours that are equally close, that with fewer free parameters is likelier.
+    The order is that of Schwarz's criterion (BIC): of two contours that are equally close to the
+    readings, that with fewer free parameters is likelier. A contour with a far larger residual than
+    the smallest is not refined, which saves a quarter of the time for two columns.
     """
     rough = [Profile(search, search.rough_minimum()) for search in searches]
     limit = MAX_REFINED_RATIO * min(profile.rms for profile in rough)
