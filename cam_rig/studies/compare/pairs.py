@@ -321,6 +321,7 @@ class MeasuredPairs:
 
 def _mark_jumps(pair: PairedSignal, model: ModelRun) -> PairedSignal:
     """Return a force signal in which readings near a jump of the model are marked.
+
     Near a jump, a small error in the time of a landing changes the force completely. The marked
     readings are left out of the comparison. The signal is returned unmarked if too few readings
     would remain.

@@ -264,7 +264,8 @@ class ArcSearch:
 def _min_convex_radius(prime: float, lift: float) -> float:
     """Return the smallest radius (m) of a convex flank.
 
-    It is also the upper limit of the nose radius. It is the mean of the base radius and the radius of the nose's top, which is base radius plus
-    lift. ``prime`` is the radius of the base circle, m.
+    It is also the upper limit of the nose radius. It is the mean of the base radius and the radius
+    of the nose's top, which is base radius plus lift. ``prime`` is the radius of the base circle,
+    m.
     """
     return prime + 0.5 * lift
