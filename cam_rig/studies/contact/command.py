@@ -1,4 +1,4 @@
-"""cam-rig contact: Hertz pressure and sliding of cams."""
+"""Command ``cam-rig contact``: Hertz pressure and sliding of cams."""
 
 from __future__ import annotations
 
