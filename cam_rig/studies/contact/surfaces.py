@@ -348,10 +348,11 @@ def _unit(name: str) -> FloatArray:
 
 
 def by_pressure_angle(name: str, event: FloatArray, most: float) -> FloatArray:
-    """Return the smallest prime radius over the lift h for a roller or point, ``(m,)``.
+    """Return the smallest prime radius over the lift h for a pressure angle, ``(m,)``.
 
-    The prime radius R_p is base radius plus roller radius. It follows from tan α = s' / (R_p + s)
-    with the largest pressure angle ``most`` = α in rad. ``event`` are m event angles in rad.
+    The follower is a roller or point. The prime radius R_p is base radius plus roller radius. It
+    follows from tan α = s' / (R_p + s) with the largest pressure angle ``most`` = α in rad.
+    ``event`` are m event angles in rad.
     """
     s, slope, _ = _scaled_rises(name, event)
     return np.asarray((np.abs(slope) / np.tan(most) - s).max(axis=1))
@@ -369,11 +370,12 @@ def by_face(name: str, event: FloatArray) -> FloatArray:
 
 
 def by_curvature(name: str, event: FloatArray, radius: float) -> FloatArray:
-    """Return the smallest prime radius over h for a radius of the pitch curve, ``(m,)``.
+    """Return the smallest prime radius over h for a limit of the curvature, ``(m,)``.
 
-    The prime radius is base radius plus roller radius. ``radius`` is the smallest allowed radius of
-    curvature of the pitch curve, relative to h: the roller radius plus the smallest radius of
-    curvature of the contour. The result follows from eq. 2.46 with the eccentricity ε = 0.
+    The prime radius is base radius plus roller radius. ``event`` are m event angles in rad.
+    ``radius`` is the smallest allowed radius of curvature of the pitch curve, relative to h: the
+    roller radius plus the smallest radius of curvature of the contour. The result follows from eq.
+    2.46 with the eccentricity ε = 0.
     """
     s, slope, second = _scaled_rises(name, event)
 
