@@ -70,7 +70,7 @@ def spline_cam(
     fraction `ROLLER_PART` of the base radius.
     """
     degrees = [float(f"{math.degrees(angle):.9g}") for angle in fit.readings.angles]
-    points = {  # as the table contains them, because it is not written yet
+    points = {  # rounded as in the table of points, which is not written yet
         "file": f"{name}.csv",
         "angles": tuple(angle * (TURN / 360.0) for angle in degrees),
         "lifts": tuple(1e-3 * to_mm(lift) for lift in fit.readings.lifts),
@@ -173,18 +173,18 @@ def _points_table(fit: SplineFit) -> str:
 
 
 def _residual(fit: SplineFit) -> str:
-    """Return the residuals of a spline as text for a cam file."""
+    """Return r.m.s. and largest residual of a spline as text for a cam file."""
     smoothed = fit.smoothed
     return f"{to_mm(smoothed.rms):.3g} mm r.m.s., {to_mm(smoothed.largest):.3g} mm at most"
 
 
-# Parts of all cam files.
+# Helpers for all cam files.
 
 
 def cam_text(data: dict[str, Any], *header: str, assumed: list[str]) -> str:
     """Return the text of a cam file, with a header and the assumptions as comments.
 
-    Unprintable characters of the comments are removed.
+    ``header`` are the lines of the header. Unprintable characters of the comments are removed.
     """
     lines = [*header, *(f"assumed: {assumption}" for assumption in assumed)]
     comments = (f"# {''.join(c for c in line if c.isprintable())}\n" for line in lines)
@@ -196,7 +196,7 @@ def follower_data(
 ) -> dict[str, Any]:
     """Return the follower section of a cam file.
 
-    Only a roller has a roller radius.
+    ``base`` and ``roller`` are the radii as quantities. Only a roller has a roller radius.
     """
     data = {"type": kind, "base_radius": base}
     return {**data, "roller_radius": roller} if kind == "roller" else data

@@ -47,7 +47,8 @@ EVENT_FRACTION = 0.35
 #: with a lift of 10 mm over 90 deg leaves a range of 0.4 mm, four scatters of a coarse gauge,
 #: within 17 deg.
 MAX_END_DISTANCE = math.radians(25.0)
-#: Number of angles that are tried as the end of a dwell and averaged by their likelihood.
+#: Number of cam angles that are tried as the end of a dwell. Their mean, weighted with the
+#: likelihood, is the end.
 END_ANGLES = 200
 #: Number of decimals of a dwell's start and span in degrees, as in a written cam file.
 DEGREE_DECIMALS = 4
@@ -72,7 +73,7 @@ class FoundDwell:
     scatter: float
 
     def at_level(self, level: float) -> FoundDwell:
-        """Return the dwell with another level (m)."""
+        """Return a copy of the dwell with the given level (m)."""
         return replace(self, rest=self.rest._replace(level=level))
 
     def covers(self, start: float, span: float) -> bool:
@@ -231,7 +232,8 @@ def _drop_close_dwells(dwells: list[FoundDwell]) -> tuple[FoundDwell, ...]:
     for i, dwell in enumerate(dwells):
         after = dwells[(i + 1) % len(dwells)]
         between = (after.rest.start - dwell.rest.start - dwell.rest.span) % TURN
-        limit = TURN - dwell.rest.span - after.rest.span + MIN_EVENT_SPAN  # above it they overlap
+        # If the next dwell starts inside this one, the angle between them wraps to nearly a turn.
+        limit = TURN - dwell.rest.span - after.rest.span + MIN_EVENT_SPAN
         if len(dwells) > 1 and not MIN_EVENT_SPAN < between < limit:
             shorter = min(dwell, after, key=lambda dwell: dwell.rest.span)
             return _drop_close_dwells([dwell for dwell in dwells if dwell is not shorter])
@@ -253,7 +255,8 @@ def _fit_dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: flo
     first = float(readings.angles[run.first])
     last = first + _span(readings, ahead[: run.count])
     min_end = min_start = 0.0
-    if _contains_wide_gap(readings, ahead[: run.count]):  # both ends are beyond the gap
+    # A dwell that covers a wide gap starts before the gap and ends after it.
+    if _contains_wide_gap(readings, ahead[: run.count]):
         min_end = (sum(readings.gap) - first) % TURN
         min_start = (last - readings.gap[0]) % TURN
     forwards = (readings.angles[ahead] - first) % TURN
@@ -306,7 +309,7 @@ def _leaving_sse(x: FloatArray, y: FloatArray, end: float, terms: int) -> float:
     return float(np.sum((y - powers @ coefficients) ** 2))
 
 
-# The gauge's zero: its reading at the lowest lift.
+# Zero of the gauge: its reading at the lowest lift.
 
 
 def subtract_zero(readings: Readings) -> Readings:

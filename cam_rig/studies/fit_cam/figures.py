@@ -1,4 +1,4 @@
-"""Figures of a fitted cam: lift over the cam angle, readings and residuals."""
+"""Figures of a fitted cam over the cam angle: lift, readings and residuals."""
 
 from __future__ import annotations
 

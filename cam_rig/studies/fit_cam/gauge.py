@@ -16,8 +16,8 @@ from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable, widest_
 from cam_rig.studies.fit_cam.half_lobe import nose_of_half_lobe
 from cam_rig.units import TURN, FloatArray
 
-#: Largest difference (rad) of two angles that count as equal. It is above the rounding of angles
-#: that are written in degrees with four decimals.
+#: Largest difference (rad) of two cam angles that count as equal. It is above the rounding of
+#: angles that are written in degrees with four decimals.
 ANGLE_ATOL = 1e-6
 #: Lower limit of the step in which lifts are written, m, far below the step of any gauge. It gives
 #: calculated lifts a rounding error that is not zero.
@@ -106,7 +106,7 @@ class Readings:
 
     @property
     def scatter_error(self) -> float:
-        """Relative standard error of `scatter`."""
+        """Relative standard error of `scatter`, which is an estimate from the readings."""
         return scatter_error(self.angles.size)
 
     @property
@@ -118,9 +118,9 @@ class Readings:
         return self.gap[1] > math.radians(MAX_GAP_DEG) + ANGLE_ATOL
 
     def select(self, indices: NDArray[np.int64]) -> Readings:
-        """Return the readings with the given indices.
+        """Return only the readings with the given indices.
 
-        The gap is that of all readings.
+        The field `gap` is not recomputed. It is that of all readings.
         """
         return replace(
             self,
@@ -217,9 +217,9 @@ END_MARK_STEPS = 5.0
 #: Smallest distance of the lift of an end mark from the range of the other lifts, as a fraction of
 #: that range. A reading at the end of a table is within the range, or close to it.
 END_MARK_RANGE = 0.2
-#: Two tolerances for a lift that only rises or only falls, both as a fraction of its range: largest
-#: change in the opposite direction, and largest difference between the range and the distance of
-#: the first from the last lift.
+#: Tolerance for a lift that only rises or only falls, as a fraction of its range. It limits the
+#: changes in the opposite direction, and the difference between the range and the distance of the
+#: last lift from the first.
 ONE_WAY_RTOL = 0.05
 
 

@@ -48,10 +48,10 @@ class TableOptions:
     Parameters
     ----------
     column, angle_column
-        Headings of the columns of lifts and of angles, None to find them by their words.
+        Headings of the columns of lifts and of angles, None to recognise them by their words.
     shaft
-        Shaft whose angle the table has, None to find it by the heading. The crankshaft turns twice
-        as fast as the cam.
+        Shaft whose angle the table contains, None to recognise it by the heading. The crankshaft
+        turns twice as fast as the cam.
     counts
         Counts of an encoder per turn of that shaft, None if angles are not counts.
     """

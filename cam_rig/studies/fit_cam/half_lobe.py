@@ -31,7 +31,7 @@ MAX_END_SLOPE = 0.05
 #: Largest distance of the nose's vertex from the reading with the largest lift, in steps of the
 #: angle. Half a step is possible if the nose is between two readings. A quarter is added for noise.
 MAX_STEPS_TO_NOSE = 0.75
-#: Allowance for noise in the slope limits, in standard errors of the slope.
+#: Allowance for noise in the limits of the lift's slope, in standard errors of the slope.
 SLOPE_ERRORS = 3.0
 #: Allowance for noise in the slope limit of a cubic polynomial, in standard errors of the slope. It
 #: is larger because this slope depends mainly on the first reading, which was selected as the

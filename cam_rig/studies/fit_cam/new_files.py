@@ -15,15 +15,15 @@ from cam_rig.schema import RigConfig
 from cam_rig.schema.load import assumed_numbers, quantity_data, to_yaml
 from cam_rig.units import to_rpm
 
-#: Cam speeds of the new scene, as fractions of the jump speed of a rigid follower. The last speed
-#: is above the jump speed.
+#: Cam speeds of the new scene, as fractions of the jump speed of a rigid follower. The last is
+#: above the jump speed, so that contact is lost.
 SPEED_FRACTIONS = (0.4, 0.6, 0.8, 0.9, 1.1)
 #: Cam speeds (rpm) of the new scene if a rigid follower loses contact at every speed or at no
 #: speed: usual speeds of a test bench.
 DEFAULT_RPM: tuple[float, ...] = (100.0, 200.0, 300.0)
 #: Highest cam speed (rpm) of the new scene, above that of any valve train.
 MAX_RPM = 20_000.0
-#: Smallest number of samples per turn at the highest speed: two per degree.
+#: Smallest number of samples per turn at the highest speed of the new scene: two per degree.
 MIN_SAMPLES_PER_TURN = 720
 #: Smallest sample rate of the new scene, Hz.
 MIN_SAMPLE_RATE = 10_000

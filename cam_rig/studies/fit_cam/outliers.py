@@ -25,11 +25,11 @@ MIN_OUTLIER_SCATTERS = 6.0
 #: Smallest ratio of the distance of an outlier to that of the next largest reading. At a kink of
 #: the law, several readings have similar distances.
 MIN_OUTLIER_RATIO = 2.0
-#: Largest number of readings that are dropped as outliers. A larger number is not caused by single
-#: slips.
+#: Largest number of readings that are excluded as outliers. A larger number has another cause than
+#: single wrong readings.
 MAX_OUTLIERS = 10
-#: Largest number of readings that are dropped as outliers, as a fraction of all readings. A larger
-#: fraction is not caused by single slips.
+#: Largest fraction of all readings that are excluded as outliers. A larger fraction has another
+#: cause than single wrong readings.
 MAX_OUTLIER_FRACTION = 0.05
 #: Numbers of adjacent readings that may be off together as one outlier, tried in this order. The
 #: largest is that of a sequence with a common shift.

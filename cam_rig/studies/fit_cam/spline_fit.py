@@ -1,4 +1,4 @@
-"""Fit of a spline with exact dwells to readings, within the error of the gauge."""
+"""Fit of a spline with exact dwells to gauge readings, within the error of the gauge."""
 
 from __future__ import annotations
 
@@ -156,12 +156,12 @@ class SplineFit(Result):
 
     @property
     def scatter_error(self) -> float:
-        """Standard error of the scatter, m."""
+        """Standard error of the estimated scatter of the readings, m."""
         return self.scatter * self.readings.scatter_error
 
     @property
     def followed(self) -> bool:
-        """True if the tolerance is the given error of the gauge."""
+        """True if the requested tolerance, the error of the gauge, was used."""
         return self.tolerance == self.requested_tolerance
 
     @property
@@ -196,7 +196,7 @@ class SplineFit(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return the notes on the readings, then the conclusions."""
+        """Return the notes on how the table was read, then the conclusions."""
         return [*self.notes, *self.conclusions()]
 
     def conclusions(self) -> Iterator[str]:

@@ -145,8 +145,9 @@ class FitRequest:
     def _select_columns(self, table: GaugeTable) -> tuple[GaugeColumn, ...]:
         """Return the columns of a table to fit: all for arcs, and one for a spline.
 
-        Raises ConfigError for several columns, and for radii of a follower other than a point
-        follower. The lift of a point follower is the radius minus the base radius.
+        Raises ConfigError for several columns if a spline is fitted. Raises it too for radii,
+        unless the follower is a point. The lift of a point follower is the radius minus the base
+        radius.
         """
         columns = table.columns
         if self.shape == "spline" and len(columns) > 1 and not self.take_first:
@@ -198,7 +199,9 @@ class FitRequest:
         if "point" in self.followers:
             roller = 0.0
         given: GivenRadii = None if roller_radius is None else "roller"
-        if base_radius is not None:  # without a roller, it is the only unknown radius
+        # If only the base radius is given, the roller radius follows from the sum of both. A point
+        # follower has no roller.
+        if base_radius is not None:
             given = "base" if roller_radius is None and roller else "both"
         base = 3.0 * lift if base_radius is None else base_radius
         return fit_arcs(columns, self._flats(len(columns)), roller, base, given, self.flank)
@@ -237,7 +240,10 @@ def _given_or_stated(
 
 
 class FitOptions(TypedDict, total=False):
-    """Options of `fit_cam` except the shape, which selects the type of the result."""
+    """Keyword options of `fit_cam` except ``shape``, for its overloaded signatures.
+
+    The shape selects the type of the result.
+    """
 
     follower: FollowerKind | Sequence[FollowerKind] | None
     column: str | None

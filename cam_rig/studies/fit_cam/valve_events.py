@@ -1,4 +1,7 @@
-"""Opening, closing and duration of a valve at a checking height."""
+"""Cam angles at which a valve opens and closes, and the duration between them.
+
+They are those at which the lift of the valve passes a checking height.
+"""
 
 from __future__ import annotations
 

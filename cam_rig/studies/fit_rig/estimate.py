@@ -15,13 +15,12 @@ from cam_rig.show.result import Column, Records, Result
 from cam_rig.studies.fit_rig.parameters import PARAMETERS
 from cam_rig.units import FloatArray, round_to_error
 
-#: Half the width of the interval that contains 95 % of a normal distribution, in standard
-#: deviations.
+#: Half the width of the 95 % interval of a normal distribution, in standard deviations.
 NORMAL_95 = 1.96
 #: Relative standard error from which an identified value gets a warning: fewer than one digit of
 #: the value is significant.
 CAUTION_RELATIVE_ERROR = 1.0 / 3.0
-#: Largest relative standard error at which a parameter is identified. Its 95 % interval then
+#: Relative standard error below which a parameter counts as identified. Its 95 % interval then
 #: excludes zero.
 MAX_RELATIVE_ERROR = 0.5
 
@@ -167,7 +166,7 @@ class RigParameters(Result):
 
     @property
     def identified(self) -> tuple[ParameterEstimate, ...]:
-        """Estimates of the identified parameters."""
+        """Estimates of those parameters that were identified, with value and error."""
         return tuple(n for n in self.numbers if n.origin == "identified")
 
     def number_tables(self, caption: str, names: tuple[str, ...]) -> list[Records]:

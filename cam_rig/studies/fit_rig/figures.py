@@ -1,4 +1,4 @@
-"""Figures of a fitted rig: measurement, model and residual."""
+"""Figures of a fitted rig: measured and fitted values, and their residuals."""
 
 from __future__ import annotations
 

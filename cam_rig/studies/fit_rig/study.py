@@ -46,8 +46,8 @@ def fit_rig(
 ) -> RigFit | JumpFit:
     r"""Identify a follower's parameters from a measured run, or from its jump speeds.
 
-    Each parameter has its standard error. A parameter that is not identifiable has no value, and
-    a reason. The command is ``cam-rig fit rig``.
+    Each identified parameter has a standard error. A parameter that is not identifiable has no
+    value, and a reason. The command is ``cam-rig fit rig``.
 
     Parameters
     ----------

@@ -107,7 +107,7 @@ def _round_to_errors(fit: ArcsFit, fraction: float) -> tuple[Arcs, float]:
 
     def rounded(metres: float, interval: ParameterInterval) -> float:
         error = 1e3 * fraction * interval.error
-        if not math.isfinite(error):  # undetermined: four digits if `fraction` is 1
+        if not math.isfinite(error):  # without a standard error: four digits if `fraction` is 1
             error = fraction * 10.0 ** (math.floor(math.log10(abs(1e3 * metres))) - 2)
         return 1e-3 * float(round_to_error(1e3 * metres, error))
 

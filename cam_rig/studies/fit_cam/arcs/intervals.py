@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from cam_rig.units import round_to_error
 
-#: Half the width of the interval that contains 95 % of a normal distribution, in standard errors.
+#: Half the width of the 95 % interval of a normal distribution, in standard deviations.
 NORMAL_95 = 1.96
 #: Largest relative standard error of a parameter that counts as well identifiable. Its 95 %
 #: interval then extends from a third of its value to five thirds.

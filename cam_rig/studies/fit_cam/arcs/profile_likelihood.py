@@ -28,7 +28,7 @@ from cam_rig.studies.fit_cam.arcs.contour import Parameter, parameter_value
 from cam_rig.studies.fit_cam.arcs.search import NO_CONTOUR_RESIDUAL, ArcSearch
 from cam_rig.units import FloatArray
 
-#: Probability of a value beyond each end of a 95 % interval.
+#: Probability of a value below the lower, or above the upper, end of a 95 % interval.
 TAIL_PROBABILITY = 0.025
 #: Tolerance of the end of an interval, relative to its distance from the best value. Two digits of
 #: the end are displayed.
@@ -36,8 +36,8 @@ END_RTOL = 0.01
 #: Relative tolerance of the sum of squares in a search with one fixed parameter. It is far below
 #: the change of the sum that determines the end of an interval.
 PROFILE_RTOL = 1e-6
-#: Step of the search variables, which are of the order of 1, for a central difference. It is of the
-#: order of the cube root of the rounding error, 6e-6.
+#: Step of the search variables for a central difference. The variables are of the order of 1. The
+#: step is of the order of the cube root of the rounding error, 6e-6.
 DERIVATIVE_STEP = 1e-6
 #: Standard error that is assumed for a coordinate of the contour if the lifts do not depend on it
 #: to first order, relative to the largest search variable (at least 1). Case: a concave flank under
@@ -76,12 +76,12 @@ class Profile:
 
     @cached_property
     def sse(self) -> float:
-        """Smallest sum of squared residuals, m²."""
+        """Smallest sum of squared residuals, that of the best contour, m²."""
         return self.search.sse(self.x)
 
     @cached_property
     def rms(self) -> float:
-        """R.m.s. residual of all readings, m."""
+        """R.m.s. residual of all readings from the best contour, m."""
         return self.search.rms(self.x)
 
     @property
@@ -142,10 +142,10 @@ class Profile:
             return np.array(changes) / (2.0 * DERIVATIVE_STEP)
 
         gradient = derivatives(lambda y: search.coordinates.of(search.pitch(y))[parameter])
-        jacobian = derivatives(search.residuals)  # transposed, ``(p, n)``
+        jacobian = derivatives(search.residuals)  # transposed: p parameters, n readings
         direction = np.linalg.pinv(jacobian @ jacobian.T) @ gradient
         variance = float(gradient @ direction)
-        if not variance > 0.0:  # lifts of a flat face do not depend on a concave flank
+        if not variance > 0.0:  # lifts of a flat follower do not depend on a concave flank
             error = UNKNOWN_ERROR * max(1.0, float(np.abs(x).max()))
             return LinearEstimate(error, self.limit, 0.0 * x)
         ends = np.cumsum([column.angles.size for column in search.columns])
@@ -180,7 +180,7 @@ class Profile:
         if parameter == Parameter.PRIME:
             lowest = 1.0 / (MAX_PRIME_LIFTS * self.search.pitch(self.x).lift)
         elif parameter == Parameter.FLANK and all(self.search.flats):
-            lowest = 0.0  # a flat face does not reach a concave flank
+            lowest = 0.0  # a flat follower does not touch a concave flank
         path = _ProfilePath(self, parameter, lowest)
         inside, step = path.start, sign * path.estimate.limit * path.estimate.error
         for _ in range(MAX_DOUBLINGS):

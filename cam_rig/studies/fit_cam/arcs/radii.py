@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 from cam_rig.errors import ConfigError
 from cam_rig.studies.fit_cam.arcs.contour import Arcs
 
-#: Radii that are given in addition to the readings, or None if neither is given.
+#: Radii that the user has given in addition to the readings, or None if neither is given.
 GivenRadii = Literal["base", "roller", "both"] | None
 #: Smallest radius of nose or base that an assumed roller radius may leave, as a fraction of the
 #: smaller of base and nose radius of the pitch curve. For flat followers, it is a fraction of the
@@ -78,7 +78,7 @@ def contour_of_pitch_curve(
             replaced, base = base, float(f"{difference / (1.0 - REPLACED_RADIUS_LEFT):.2g}")
         return pitch.offset(base - pitch.base_radius), roller, replaced
     if given == "base":
-        # `require_roller` rejects a base radius without a roller or a nose after the fit
+        # After the fit, `require_roller` rejects a base radius that leaves no roller or no nose.
         roller = min(max(pitch.base_radius - base, 0.0), (1.0 - MIN_RADIUS_RATIO) * smallest)
     elif given is None and smallest - roller < MIN_RADIUS_LEFT * smallest:
         replaced, roller = roller, float(f"{REPLACED_RADIUS_LEFT * smallest:.2g}")

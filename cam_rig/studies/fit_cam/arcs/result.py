@@ -128,7 +128,10 @@ class ArcsFit(Result):
 
     @cached_property
     def fitted_columns(self) -> tuple[ArcColumn, ...]:
-        """Readings of each column, with their residuals from the contour."""
+        """Readings of each column with their residuals from the contour.
+
+        The interpretation of a column is that of the best fit.
+        """
         search, roller = self.best.search, ArcFollower(False, self.roller_radius)
         columns = (search.column(self.best.x, i) for i in range(len(search.columns)))
         return tuple(
@@ -152,7 +155,7 @@ class ArcsFit(Result):
 
     @property
     def scatter(self) -> float:
-        """Standard deviation (m) of all readings from a smooth law through each column."""
+        """R.m.s. scatter (m) of all readings about a smooth law through each column."""
         sizes = [np.full(c.residuals.size, c.readings.scatter) for c in self.fitted_columns]
         return rms(np.concatenate(sizes))
 
@@ -261,7 +264,7 @@ class ArcsFit(Result):
     # Sentences of the summary.
 
     def conclusions(self) -> Iterator[str]:
-        """Yield the conclusions, one sentence each.
+        """Yield the sentences of the summary.
 
         They report the residual, the flanks, the interpretation of the columns, the outliers, and
         the parameters that are not identifiable.

@@ -34,7 +34,7 @@ START_NOSE = 0.3
 START_FLANKS = (0.3, 0.7, -0.3)
 #: Relative tolerance of a rough search, which only ranks start points and interpretations.
 ROUGH_RTOL = 1e-8
-#: Largest number of evaluations of the residuals in a rough search.
+#: Largest number of evaluations of the residuals in one rough search.
 MAX_ROUGH_EVALUATIONS = 30
 #: Relative tolerance of the final search, close to floating-point rounding.
 FINAL_RTOL = 1e-12
@@ -208,7 +208,7 @@ class ArcSearch:
 
     def rough_minimum(self) -> FloatArray:
         """Return the search variables of the best rough search from all start points."""
-        starts = np.unique(list(self._starts()), axis=0)  # with a fixed flank some are equal
+        starts = np.unique(list(self._starts()), axis=0)  # equal starts occur if the flank is fixed
         minima = (self.minimize(start, ROUGH_RTOL, MAX_ROUGH_EVALUATIONS) for start in starts)
         return min(minima, key=self.rms)
 

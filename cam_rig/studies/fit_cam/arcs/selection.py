@@ -67,9 +67,10 @@ def fit_arcs(
 ) -> ArcsFit:
     """Fit one contour of tangent arcs to the readings of all columns.
 
-    The lifts are above the zero of their column. The fitted arcs determine the outliers, not the
-    neighbouring readings. A flat face can pass from base circle to nose with a kink, and a good
-    reading at a kink disagrees with its neighbours.
+    The lifts are above the zero of their column. Outliers are those readings that contradict the
+    fitted arcs. Neighbouring readings are not used for this purpose, because a flat follower can
+    pass from base circle to nose with a kink, at which a good reading disagrees with its
+    neighbours.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ def fit_arcs(
         Base radius in m, used if all followers are flat, because they do not determine it, and if
         both radii are given.
     given_radii : {'base', 'roller', 'both'}, optional
-        Radii that are given (default: no radius). A radius bounds the search only if it is given.
+        Radii that are given (default: no radius). A radius limits the search only if it is given.
         An assumed radius that leaves too little radius for the nose is replaced.
     flank : {'straight', 'curved'}, optional
         Shape of the flanks (default: straight unless the readings rule it out).
@@ -110,11 +111,14 @@ def fit_arcs(
 
     result = _fit_without_outliers(fit, columns)
     if any(column.readings.outliers for column in result.fitted_columns):
-        # Good readings at both kinks of a bridge can be outliers from arcs through the others, and
-        # not from arcs through all. No contour is close to the readings with a very large slip.
+        # A flat follower passes from base circle to nose with a kink on each side. Good readings at
+        # both kinks can be outliers from the arcs that fit the other readings, but not from the
+        # arcs that fit all. The fit is therefore repeated with all readings. A very wrong reading
+        # can make this fit impossible.
         with suppress(LawError):
             other = _fit_without_outliers(fit, tuple(map(include_outliers, columns)))
-            # used if it keeps more readings, and on average the added readings are not outliers
+            # This fit is used if it excludes fewer readings, and if on average the added readings
+            # are not outliers.
             added = other.best.search.count - result.best.search.count
             added_sse = other.best.sse - result.best.sse
             if added > 0 and added_sse < added * (MIN_OUTLIER_SCATTERS * result.rms) ** 2:
@@ -148,7 +152,7 @@ def _fit_without_outliers(fit: Callable[[Columns], ArcsFit], columns: Columns) -
     return result
 
 
-# Interpretations of the columns, and the likeliest of them.
+# Search for the likeliest interpretation of the columns.
 
 
 def _searches(

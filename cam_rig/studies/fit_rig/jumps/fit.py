@@ -120,7 +120,7 @@ class JumpFit(RigParameters):
         ]
 
     def summary(self) -> list[str]:
-        """Return the notes on how the table was read, the parameters, and warnings."""
+        """Return notes on how the table was read, the parameters, and warnings."""
         return [*(f"{self.read.file}: {note}" for note in self.read.notes), *self.conclusions()]
 
     def conclusions(self) -> Iterator[str]:
@@ -237,7 +237,10 @@ def _coverage_factor(error_given: bool, surplus: int) -> float:
 
 
 def _check_readings(table: JumpTable) -> None:
-    """Raise a `ConfigError` for a speed or a value of a table outside its limits."""
+    """Raise a `ConfigError` if a jump speed or a set-up value is outside its limits.
+
+    A set-up value is an added mass, spring or preload of the table.
+    """
     for reading in table.readings:
         for name, value in reading.setup.items():
             limits = PARAMETERS[name]
@@ -289,7 +292,7 @@ def _read_start_values(
     """
     follower = base.follower
     values = {name: base.need(name, "the fit").si for name in RIGID}
-    values["restitution"] = 0.0  # landings do not affect a jump speed
+    values["restitution"] = 0.0  # the restitution affects only landings, not the jump speed
     if has_two_masses:
         if "stem_stiffness" not in fixed:
             purpose, one_mass = "the start of a fit of two masses", "use --model one_mass"

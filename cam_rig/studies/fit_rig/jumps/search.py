@@ -1,4 +1,7 @@
-"""Search for the follower whose jump speeds are closest to those in a table."""
+"""Search for the follower whose jump speeds are closest to those of a table.
+
+A search variable is the value or the logarithm of a free parameter.
+"""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ def read_jump_table(path: Path) -> JumpTable:
 
 
 class _JumpReader(CellTable):
-    """Reader of a file of measured jump speeds."""
+    """Reader of a text file with a table of measured jump speeds."""
 
     def table(self) -> JumpTable:
         """Return the table with all readings of the file.

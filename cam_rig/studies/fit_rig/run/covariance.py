@@ -95,7 +95,8 @@ def _correlated(jacobian: FloatArray, correlation: FloatArray) -> FloatArray:
     lags = np.zeros(size)
     lags[: correlation.size] = correlation
     lags[size - correlation.size + 1 :] = correlation[:0:-1]
-    power = np.maximum(np.fft.rfft(lags).real, 0.0)  # a truncated correlation has negative power
-    power[1 : (size + 1) // 2] *= 2.0  # the line of the negative frequency is added
+    # The truncation of the autocorrelation can make its power spectrum negative.
+    power = np.maximum(np.fft.rfft(lags).real, 0.0)
+    power[1 : (size + 1) // 2] *= 2.0  # each line also represents its negative frequency
     lines = np.fft.rfft(jacobian, size, axis=0)
     return np.asarray(((lines.conj().T * power) @ lines).real / size)

@@ -161,7 +161,7 @@ def _null_reason(others: list[str], solution: FitSolution) -> str:
 def _segment_fit(solution: FitSolution, i: int) -> SegmentFit:
     """Return the residuals and lift-offs of the fit at steady-speed segment ``i``."""
     predicted = solution.predicted[i]
-    assert predicted is not None  # a search ends with steady turns
+    assert predicted is not None  # every segment of a solution has a periodic turn
     lift, force = predicted.lift.residual, predicted.force.residual
     rpm = solution.likelihood.speed_of(solution.x, i) * 60.0 / TURN
     samples = solution.segments[i].line.turns, lift.size + force.size

@@ -45,7 +45,7 @@ def fit_run(
     model : str, optional
         ``one_mass``, ``two_mass`` (two masses and a stem), or None for the likelier.
     fixed : dict of str to float, optional
-        Known values in SI by name.
+        Known values in SI by rig-file key.
     progress : Progress, optional
         Receiver of the progress.
 
@@ -60,7 +60,7 @@ def fit_run(
     run, segments = measured_segments(run)
     rigid = {name: value for name, value in fixed.items() if name not in TWO_MASS_ONLY}
     purpose = "the start values of the fit", "use another --rig"
-    # a rig without a restitution starts from 0, which affects landings only
+    # If the rig has no restitution, the search starts from 0. It affects landings only.
     optional = {"restitution": si_or_none(base.follower.restitution) or 0.0}
     values = {
         n: optional[n] if n in optional else base.need(n, *purpose).si

@@ -16,16 +16,16 @@ from cam_rig.units import TURN, FloatArray
 
 #: Key of the relative error of the sensors' clock, in ppm.
 CLOCK = "clock"
-#: Key of the zero offset of the lift gauge, m.
+#: Key of the zero offset of the lift gauge, in m.
 ZERO = "zero"
-#: Key of the backlash of the lift gauge, m.
+#: Key of the backlash of the lift gauge, in m.
 BACKLASH = "backlash"
-#: Key of the zero offset of the force sensor, N.
+#: Key of the zero offset of the force sensor, in N.
 FORCE_ZERO = "force_zero"
 #: Key of the natural frequency of the force sensor. Its search variable is the natural logarithm of
 #: the frequency in Hz.
 RESONANCE = "sensor_frequency"
-#: Key of the damping ratio of the force sensor.
+#: Key of the damping ratio of the force sensor's resonance, dimensionless.
 RATIO = "sensor_damping"
 #: Keys of the instrument errors that all steady-speed segments share, in the order of the search
 #: variables.

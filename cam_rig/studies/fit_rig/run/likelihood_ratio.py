@@ -19,8 +19,9 @@ from cam_rig.studies.fit_rig.run.noise_model import update_noise
 from cam_rig.studies.fit_rig.run.search import GUARD, FitSolution, continue_from
 from cam_rig.units import FloatArray
 
-#: Largest increase of a sum of squares (in squared standard deviations) that is attributed to
-#: chance. With twenty parameters χ² exceeds it once in 140 000 cases.
+#: Largest increase of the sum of squared residuals, in squared standard deviations, that is
+#: attributed to chance when two fits are compared. With twenty parameters χ² exceeds it once in 140
+#: 000 cases.
 MAX_CHANCE_SSE = 60.0
 
 

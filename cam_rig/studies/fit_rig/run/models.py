@@ -116,7 +116,7 @@ def fit_elastic(one_mass: FitSolution, fixed: dict[str, float], progress: Progre
     return two_masses if log_ratio(two_masses, best) > MIN_ELASTIC_LOG_RATIO else best
 
 
-# One mass.
+# Fits of one rigid mass.
 
 
 def _without_restitution(
@@ -250,7 +250,7 @@ def _has_backlash(fit: FitSolution) -> bool:
     return bool(abs(step[index]) > threshold)
 
 
-# An elastic stem, or an elastic force sensor.
+# Fits with an elastic stem, or with a resonance of the force sensor.
 
 
 def _in_contact_if_patterned(one_mass: AnyCandidate) -> AnyCandidate | FitSolution:

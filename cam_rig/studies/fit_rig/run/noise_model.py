@@ -1,7 +1,8 @@
 """Noise of the measured lift and force, estimated from the residuals of a fit.
 
-The errors are taken as normal and independent between samples. The lift has one standard deviation
-a_s. The force F has the standard deviation √(a² + b² F²), a constant floor a and a relative part b.
+The errors are taken as normally distributed and independent between samples. The lift has one
+standard deviation. The force F has the standard deviation √(a² + b² F²), with a constant floor a
+and a relative part b.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from scipy.optimize import nnls
 from cam_rig.studies.fit_rig.run.likelihood import NO_TURN_RESIDUAL, Likelihood
 from cam_rig.units import FloatArray, rms
 
-#: Number of reweighted least-squares fits that estimate the noise of the force.
+#: Number of least-squares fits that estimate the noise of the force. Each is weighted with the
+#: noise of the previous fit.
 NOISE_ROUNDS = 4
 #: Smallest constant part of the force's noise, relative to the total noise. It keeps the weights of
 #: small forces finite.

@@ -70,7 +70,7 @@ class InstrumentEstimate:
 
     @property
     def value_text(self) -> str:
-        """Instrument error in the displayed unit as text, rounded to its standard error."""
+        """Value in the displayed unit as text, rounded to its standard error."""
         value = self.value / self.scale
         if self.error is None:
             return format_number(value, ".4g")
@@ -154,7 +154,7 @@ class RigFit(RigParameters):
         ]
 
     def summary(self) -> list[str]:
-        """Return the notes on how the run was read, the parameters, and warnings."""
+        """Return notes on how the run was read, the parameters, and warnings."""
         return [*self.run.notes, *self.conclusions()]
 
     def conclusions(self) -> Iterator[str]:

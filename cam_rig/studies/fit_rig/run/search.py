@@ -39,7 +39,7 @@ MAX_FIRST_STEPS = 6
 MAX_STEPS = 40
 #: Relative decrease of the sum of squares below which a least-squares search stops.
 SSE_RTOL = 3e-7
-#: Smallest and largest damping ratio of a force sensor in the search.
+#: Smallest and largest damping ratio of the force sensor's resonance in the search.
 DAMPING_RATIO_LIMITS = (1e-4, 2.0)
 
 

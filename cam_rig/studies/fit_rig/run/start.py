@@ -11,7 +11,7 @@ from cam_rig.laws import Law
 from cam_rig.studies.fit_rig.run.turns import MIN_PRESS_FRACTION, MeasuredSegment
 from cam_rig.units import TURN, FloatArray
 
-#: Number of cam angles that are tried as the encoder's zero, 1° apart.
+#: Number of equally spaced cam angles that are tried as the encoder's zero: one per degree.
 ENCODER_PHASES = 360
 #: Stride of the samples in the search for start values: every eighth sample is used, for speed.
 SAMPLE_STRIDE = 8

@@ -23,7 +23,7 @@ from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Largest number of Newton steps in the search for a periodic turn.
+#: Largest number of Newton steps in the search for a periodic turn of two masses.
 MAX_NEWTON_STEPS = 12
 #: Step of the initial vibration for a difference quotient of the vibration one turn later, relative
 #: to the scale of the vibration.
@@ -43,7 +43,10 @@ class OneMassTurn:
     events: tuple[Event, ...]
 
     def evaluate(self, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return lift (m) and contact force (N) at cam angles (rad) of any turn."""
+        """Return lift (m) and contact force (N) at cam angles (rad), same shape.
+
+        The angles may be in any turn.
+        """
         trajectory = self.trajectory
         law, p, speed = trajectory.law, trajectory.parameters, trajectory.interval.speed
         inside = np.mod(angle, TURN)
@@ -73,7 +76,10 @@ class TwoMassTurn:
     events: tuple[Event, ...]
 
     def evaluate(self, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return lift (m) and contact force (N) at cam angles (rad) of any turn."""
+        """Return lift (m) and contact force (N) at cam angles (rad), shape ``(n,)``.
+
+        The angles may be in any turn.
+        """
         times = np.mod(angle - self.trajectory.angle, TURN) / self.trajectory.speed
         order = np.argsort(times)
         columns = np.empty((5, times.size))
@@ -249,7 +255,8 @@ def sensor_response(
     for event in landings:
         _share_landing_point(force, turn, math.fmod(event.angle, TURN), width)
     spectrum = np.fft.rfft(force)
-    for event in landings:  # impulse in N·s, divided by the time of one point
+    # The impulse (N·s) of a landing is added as a force over the time of one point.
+    for event in landings:
         height = event.impulse * speed / width
         spectrum += height * np.exp(-1j * orders * math.fmod(event.angle, TURN))
     r = orders * speed / (TURN * frequency)

@@ -60,13 +60,12 @@ def residual_pattern(fit: Candidate) -> tuple[float, float]:
     return squares, parts
 
 
-# Search for the stem whose steady force fits best.
+# Search for the stem with which the steady force fits the measured force best.
 
-
-#: Lowest natural frequency of the stems that are tried, Hz. The machines of ``test_coverage.py``
-#: have stems from 100 to 460 Hz.
+#: Lowest natural frequency of the trial stems, Hz. The machines of ``test_coverage.py`` have stems
+#: from 100 to 460 Hz.
 MIN_STEM_HZ = 8.0
-#: Highest natural frequency of the stems that are tried, Hz.
+#: Highest natural frequency of the trial stems, Hz.
 MAX_STEM_HZ = 3000.0
 #: Ratio of neighbouring natural frequencies in the first trials of a stem. Finer trials follow
 #: around the best frequency.
@@ -80,7 +79,7 @@ FINE_FREQUENCY_RATIO = 1.01
 FINE_EXPONENTS = range(-10, 11)
 #: Fractions of the total mass on the roller's side of the stem that are tried.
 ROLLER_SHARES = (0.25, 0.5)
-#: Damping ratios of the stem that are tried.
+#: Damping ratios of the trial stems.
 STEM_DAMPING_RATIOS = (0.005, 0.05)
 #: Largest r.m.s. change of the forces, relative to the forces, by which the parameters of one mass
 #: may be refitted when a stem is added.

@@ -254,7 +254,7 @@ class MeasuredSegment:
 
     @property
     def angle(self) -> float:
-        """Encoder angle in the middle of the segment, rad."""
+        """Encoder's angle in the middle of the segment, rad."""
         return self.line.angle + self.speed * (self.line.middle - self.line.begin)
 
     @property
