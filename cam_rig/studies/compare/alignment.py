@@ -83,13 +83,13 @@ class Alignment:
     errors: tuple[float, ...] = (0.0,) * len(NAMES)
 
     def on_cam_clock(self, time: FloatArray) -> FloatArray:
-        """Convert a sensor's times (s) to times (s) of the cam angle's clock."""
+        """Convert times (s) of the sensors' clock to times of the cam angle's clock."""
         return time + self.delay + self.drift * time
 
     def is_significant(self, name: str) -> bool:
         """Return True if an alignment parameter clearly exceeds its standard error.
 
-        ``name`` is in `NAMES`.
+        ``name`` is an element of `NAMES`. The limit is `MIN_SIGNIFICANCE` standard errors.
         """
         error = self.errors[NAMES.index(name)]
         return error > 0.0 and abs(float(getattr(self, name))) > MIN_SIGNIFICANCE * error

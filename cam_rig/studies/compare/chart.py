@@ -29,7 +29,7 @@ RAISED = 0.06
 DEGREES = {float(angle): f"{angle}°" for angle in range(0, 361, 90)}
 #: Free space at the right of a chart, as a fraction of its width. It is for half of the last label.
 RIGHT_MARGIN = 0.1
-#: Free space below a chart for its labels, as a fraction of its height.
+#: Free space below a chart for its axis labels, as a fraction of its height.
 BOTTOM_MARGIN = 0.16
 
 

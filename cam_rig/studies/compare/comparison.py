@@ -155,7 +155,7 @@ class SpeedDeparture:
     def agrees(self) -> bool:
         """True if measured and modelled lift and force agree within their noise.
 
-        Without noise they must agree within rounding.
+        If the model was driven with exact cam states, they must agree within rounding.
         """
         return all(part is None or part.within for part in (self.lift, self.force))
 

@@ -1,4 +1,4 @@
-"""Deviation of a measured quantity from the model, compared with its noise."""
+"""Deviation of a measured quantity from the model, in comparison with its noise."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cam_rig.simulation.by_speed import MIN_GAP_RATIO
 from cam_rig.simulation.scatter import BINS, off_neighbours, scatter
 from cam_rig.units import RPM, TURN, FloatArray, rms
 
-# Measured and modelled values at the same instants.
+# Pairs of measured and modelled values at the same instants.
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +290,7 @@ def _contact_events(
     dwell may fall below the limit at random.
     """
     lost = margin <= 0.0
-    if not exact:  # majority vote of each reading and its two neighbours
+    if not exact:  # a reading follows the majority of itself and its two neighbours
         padded = np.pad(lost.astype(np.intp), 1, mode="edge")
         lost = padded[:-2] + padded[1:-1] + padded[2:] >= 2
     edges = np.r_[0, np.flatnonzero(np.diff(lost)) + 1, lost.size]

@@ -91,7 +91,7 @@ def _block(
             _difference(panels[2 * i + 1, j], turn, difference_factor)
         panels[2 * i, 0].set_ylabel(f"{text} [{unit}]")
         panels[2 * i + 1, 0].set_ylabel(f"difference [{difference_unit}]")
-        # The differences near a landing do not set the scale.
+        # The scale is set by the differences away from landings, which are much smaller.
         largest = [np.abs(t.difference[t.away_from_jumps]).max(initial=0.0) for t in turns.values()]
         limit = difference_factor * max(largest, default=0.0)
         panels[2 * i + 1, 0].set_ylim(-reach(limit), reach(limit))

@@ -222,7 +222,11 @@ class RunComparison(Result):
         )
 
     def tables(self) -> list[Records]:
-        """Return the tables: lift and force, events and levels, alignment, and the run."""
+        """Return the tables of the comparison.
+
+        They contain lift and force, events and sound levels, the largest deviations, the alignment,
+        the readings, and the run.
+        """
         caption = f"{self.loaded.scene.title}: measured less model"
         relative = Footnote(
             RELATIVE_NOTE, lambda row: not self.loaded.calibrated and row.measured_db is not None

@@ -21,9 +21,9 @@ from cam_rig.units import FloatArray
 CURVE_POINTS = 1440
 #: Number of base radii at which a curve over the base radius is computed.
 RADII = 36
-#: Smallest base radius of a curve, relative to that of the cam.
+#: Smallest base radius of a curve over the base radius, relative to that of the cam.
 MIN_RATIO = 0.25
-#: Largest base radius of a curve, relative to that of the cam.
+#: Largest base radius of a curve over the base radius, relative to that of the cam.
 MAX_RATIO = 3.0
 #: Largest number of letters of a legend entry with which the legend has three columns. With longer
 #: entries it has two.
@@ -36,7 +36,7 @@ EVENTS = np.linspace(30.0, 180.0, 151)
 def figure(result: ContactResult) -> Figure:
     """Draw pressure and sliding over the turn, and their maxima over the base radius.
 
-    Dashed lines are the permissible values.
+    The base radius of each cam is marked. Dashed lines are the permissible values.
     """
     rows = result.rows
     fig = empty(5.6)

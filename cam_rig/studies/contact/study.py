@@ -157,7 +157,7 @@ RADII = (
 
 @dataclass(frozen=True, repr=False)
 class ContactResult(Result):
-    """Contact of cams on a rig at one speed.
+    """Hertz pressure, sliding and base radius bounds of cams on a rig at one speed.
 
     Parameters
     ----------
@@ -225,9 +225,9 @@ class ContactResult(Result):
     steepest: float | None = None
 
     def tables(self) -> list[Records]:
-        """Return the tables ``contact``, ``bounds``, ``assumed`` and of the nomogram.
+        """Return the tables ``contact``, ``bounds``, ``assumed`` and ``run``.
 
-        The tables of the nomogram are ``roller_radii`` and ``face_radii``.
+        With a nomogram, they include its tables ``roller_radii`` and ``face_radii``.
         """
         parts = [row.cam.parts for row in self.rows]
         contact = self.table(

@@ -78,11 +78,14 @@ class Surfaces:
     speed: float
 
     def normal_force(self, motion: Motion, touch: Touch) -> FloatArray:
-        """Return the force (N) along the common normal, 0 if the cam would have to pull."""
+        """Return the force (N) along the common normal of cam and follower.
+
+        It is 0 if the cam would have to pull.
+        """
         orders = np.stack([motion.s, motion.slope, motion.curvature])
         force = np.tensordot(force_weights(self.rig, self.speed), orders, axes=1) + self.rig.preload
         lever = (self.element.moves(touch.contact) * touch.normal.conj()).real
-        with np.errstate(divide="ignore"):  # a face touched at its pivot
+        with np.errstate(divide="ignore"):  # a flat face that is touched at its pivot
             normal = np.where(lever > 0.0, np.asarray(force) / lever, np.inf)
         return np.maximum(normal, 0.0)
 
@@ -102,12 +105,12 @@ class Surfaces:
         It is infinite if the curvature is infinite.
         """
         load, curvature = self.normal_force(motion, touch), self.curvature(touch)
-        with np.errstate(invalid="ignore"):  # infinite curvature without load
+        with np.errstate(invalid="ignore"):  # infinite curvature times zero load
             value = hertz_pressure(load / self.parts.face_width.si, curvature, self.parts.modulus)
         return np.where(np.isinf(curvature), np.inf, value)
 
     def width(self, motion: Motion, touch: Touch) -> FloatArray:
-        """Return the width 2b of the contact (m)."""
+        """Return the full width 2b of the Hertz contact (m)."""
         load = self.normal_force(motion, touch) / self.parts.face_width.si
         return 2.0 * half_width(load, self.curvature(touch), self.parts.modulus)
 
@@ -225,7 +228,7 @@ class BaseBounds:
 
 
 def base_bounds(case: ContactCase) -> BaseBounds:
-    """Return all bounds on the base radius of a cam."""
+    """Return all bounds on the base radius of a cam at one speed."""
     follower, limits = case.cam.follower, case.surfaces.parts
     radius = follower.base_radius.si
 
@@ -385,7 +388,8 @@ def by_curvature(name: str, event: FloatArray, radius: float) -> FloatArray:
         curvature_term = square + slope**2 - high * second
         return np.asarray((radius * curvature_term > square**1.5).any(axis=1))
 
-    low = np.full(event.shape, radius)  # the circle of the dwell has this radius
+    # In a dwell, the radius of curvature of the pitch curve is the prime radius itself.
+    low = np.full(event.shape, radius)
     high = low + 1.0
     while (rejected := too_sharp(high)).any():
         high = np.where(rejected, 2.0 * high, high)

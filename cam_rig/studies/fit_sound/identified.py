@@ -28,9 +28,9 @@ def set_identified(
     path : Path
         YAML file.
     numbers : dict
-        Numbers by key path, in the units of the file.
+        Values by key path, in the units of the file. A key path is a tuple of keys and indices.
     source, residual : str
-        Source and residual of all numbers.
+        Source and residual of all values.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def set_identified(
 
 
 def _at(node: yaml.Node, keys: tuple[str | int, ...]) -> yaml.MappingNode:
-    """Return the mapping at a path of keys and indices, below `node`."""
+    """Return the YAML mapping at a path of keys and indices below `node`."""
     for key in keys:
         node = (
             node.value[key]

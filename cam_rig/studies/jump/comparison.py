@@ -106,7 +106,7 @@ class JumpRow:
 
     @property
     def difference(self) -> float | None:
-        """Relative difference of the jump speed from the published speed.
+        """Relative difference of the computed from the published jump speed.
 
         It is None along a ramp and without a published speed.
         """
@@ -199,7 +199,7 @@ class JumpResult(Result):
 
     @property
     def rpm(self) -> dict[str, float]:
-        """Jump speeds in rpm by cam."""
+        """Computed jump speeds in rpm, by cam."""
         return {row.cam: row.jump.rpm for row in self.rows}
 
     @property
@@ -307,7 +307,7 @@ def find_jumps(
             rows.append(JumpRow(cam, jump_along_ramp(law, follower, ramp * RPM), **details))
             continue
         jump, steady, rigid = find_jump(law, follower, duration), None, None
-        # The jump of one rigid mass from rest is that in steady state.
+        # One rigid mass does not vibrate, so its jump speed from rest is that in steady state.
         if isinstance(follower, TwoMassParameters):
             rigid = rigid_jump_speed(law, FollowerParameters.from_rig(cam_set.rig)) / RPM
             if duration is not None and follower.stem_damping + follower.damping > 0.0:
@@ -348,7 +348,7 @@ def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
     advance = MODELS["two_mass" if two else "one_mass"].advance
     state: FollowerState | None = None
     start = 0
-    if law.lift == 0.0:  # a disc never jumps: skip the run to the highest speed
+    if law.lift == 0.0:  # a circular disc keeps contact at every speed, so no run is needed
         raise kept_contact_error(law)
     for turn in range(1, math.ceil((MAX_RPM * RPM) ** 2 / (2.0 * rate) / TURN) + 1):
         stop, start_time = round(math.sqrt(2.0 * TURN * turn / rate) * NS), start / NS

@@ -42,7 +42,7 @@ PUBLISHED: dict[str, Any] = {"marker": CARETUP, "ls": "", "ms": 5.5, "zorder": 4
 
 #: Number of the displayed turn in `lift_off_figure`, counted from the start from rest.
 TURN_NUMBER = 3
-#: Number of samples of the displayed turn.
+#: Number of samples of the displayed turn in `lift_off_figure`.
 SAMPLES = 3000
 
 
@@ -148,7 +148,10 @@ def force_axes(axes: Axes, rpm: FloatArray) -> None:
 
 @styled
 def jump_speed_figure(result: JumpSpeed) -> Figure:
-    """Draw the minimum force (N) of a cam up to 8 % above its jump speed."""
+    """Draw the minimum contact force (N) of a cam over the speed, with its jump speed.
+
+    The curve extends to 8 % above the jump speed.
+    """
     law, parameters = result.law, follower_of(result.rig)
     out = empty(3.4)
     axes = out.subplots()

@@ -51,7 +51,7 @@ class JumpSpeed(Jump, Result):
         return [self.table("jump_speed", caption, [self], single=True)]
 
     def __repr__(self) -> str:
-        """Return the jump speed in rpm and the lift-off in degrees."""
+        """Return the law, its jump speed in rpm and the lift-off angle in degrees as text."""
         lift_off = f"contact lost at {math.degrees(self.angle):.1f}° after {self.time:.3g} s"
         return f"JumpSpeed({self.law.name}: {self.rpm:.2f} rpm, {lift_off})"
 
@@ -105,13 +105,13 @@ class JumpSpeeds(Result):
         return np.array([row.rpm for row in self.rows])
 
     def tables(self) -> list[Records]:
-        """Return the table with one row per rig."""
+        """Return the table of jump speeds, with one row per rig."""
         run = describe_run(follower_of(self.rig), self.duration)
         caption = f"{self.law.name} on rigs as {self.rig.name}: {run}"
         return [self.table("jump_speeds", caption, self.rows)]
 
     def __repr__(self) -> str:
-        """Return the number of jump speeds and their range."""
+        """Return the law, the number of jump speeds and their range as text."""
         speeds = self.rpm[np.isfinite(self.rpm)]
         span = f", {speeds.min():.2f} to {speeds.max():.2f} rpm" if speeds.size else ""
         return f"JumpSpeeds({self.law.name}: {speeds.size} of {len(self.rows)} rigs{span})"
@@ -153,8 +153,9 @@ def jump_speed(
     """Find the lowest speed at which the follower loses contact.
 
     The follower has two masses if the rig contains their split, else one rigid mass, which does not
-    vibrate. Arrays of numbers of the follower give one row per rig, with the same bits as a call
-    for that rig alone, at about a hundred rigs per second.
+    vibrate. If parameters of the follower are given as arrays, the result has one row per rig. Each
+    row is bitwise equal to the result for that rig alone. The computation takes about a second for
+    a hundred rigs.
 
     Parameters
     ----------

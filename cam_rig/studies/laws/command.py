@@ -48,8 +48,9 @@ def law(
 ) -> None:
     """Plot lift, velocity, acceleration and jerk over the cam angle; list peaks and joints.
 
-    Peaks come from the roots of the next derivative, not from samples. Derivatives are by the cam
-    angle, per rad. Multiplied by powers of the cam's speed in rad/s they are those by time.
+    Peaks are computed from the roots of the next derivative, not from samples. Derivatives are with
+    respect to the cam angle in rad. Multiplied by powers of the cam's speed in rad/s, they are
+    derivatives with respect to time.
 
     Several laws are drawn in one plot: as cams over the turn if every name is that of a cam,
     otherwise as bare rises of unit lift over a unit span. CSV and JSON contain the curves. With

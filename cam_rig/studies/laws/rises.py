@@ -108,7 +108,7 @@ SYMBOLS = ("s", "s'", "s''", "s'''")
 
 @dataclass(frozen=True, repr=False)
 class RisesResult(Result):
-    """Named rises of unit lift over a unit span.
+    """Named rises of unit lift over a unit span, with curves and peaks.
 
     Parameters
     ----------

@@ -258,7 +258,7 @@ class CamLawsResult(Result):
         return [f"joints (others C{MAX_CONTINUITY}): {angles}"]
 
 
-# Functions of the Python API.
+# Function of the Python API.
 
 
 @check_arguments

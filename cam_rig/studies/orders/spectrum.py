@@ -76,7 +76,7 @@ def vibration_integral(
         return _resolvent_integral(matrix, row, start, length, rates)
     rate, initial = math.sqrt(square), float(row @ start)
     rotating = initial + 1j * (decay * initial - float(row @ matrix @ start)) / rate
-    pole = decay + 1j * rate  # the vibration is the real part of a e^{λt}
+    pole = decay + 1j * rate  # λ: the vibration is the real part of a e^{λt} with complex a
     return np.asarray(
         0.5 * rotating * _exponential_integral(pole - 1j * rates, length)
         + 0.5 * np.conj(rotating) * _exponential_integral(np.conj(pole) - 1j * rates, length)
@@ -179,7 +179,7 @@ class OrderSpectrum:
         return level_db(np.maximum(math.sqrt(2.0) * np.abs(self.pressure), SILENCE))
 
     def up_to(self, highest: float) -> OrderSpectrum:
-        """Return the spectrum without the orders above `highest`."""
+        """Return a copy without the orders above `highest`."""
         size = int(np.searchsorted(self.orders, highest, side="right"))
         return replace(
             self, orders=self.orders[:size], force=self.force[:size], pressure=self.pressure[:size]
@@ -206,9 +206,10 @@ class OrderSpectrum:
 
 
 def force_orders(steady: SteadyForce, rates: FloatArray, contact_time: float) -> ComplexArray:
-    """Return the Fourier coefficients (N) of the force at rates Ω (rad/s), shape (n,).
+    """Return the Fourier coefficients (N) of a steady force, shape (n,).
 
-    The pulse of a landing has the duration `contact_time` (s).
+    They are those at the angular frequencies Ω (rad/s) in ``rates``. A landing is a half-sine pulse
+    with the duration `contact_time` (s).
     """
     total = np.zeros(rates.size, dtype=np.complex128)
     for piece in steady.pieces:

@@ -96,7 +96,7 @@ class SteadyForce:
 
     @property
     def duration(self) -> float:
-        """Duration of the period, s."""
+        """Duration of the period of the force, s."""
         return self.turns * TURN / self.speed
 
     def at(self, times: FloatArray) -> FloatArray:

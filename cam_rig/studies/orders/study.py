@@ -1,4 +1,4 @@
-"""Study of the orders of force and sound: inputs, and the result with its tables."""
+"""Spectrum of force and sound by orders: function, inputs, and result with tables."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ class OrdersResult(Result):
     def tables(self) -> list[Records]:
         """Return the tables ``orders``, ``speeds`` and ``run``.
 
-        The first does not contain the mean force at order 0.
+        The table ``orders`` starts at order 1. It does not contain the mean force, order 0.
         """
         rows = [
             row._replace(order_index=index)
@@ -183,18 +183,21 @@ class OrdersResult(Result):
         return [orders, self.speeds, self.table("run", "The model", run, single=True, hidden=True)]
 
     def summary(self) -> list[str]:
-        """Return a sentence with the reason if the sound is left out."""
+        """Return a sentence with the missing parameters if the sound is left out.
+
+        It is empty otherwise.
+        """
         study = self.studies[0]
         keys = " and ".join(study.rig.missing_for_sound(MODELS[study.model].lifts_off))
         return [f"sound left out: rig {study.rig.name} has no {keys}"] if keys else []
 
 
 # Inputs: a scene, or a cam alone with the following defaults.
-#: Name of the rig for a cam without a scene.
+#: Name of the rig that is used for a cam without a scene.
 CAM_RIG = "tm21"
-#: Model for a cam without a scene.
+#: Name of the follower's model that is used for a cam without a scene.
 CAM_MODEL = "one_mass"
-#: Speeds (rpm) for a cam without a scene.
+#: Cam speeds (rpm) that are used for a cam without a scene.
 CAM_RPM = tuple(range(200, 401, 10))
 
 

@@ -27,16 +27,17 @@ if TYPE_CHECKING:
     from cam_rig.units import FloatArray
 
 
-#: Suffixes of the drawings that the command can write.
+#: Suffixes of the drawing files that ``cam-rig profile`` can write.
 DRAWINGS = (".dxf", ".svg")
-#: Suffixes of the tables that the command can write.
+#: Suffixes of the table files that ``cam-rig profile`` can write.
 TABLES = (".csv",)
-#: Suffixes of the contour files that the command can read.
+#: Suffixes of the contour files that ``cam-rig profile`` can read.
 READABLE = (".dxf", ".csv")
 #: Fraction of the allowed chord error that is reserved for the rounding of coordinates in an SVG
 #: drawing. A DXF drawing has all digits.
 SVG_ROUNDING = 0.1
-#: Default of the largest distance of a drawn polyline from the contour (chord error), µm.
+#: Default of the largest allowed distance of a drawn polyline from the exact contour (chord error),
+#: µm.
 DEFAULT_TOLERANCE_UM = 1.0
 #: Smallest chord error that can be requested, µm. Smaller values would require millions of points.
 MIN_TOLERANCE_UM = 1e-4
@@ -137,7 +138,7 @@ def make_placement(unit: str | None, axis: str, zero: float, mirrored: bool) -> 
 
 
 def _check_suffix(path: Path, suffixes: tuple[str, ...]) -> None:
-    """Raise a `ConfigError` if the suffix of a path is not allowed."""
+    """Raise a `ConfigError` if the suffix of a path is not one of ``suffixes``."""
     if (suffix := path.suffix.lower()) not in suffixes:
         step = suffix in (".step", ".stp")
         hint = " (no STEP: import the DXF into CAD and extrude it)" if step else ""
@@ -255,7 +256,7 @@ class MeasuredResult(Result):
     contours: tuple[MeasuredContour, ...]
 
     def tables(self) -> list[Records]:
-        """Return the table `contours`, one row per contour."""
+        """Return the table `contours` with errors of the lift, one row per contour."""
         caption = f"{self.contours[0].source}, from the law of {self.contours[0].cam}"
         return [self.table("contours", caption, self.contours)]
 

@@ -93,12 +93,12 @@ class CamContour(Result):
 
     @property
     def x(self) -> FloatArray:
-        """Coordinates x of the points in m, shape ``(n,)``."""
+        """Coordinates x of the points of the first disc in m, shape ``(n,)``."""
         return np.asarray(self.discs[0].points[0])
 
     @property
     def y(self) -> FloatArray:
-        """Coordinates y of the points in m, shape ``(n,)``."""
+        """Coordinates y of the points of the first disc in m, shape ``(n,)``."""
         return np.asarray(self.discs[0].points[1])
 
     @property
@@ -120,7 +120,7 @@ class CamContour(Result):
         return check_cam(self.cam, self.law)
 
     def tables(self) -> list[Records]:
-        """Return the tables `points` of all discs and `checks`."""
+        """Return the tables `points`, with the points of all discs, and `checks`."""
         checked = ProfileResult((CheckedCam(self.cam, self.law, self.checks),))
         return [self.array_table("points"), checked.tables()[0]]
 

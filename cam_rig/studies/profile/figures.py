@@ -43,9 +43,9 @@ def reach_of(element: Element, law: Law) -> float:
 
 
 def positions(element: Element, law: Law, angle: FloatArray) -> list[list[FloatArray]]:
-    """Return the follower at each cam angle (rad) as polylines in the cam frame.
+    """Return the drawn follower at each cam angle (rad) in the frame of the cam.
 
-    The polylines have the shape ``(n, 2)`` and are in mm.
+    For each angle there is a list of polylines in mm, each of shape ``(n, 2)``.
     """
     strips = _outline(element, law, Motion.at(law, angle))
     turn = np.exp(-1j * angle)[:, None]
@@ -54,7 +54,7 @@ def positions(element: Element, law: Law, angle: FloatArray) -> list[list[FloatA
 
 
 def _outline(element: Element, law: Law, motion: Motion) -> list[ComplexArray]:
-    """Return the outline of the follower as polylines in the frame of its guide, m.
+    """Return the drawn follower as polylines in the frame of its guide, m.
 
     Each polyline has the shape ``(angles, points)``, complex x + iy.
     """
@@ -138,9 +138,10 @@ MAX_POSITIONS = 720
 MAX_RADIUS_RATIO = 2.5
 #: Height of the line that marks straight parts of the contour, as a fraction of the panel's height.
 FLAT_LINE_HEIGHT = 0.66
-#: Largest |s'| that counts as a dwell, as a fraction of the largest |s'| of the law.
+#: Largest |s'| at which a cam angle counts as part of a dwell, as a fraction of the largest |s'| of
+#: the law.
 DWELL_SLOPE_RATIO = 1e-6
-#: Smallest width of a stage (rise, dwell or fall) that is shaded, degrees.
+#: Smallest width of a stage (rise, dwell or fall) that is shaded in a panel, degrees.
 MIN_SHADED_DEG = 5.0
 #: Smallest width of a stage that is labelled with its name, degrees.
 MIN_LABELLED_DEG = 48.0
@@ -175,7 +176,7 @@ def figure(
 
 
 def profile_figure(result: ProfileResult) -> Figure:
-    """Return the figure of a result with one cam."""
+    """Return the figure of a check result that contains a single cam."""
     (checked,) = result.cams
     return figure(checked.cam, checked.law, checked.checks, result.positions)
 

@@ -1,4 +1,4 @@
-"""Checks of the contours of cams, and their result for `cam-rig profile`."""
+"""Checks of the contours of cams, and the result of ``cam-rig profile``."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ class ProfileResult(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return the failed checks with remedies, and warnings."""
+        """Return sentences on failed checks with remedies, and warnings."""
         prefix = "warning: " if self.drawn else ""
         lines = []
         for checked_cam in self.cams:
@@ -218,7 +218,10 @@ def checked_cams(cams: Sequence[str | Path | CamConfig], every: bool) -> list[Ch
 
 
 def _resolve(cams: Sequence[str | Path | CamConfig], every: bool) -> list[Path | CamConfig]:
-    """Return the requested cams: those of the arguments, or of a scene, or all."""
+    """Return the requested cams: those named, those of a scene, or all shipped cams.
+
+    ``every`` adds all cams of ``config/cams``. Raises ConfigError if there is no cam.
+    """
     sources: list[Path | CamConfig]
     if (scene := load.find_scene(cams)) is not None:
         library = load.Library.for_scene(scene)

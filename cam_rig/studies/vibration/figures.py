@@ -38,12 +38,12 @@ LABELS = (
 RESIDUAL_ROW = 1
 #: Largest angle from the middle of the low dwell that the row `RESIDUAL_ROW` displays, °.
 AROUND = 60.0
-#: Largest number of columns, one per cam. Further cams are in a new block of rows below.
+#: Largest number of columns, one per cam. Further cams are in another block of rows below.
 MAX_COLUMNS = 5
 #: Largest number of letters in each of the two title lines above a column.
 COLUMN_LETTERS = 14
 
-#: Plot options of the curves of the other cams.
+#: Plot options of the grey curves of the other cams in a column.
 OTHERS: dict[str, Any] = {"color": "0.8", "lw": 0.6, "zorder": 1.5}
 
 #: Curves of a cam: abscissa and values for each row of panels.
@@ -78,7 +78,7 @@ def figure(result: VibrationResult, rpm: float = 0.0) -> Figure:
 
 
 def _legend(cams: list[str]) -> list[Artist]:
-    """Return the legend entries of all columns."""
+    """Return the legend entries that are common to all columns."""
     dwell = Patch(color="0.5", alpha=0.12, lw=0, label="low dwell")
     cam = Line2D([], [], color="0.2", label="the cam named above")
     others = [Line2D([], [], **OTHERS, label="the other cams")] if len(cams) > 1 else []
