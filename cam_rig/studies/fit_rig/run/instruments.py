@@ -65,7 +65,7 @@ class Instruments:
 
     @property
     def size(self) -> int:
-        """Number of search variables: the follower's parameters and all instrument errors."""
+        """Number of search variables: the follower's parameters and instrument errors."""
         return self.first + 2 * self.segments + len(self.single)
 
 

@@ -127,7 +127,10 @@ class Likelihood:
         return self.segments[i].lift, self.segments[i].force.where(self.force_masks[i])
 
     def sizes(self, i: int) -> tuple[int, int]:
-        """Return the numbers of included samples of lift and force in segment ``i``."""
+        """Return the numbers of included samples of lift and force in segment ``i``.
+
+        A segment is a time of steady cam speed. Force samples next to landings are excluded.
+        """
         return self.segments[i].lift.value.size, int(self.force_masks[i].sum())
 
     @property
@@ -136,7 +139,10 @@ class Likelihood:
         return self.lift_noise, self.force_noise, self.relative_force_noise
 
     def force_deviation(self, i: int) -> FloatArray:
-        """Return the standard deviations (N) of segment ``i``'s included forces, ``(n,)``."""
+        """Return the standard deviations (N) of segment ``i``'s included forces, ``(n,)``.
+
+        A segment is a time of steady cam speed. Force samples next to landings are excluded.
+        """
         part = self.relative_force_noise * self.pressing[i][self.force_masks[i]]
         return np.asarray(np.hypot(self.force_noise, part))
 
@@ -161,9 +167,9 @@ class Likelihood:
         return self.fixed | from_search(self.free, x)
 
     def speed_of(self, x: FloatArray, i: int) -> float:
-        """Return the cam speed (rad/s) of segment ``i``, corrected by its fitted error.
+        """Return the cam speed (rad/s) of steady-speed segment ``i``.
 
-        ``x`` are the search variables.
+        It is corrected by its fitted error in the search variables ``x``.
         """
         segment = self.segments[i].line
         return segment.speed + float(x[self.instruments.speeds][i]) * segment.speed_error
@@ -173,9 +179,9 @@ class Likelihood:
     ) -> PeriodicTurn | None:
         """Return the periodic turn at the speed of a segment, or None if no turn repeats.
 
-        A follower that chatters has no periodic turn. ``x`` are the search variables, and ``i`` is
-        the index of the segment. ``near`` is a turn of nearly the same follower, from which the
-        solution starts.
+        A segment is a time of steady cam speed, and ``i`` is its index. A follower that chatters
+        has no periodic turn. ``x`` are the search variables. ``near`` is a turn of nearly the same
+        follower, from which the solution starts.
         """
         follower, speed = build_follower(self.values(x), self.stem_stiffness), self.speed_of(x, i)
         try:
@@ -191,8 +197,8 @@ class Likelihood:
     ) -> PredictedSegment | None:
         """Return computed lift and force of a segment, or None without a periodic turn.
 
-        ``x`` are the search variables, and ``i`` is the index of the segment. ``near`` is a turn of
-        nearly the same follower, from which the solution starts.
+        A segment is a time of steady cam speed, and ``i`` is its index. ``x`` are the search
+        variables. ``near`` is a turn of nearly the same follower, from which the solution starts.
         """
         turn = self.steady(x, i, near)
         if turn is None:
@@ -227,7 +233,8 @@ class Likelihood:
     def angles(self, x: FloatArray, i: int, since: FloatArray) -> FloatArray:
         """Return the cam angles (rad) of segment ``i`` at times ``since`` its middle (s).
 
-        They include the fitted phase, speed error and clock error in the search variables ``x``.
+        A segment is a time of steady cam speed. The angles include the fitted phase, speed error
+        and clock error in the search variables ``x``.
         """
         clock = PPM * self.single(x, CLOCK)
         begin = self.segments[i].angle + float(x[self.instruments.phases][i])
@@ -262,7 +269,8 @@ class Likelihood:
     def _segment_jacobian(self, x: FloatArray, i: int) -> FloatArray:
         """Return the derivatives of a segment's residuals, ``(k, n)``.
 
-        They are those by the search variables. They are zero without a periodic turn.
+        They are those of the k residuals at one steady speed by the n search variables. They are
+        zero without a periodic turn.
         """
         base, instruments = self.predicted(x, i), self.instruments
         lifts, forces = self.sizes(i)
@@ -299,7 +307,8 @@ class Likelihood:
     def _by_angle(self, x: FloatArray, i: int, base: PredictedSegment) -> FloatArray:
         """Return the derivatives of a segment's lift and force by the cam angle, ``(k,)``.
 
-        They are central differences at the samples of lift (m/rad), then of force (N/rad).
+        A segment is a time of steady cam speed. The derivatives are central differences at the
+        samples of lift (m/rad), then of force (N/rad).
         """
         sensed = self._sensed(x, base.turn, i)
         steps = (ANGLE_STEP, -ANGLE_STEP)
@@ -394,7 +403,7 @@ class Likelihood:
         return replace(self, segments=segments, force_masks=[], pressing=[])
 
     def _segment_without_landings(self, x: FloatArray, i: int, guard: float) -> MeasuredSegment:
-        """Return segment ``i`` without the samples of lift and force during bounces."""
+        """Return steady-speed segment ``i`` without lift and force samples in bounces."""
         segment, bounces = self.segments[i], list_bounces(self.steady(x, i))
         parts = []
         for part in (segment.lift, segment.force):

@@ -53,12 +53,12 @@ class SteadySegment:
 
     @property
     def rpm(self) -> float:
-        """Cam speed of the segment in rpm."""
+        """Cam speed in the segment in rpm."""
         return to_rpm(self.speed)
 
     @property
     def turns(self) -> float:
-        """Number of turns in the segment."""
+        """Number of turns of the cam in the segment, not necessarily an integer."""
         return self.speed * (self.end - self.begin) / TURN
 
     @property
@@ -241,7 +241,11 @@ class SegmentSamples:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredSegment:
-    """Steady-speed segment of a run with its measured samples of lift and force."""
+    """Steady-speed segment of a run with its measured samples of lift and force.
+
+    ``line`` contains its times and the straight line through the encoder's angle. ``lift`` and
+    ``force`` are empty if they were not measured.
+    """
 
     line: SteadySegment
     lift: SegmentSamples
