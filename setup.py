@@ -101,7 +101,7 @@ setup(
     author_email="cam_rig@example.org",
     maintainer="cam_rig developers",
     maintainer_email="cam_rig@example.org",
-    python_requires=">=3.11,<3.14",
+    python_requires=">=3.11,<3.15",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
         NAME: [

@@ -48,8 +48,9 @@ MAKERS = {
 }
 #: Pattern of a long option of a command in a message.
 OPTION = re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)")
-#: Option -> parameter, if the names differ. A parameter may also be the option with a unit as
-#: suffix.
+#: Parameter of a Python function by the name of the command's option, if the names differ. A
+#: parameter may also have the name of the option with a unit as suffix, such as offset_deg for
+#: --offset.
 ALIASES = {"cam": "one_cam", "all": "every", "limit": "limits", "from": "start", "range": "values"}
 
 
@@ -71,7 +72,7 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
         try:
             bound = signature.bind(*args, **kwargs)
         except TypeError:
-            return function(*args, **kwargs)  # Python's message on wrong names or numbers of them
+            return function(*args, **kwargs)  # raises Python's own message
         for name, hint in hints().items():
             if name in bound.arguments:
                 value = bound.arguments[name]
@@ -90,7 +91,10 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def name_parameters(message: str, parameters: Collection[str]) -> str:
-    """Return a message with parameters of a function in place of options."""
+    """Return an error message with options of a command replaced by parameters.
+
+    `parameters` are the names of the function's parameters. An option without a parameter is kept.
+    """
 
     def parameter(option: re.Match[str]) -> str:
         same = option[1].replace("-", "_")
@@ -114,7 +118,11 @@ def to_vector(name: str, value: float | Sequence[float] | FloatArray) -> FloatAr
 
 
 def _fits(value: Any, hint: Any) -> bool:
-    """Return True if a value fits an annotation and `CONDITIONS`."""
+    """Return True if a value is allowed by a type annotation.
+
+    It must have the type of the annotation, and satisfy the condition for this type in
+    `CONDITIONS`.
+    """
     kind, inner = get_origin(hint) or hint, get_args(hint)
     if kind in (Union, UnionType):
         return any(_fits(value, member) for member in inner)
@@ -158,7 +166,7 @@ def _can_be_a_path(value: str | Path) -> bool:
         return False
 
 
-#: Type -> condition that a value of this type must satisfy in addition.
+#: Condition that a value must satisfy in addition to having the type, by type.
 CONDITIONS: dict[Any, Callable[[Any], bool]] = {
     int: lambda value: not isinstance(value, bool) and abs(value) < 2**63,
     str: _can_be_a_path,

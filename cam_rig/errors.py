@@ -80,13 +80,13 @@ class ArgumentTypeError(ConfigError, TypeError):
 
 
 class LawError(CamRigError, ValueError):
-    """Error of a displacement law that cannot exist with its numbers."""
+    """Error of a displacement law that cannot be built with the given numbers."""
 
     exit_code = 2
 
 
 class ProfileError(CamRigError, ValueError):
-    """Error of a cam that cannot have its shape.
+    """Error of a cam contour that violates a limit of its geometry.
 
     The message contains the cam angle, the value and the limit.
     """

@@ -9,7 +9,8 @@ from importlib.util import find_spec
 
 from cam_rig.errors import ConfigError, MissingLibraryError
 
-#: Library -> extra of setup.py that installs it. Other required libraries are always installed.
+#: Extra of setup.py that installs an optional library, by the name of the library. Other required
+#: libraries are always installed.
 EXTRAS = {
     library: extra
     for extra, libraries in {

@@ -22,7 +22,10 @@ FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
 def shorten(text: str, quoted: bool = True) -> str:
-    """Return a text as one line of at most `MAX_SHOWN` characters, for an error."""
+    """Return a text as one line of at most `MAX_SHOWN` characters, for an error.
+
+    If `quoted` is False, the quotation marks are left out.
+    """
     whole = repr(text) if quoted else repr(text)[1:-1]
     return whole if len(whole) <= MAX_SHOWN else f"{whole[: MAX_SHOWN - 3]}..."
 

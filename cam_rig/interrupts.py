@@ -40,7 +40,7 @@ UNWIND_S = 4.0
 #: can take seconds. After this time the process is ended.
 CLEANUP_S = 60.0
 Function = TypeVar("Function", bound=Callable[..., Any])
-#: Code of the functions that `interruptible` has wrapped.
+#: Code of the functions that `interruptible` has wrapped. An interrupt is raised in them at once.
 _interruptible: set[CodeType] = set()
 
 
@@ -175,7 +175,11 @@ def raise_signals() -> Iterator[None]:
 
 
 def interruptible(function: Function) -> Function:
-    """Return a function that may be interrupted in the entry of a `with` block."""
+    """Return a function in which an interrupt is raised at once.
+
+    It is for functions that wait in the entry of a `with` block. Otherwise the interrupt would be
+    raised only after the entry.
+    """
 
     @wraps(function)
     def call(*arguments: Any, **options: Any) -> Any:

@@ -9,29 +9,26 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-#: rad in one turn of the cam.
+#: Angle of one turn of the cam, rad.
 TURN = 2.0 * math.pi
-#: rad/s in one revolution per minute.
+#: Angular speed of one revolution per minute, rad/s.
 RPM = math.pi / 30.0
-#: Revolutions per minute in 1 rad/s.
+#: Revolutions per minute that are equal to 1 rad/s.
 RPM_PER_RAD_S = 30.0 / math.pi
-#: ns in one second. Times of messages are whole nanoseconds.
+#: Number of nanoseconds in one second. Times of messages are whole nanoseconds.
 NS = 1_000_000_000
 Speed = TypeVar("Speed", float, NDArray[np.float64])
 
 
 def to_rpm(speed: Speed) -> Speed:
-    """Convert a speed in rad/s to revolutions per minute.
-
-    A speed of 200 rpm in rad/s returns 200, apart from rounding.
-    """
+    """Convert a speed in rad/s, a number or an array, to revolutions per minute."""
     return speed * 30.0 / math.pi
 
 
 def round_to_error(value: float, error: float) -> str:
     """Return a value as text, rounded to two digits of its standard error.
 
-    An error that is not positive and finite gives six significant digits.
+    If the error is not positive and finite, the value is rounded to six significant digits.
     """
     if not 0.0 < error < math.inf:
         return f"{value:.6g}"

@@ -162,7 +162,10 @@ def friendly_executor_errors(then: str = "") -> Iterator[None]:
 
 @dataclass(frozen=True)
 class ExecutorPool:
-    """Executor, and the number of tasks that it computes at a time."""
+    """Executor of tasks, with its capacity.
+
+    `count` is the number of tasks that it computes at a time.
+    """
 
     executor: Executor
     count: int

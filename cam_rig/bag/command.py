@@ -44,7 +44,8 @@ def recover(
 def newest_bag() -> Path:
     """Return the closed bag under ``bags/`` that was written last.
 
-    Raises BagError if there is no closed bag.
+    Raises BagError if there is no closed bag. A bag that was not closed is skipped, and the command
+    that recovers it is printed.
     """
     from cam_rig.bag.files import METADATA, is_unclosed
     from cam_rig.errors import BagError

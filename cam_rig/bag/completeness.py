@@ -1,7 +1,9 @@
 """Search for missing messages of a recording.
 
-The scene, the recorded states or the sequence numbers show which messages are missing. The ticks of
-a scene and the messages of a topic are counted from 1.
+A recording is compared with its scene (the planned run: cams and speeds). If the scene is not known
+or was not followed, it is compared with its recorded cam states and with the sequence numbers of
+its messages. A tick is the time between two successive cam states. The ticks of a scene and the
+messages of a topic are counted from 1.
 """
 
 from __future__ import annotations
@@ -25,10 +27,11 @@ from cam_rig.simulation.schedule import CamState, cam_states, tick_count
 
 
 def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
-    """Return the number of messages per topic of a complete bag.
+    """Check that no message is missing in a bag, and return its messages per topic.
 
-    Raises BagError if a tick of the scene is missing, or a message that the states in the bag
-    require.
+    The key of the result is the name of the topic. Raises BagError if the bag has fewer cam states
+    than its scene plans, or if a topic does not have one message for each recorded state, tick,
+    speed or cam, as its entry in the table of topics requires.
     """
     counts = read_counts(bag)
     states = [state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of})]
@@ -49,40 +52,57 @@ def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
 def belonging(before: CamState | None, state: CamState) -> tuple[Topic, ...]:
     """Return the topics that have a message at the time of a cam state.
 
-    `before` is the previous state, or None for the first.
+    `before` is the previous state, or None for the first. A topic with one message per cam or per
+    speed is included only if the cam or the speed has changed.
     """
     current = occasions(before, state)
     return tuple(topic for topic in RECEIVED if topic.per in current)
 
 
 def expected_counts(states: list[CamState]) -> dict[str, int]:
-    """Return the number of ticks, states, cams and speeds in a series of cam states."""
+    """Return the number of ticks, states, cams and speeds in a series of cam states.
+
+    A key is a value of `Topic.per`. Its number is the number of messages that each topic with this
+    value must have.
+    """
     moves = zip([None, *states], states, strict=False)
     counts = Counter(per for move in moves for per in occasions(*move))
     return {per: counts[per] for per in ("tick", "state", "cam", "speed")}
 
 
-#: Largest number of ticks of a scene at which the ticks missing at the end of an unclosed recording
-#: are counted.
+#: Largest number of ticks of a scene for which the ticks missing at the end of an unclosed
+#: recording are counted one by one. For a longer scene this takes too long, and the loss at the end
+#: is reported without a number.
 MAX_COUNTED = 100_000
-#: Largest number of gaps that are listed. If there are more, their number is given.
+#: Largest number of gaps that a text on missing messages lists. Of further gaps it states the
+#: number only.
 MAX_NAMED = 6
-#: Number of a state in the bag, the previous state (None if unknown), and the state.
+#: Step from one cam state to the next: number of the second state (0 for the first state of the
+#: run), the state before it (None if it is not known), and the second state.
 Move = tuple[int, CamState | None, CamState]
-#: Numbers of states, each with the names of the topics that have no message for that state.
+#: Cam states at which messages are missing: number of the state, and names of the topics without a
+#: message at its time.
 MissingMessages = list[tuple[int, frozenset[str]]]
 
 
 @dataclass
 class Holdings:
-    """Times (ns), sequence numbers and cam states of the messages in a recording."""
+    """Times (ns), sequence numbers and cam states of the messages in a recording.
+
+    `times` and `numbers` are by topic name. `states` contains the sequence number of each cam
+    state's message, and the state. `loss_of` determines the missing messages from them.
+    """
 
     times: dict[str, set[int]] = field(default_factory=dict)
     numbers: dict[str, set[int]] = field(default_factory=dict)
     states: list[tuple[int, CamState]] = field(default_factory=list)
 
     def add(self, name: str, log_time: int, number: int, cdr: bytes) -> None:
-        """Add a message if its topic belongs to the rig."""
+        """Add a message if its topic belongs to the rig.
+
+        `name` is the topic, `log_time` is in ns, `number` is the sequence number, and `cdr` the
+        serialized message. Messages of other topics are ignored.
+        """
         if (topic := recorded_topic(name)) is None:
             return
         self.times.setdefault(topic.name, set()).add(log_time)
@@ -97,7 +117,8 @@ class Holdings:
     def follows(self, scene: SceneConfig) -> bool:
         """Return True if every recorded cam state is a state of the scene.
 
-        The result is False if an operator has changed the run.
+        Times and cams of the states are compared. The result is False if an operator has changed
+        the speed or the cam during the run, or if no state was recorded.
         """
         newest = max((state.time_ns for _, state in self.states), default=0)
         planned = takewhile(lambda state: state.time_ns <= newest, cam_states(scene))
@@ -134,9 +155,9 @@ class Loss:
 def loss_of(holdings: Holdings, scene: SceneConfig | None, closed: bool, own: bool) -> Loss:
     """Return the missing messages of a recording.
 
-    `scene` is None if it is not known. `closed` is True if the recording was closed, so that
-    nothing is missing after its end. `own` is True if this package wrote the file, with the
-    messages of each topic numbered from 1.
+    `holdings` describes the messages that the recording contains. `scene` is None if it is not
+    known. `closed` is True if the recording was closed, so that nothing is missing after its end.
+    `own` is True if this package wrote the file, with the messages of each topic numbered from 1.
     """
     # The missing end is counted tick by tick, which takes too long for the hundred thousand turns
     # of a long scene.
@@ -157,9 +178,11 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, closed: bool, own: bo
 
 
 def _loss_by_scene(holdings: Holdings, scene: SceneConfig, closed: bool) -> Loss:
-    """Return the missing messages of a recording, by the states of its scene.
+    """Return the missing messages, by a comparison with the cam states of the scene.
 
-    Ticks that were not recorded before the recording was closed are not lost.
+    Each topic must have its messages at the times of the planned states. If the recording was
+    closed, planned states after its newest state are not missing, because the run was stopped
+    there.
     """
     newest, total = max(state.time_ns for _, state in holdings.states), tick_count(scene)
     planned = cam_states(scene)
@@ -170,16 +193,17 @@ def _loss_by_scene(holdings: Holdings, scene: SceneConfig, closed: bool) -> Loss
     missing = _missing_messages(holdings, list(_moves(states)))
     gaps = [_gap_words(run, total) for run in _runs(missing)]
     last_ns = max(holdings.times.get(topics.DIAGNOSTICS.name, {0}))
-    if not closed and last_ns < last_state.time_ns:  # their number is not known
+    if not closed and last_ns < last_state.time_ns:  # how many are missing is unknown
         gaps.append(f"{topics.DIAGNOSTICS.name} after {last_ns / 1e9:.6g} s (not counted)")
     ends = f"it was closed after tick {last_tick} of {total}" if last_tick < total else ""
     return Loss(tuple(gaps), sum(len(names) for _, names in missing), ends=ends)
 
 
 def _loss_by_states(holdings: Holdings, closed: bool, own: bool) -> Loss:
-    """Return the missing messages of a recording at its end, by its recorded states.
+    """Return the messages missing at the end of a recording, from its cam states.
 
-    The sequence numbers show all other gaps.
+    A topic must have its messages at the recorded states that follow its newest message. The caller
+    finds all other gaps from the sequence numbers.
     """
     states = sorted((number - 1, state) for number, state in holdings.states) if own else []
     moves = [move for move in _moves(states) if move[0] == 0 or move[1] is not None]
@@ -198,10 +222,10 @@ def _moves(states: list[tuple[int, CamState]]) -> Iterator[Move]:
 def _missing_messages(
     holdings: Holdings, moves: list[Move], only_last: bool = False
 ) -> MissingMessages:
-    """Return the missing messages at some cam states.
+    """Return the cam states at which messages are missing, with their topics.
 
-    A result is the number of the state and the names of the topics. `only_last` leaves out topics
-    that have a later message.
+    `moves` contains the states to check, each with the state before it. If `only_last` is True, a
+    topic is reported only at states after its newest message.
     """
     newest = {name: max(times) for name, times in holdings.times.items()} if only_last else {}
     missing: MissingMessages = []
@@ -218,9 +242,10 @@ def _missing_messages(
 
 
 def _runs(missing: MissingMessages) -> Iterator[MissingMessages]:
-    """Yield runs of adjacent states at which messages of the same topics are missing.
+    """Group the missing messages by successive states that lack the same topics.
 
-    The additional messages of a new speed or cam do not end a run.
+    Each group becomes one entry of a text, such as "ticks 3 to 7". States without any message form
+    one group, even if a new speed or cam requires additional messages.
     """
 
     def run_key(item: tuple[int, tuple[int, frozenset[str]]]) -> tuple[int, frozenset[str] | bool]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
-#: Name of the encoding of ROS 2 messages.
+#: Name of the serialization format of ROS 2 messages (Common Data Representation).
 CDR = "cdr"
 #: Formats of message definitions that rosbags can parse, by their names in a bag.
 DEFINITION_FORMATS = {
@@ -21,7 +21,8 @@ NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, "")
 class Connection(NamedTuple):
     """Topic in a file of a bag, with names as in rosbags.
 
-    `encoding` is that of its messages, and `msgcount` their number.
+    `id` identifies the topic within the file. `encoding` is the serialization format of its
+    messages, `msgdef` the definition of their type, and `msgcount` their number.
     """
 
     id: int
@@ -33,9 +34,10 @@ class Connection(NamedTuple):
 
 
 def message_definition(encoding: str, text: str) -> MessageDefinition:
-    """Return the definition of a message type in a file.
+    """Return the definition of a message type in the form of rosbags.
 
-    The result is `NO_DEFINITION` for an unknown encoding.
+    `encoding` is the name of its format in the bag, a key of `DEFINITION_FORMATS`, and `text` is
+    the definition. Returns `NO_DEFINITION` for another format.
     """
     kind = DEFINITION_FORMATS.get(encoding)
     return NO_DEFINITION if kind is None else MessageDefinition(kind, text)

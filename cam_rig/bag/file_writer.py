@@ -62,7 +62,7 @@ class FileContent:
 
     @property
     def times(self) -> dict[str, dict[str, int]]:
-        """Duration and start time of the file in the form of rosbag2."""
+        """Duration and start time of the file (ns), as entries of rosbag2's metadata."""
         return {
             "duration": {"nanoseconds": max(0, self.last - self.first)},
             "starting_time": {"nanoseconds_since_epoch": self.first},
@@ -72,7 +72,8 @@ class FileContent:
 def offered_qos(topic: Topic) -> list[Any]:
     """Return the quality of service with which a topic was published.
 
-    `ros2 bag play` offers the same again.
+    `ros2 bag play` offers the same again. The result contains one profile, in the form of version 9
+    of rosbag2's metadata.
     """
     durability = interfaces.QosDurability["TRANSIENT_LOCAL" if topic.latched else "VOLATILE"]
     qos = interfaces.Qos(
@@ -92,25 +93,26 @@ def offered_qos(topic: Topic) -> list[Any]:
 def metadata(
     files: Iterable[FileContent], topics: Iterable[Topic] = (), namespace: str = ""
 ) -> bytes:
-    """Return the metadata.yaml of a bag.
+    """Return the content of the metadata.yaml of a bag.
 
-    `topics` are listed even if they have no message yet.
+    `files` are the files of the bag. `topics` are listed even if they have no message yet.
+    `namespace` is the prefix of all topic names, empty for the root.
     """
     description = information(files, topics, namespace)
     return _yaml({"rosbag2_bagfile_information": description}).encode()
 
 
 def _yaml(data: dict[str, Any]) -> str:
-    """Return data as YAML text, by libyaml if it is available.
+    """Return data as YAML text.
 
-    It takes a tenth of the time.
+    libyaml is used if it is available. It takes a tenth of the time of PyYAML's Python code.
     """
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     return str(yaml.dump(data, Dumper=dumper, sort_keys=False))
 
 
 def sum_contents(files: Iterable[FileContent]) -> FileContent:
-    """Return the total content of the files of a bag."""
+    """Return the content of all files of a bag together, as that of one file."""
     whole = FileContent("")
     for file in files:
         whole.topics = file.topics | whole.topics
@@ -178,8 +180,8 @@ def type_hash(topic: Topic) -> str:
 FLUSH_PERIOD_S = 0.5
 #: Wall-clock time (s) between fsyncs. A power cut loses at most the messages of this time.
 SYNC_PERIOD_S = 0.5
-#: Number of bytes of a message in the file in addition to its content: two heads, and its entry in
-#: the index.
+#: Number of bytes that a message takes in the file in addition to its content: the heads of the
+#: record and of the message, and 16 bytes in the index.
 MESSAGE_OVERHEAD_BYTES = HEAD.size + MESSAGE_HEAD.size + 16
 #: Media types of attachments by file name extension. All other attachments are YAML.
 MEDIA = {".csv": "text/csv", ".txt": "text/plain", ".json": "application/json"}
@@ -188,10 +190,10 @@ MEDIA = {".csv": "text/csv", ".txt": "text/plain", ".json": "application/json"}
 class FileWriter:
     """Writer of an MCAP file.
 
-    The file must not exist yet. If `replaces` is True, the content is written to a file next to it,
-    which takes its name when `replace_old` is called. Until then an old file of that name is not
-    changed. Every method except `abandon` may raise OSError. BlockingIOError means that another
-    process is writing the file.
+    If `replaces` is False, the file must not exist yet. If it is True, the content is written to a
+    temporary file next to the file, which replaces it when `replace_old` is called. Until then an
+    old file of that name is not changed. Every method except `abandon` may raise OSError.
+    BlockingIOError means that another process is writing the file.
     """
 
     def __init__(self, path: Path, replaces: bool = False, namespace: str = "") -> None:
@@ -214,24 +216,28 @@ class FileWriter:
         return self._stream.closed
 
     def start(self, before: list[FileContent]) -> None:
-        """Write the head of the file.
+        """Write the header of the file, and the description of the bag for rosbag2.
 
-        `before` contains the other files of the bag.
+        `before` is the content of the other files of the bag, which the description contains too.
         """
         self._writer.start(profile="ros2", library=LIBRARY)
         self._describe([*before, self.content])
         self._stream.flush()
 
     def attach(self, name: str, data: bytes) -> None:
-        """Attach a file with a name to the MCAP file."""
+        """Write a file into the MCAP file as an attachment.
+
+        `name` is the name of the attachment, and `data` its content.
+        """
         self._dirty = True
         kind = MEDIA.get(Path(name).suffix, "application/yaml")
         self._writer.add_attachment(0, 0, name, kind, data)
 
     def register(self, topic: Topic, definition: bytes | None = None) -> int:
-        """Register a topic in the file, and return its channel.
+        """Register a topic in the file, and return the id of its channel.
 
-        `definition` is the definition of its type (default: the definition that rosbags has).
+        A topic that is registered already keeps its channel. `definition` is the definition of its
+        message type (default: the definition that rosbags has).
         """
         if topic.name in self._channels:
             return self._channels[topic.name]
@@ -286,7 +292,11 @@ class FileWriter:
             self._sync()
 
     def replace_old(self) -> None:
-        """Replace the old file by the new file, which must be on the disk."""
+        """Give the temporary file the name of the file that it replaces.
+
+        Its content must be on the disk (fsync) already. The method does nothing without a temporary
+        file.
+        """
         if self.part is not None:
             files.replace(self.part, self.path)
             self.part = None
@@ -294,7 +304,7 @@ class FileWriter:
     def finish(self, whole: list[FileContent]) -> None:
         """Write the end of the file, after which it counts as closed.
 
-        `whole` is the content of all files of the bag.
+        `whole` is the content of all files of the bag, for the description that rosbag2 reads.
         """
         self._writer.flush()
         self._describe(whole)

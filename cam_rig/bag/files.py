@@ -38,9 +38,10 @@ SQLITE = ".db3"
 SQLITE_MAGIC = b"SQLite format 3\0"
 #: File name ending of a file that is not complete yet.
 PART = ".part"
-#: Opcode and length of the footer of an MCAP file. 20 bytes and the magic follow.
+#: First bytes of the footer of an MCAP file: opcode and length. The 20 bytes of its content and the
+#: magic bytes of MCAP follow.
 FOOTER = b"\x02" + (20).to_bytes(8, "little")
-#: Description of a bag in the error message for another path.
+#: Definition of a bag, for the error message about a path that is not a bag.
 BAG = "a bag is a folder with metadata.yaml and .mcap files, or an .mcap file"
 
 
@@ -61,12 +62,16 @@ def bag_files(directory: Path) -> list[Path]:
 
 
 def part_of(file: Path) -> Path:
-    """Return the temporary name of a file until it is complete."""
+    """Return the path under which a file is written until it is complete."""
     return file.with_name(file.name + PART)
 
 
 def is_closed(file: Path) -> bool:
-    """Return True if an MCAP file was written to its end."""
+    """Return True if an MCAP file was written to its end.
+
+    The check reads the footer and the magic bytes at the end. The result is False for a pipe or a
+    device.
+    """
     if file.exists() and not file.is_file():  # such as a pipe
         return False
     with file.open("rb") as stream:
@@ -102,7 +107,10 @@ def _why_not_regular(path: Path) -> str | None:
 
 
 def require_a_bag(path: Path) -> None:
-    """Raise BagError if a path is not a bag and never was a bag."""
+    """Raise BagError if a path is not a bag.
+
+    A bag that is damaged or was not closed is accepted.
+    """
     if problem := why_not_a_bag(path):
         raise BagError(f"{path}: {problem}; {BAG}")
 
@@ -149,8 +157,8 @@ def _why_not_mcap(file: Path) -> str | None:
 def create(file: Path) -> BinaryIO:
     """Open a new file for writing.
 
-    A ``.part`` file that a killed process left is truncated. Raises BlockingIOError if another
-    process is writing it.
+    Raises FileExistsError if the file exists. Only a ``.part`` file may exist: it was left by a
+    killed process and is truncated. Raises BlockingIOError if another process is writing it.
     """
     if file.suffix != PART:
         return file.open("xb")
@@ -192,7 +200,7 @@ def sync_folder(folder: Path) -> None:
 def replace(part: Path, file: Path) -> None:
     """Replace a file by a complete file in one step.
 
-    The new file must be on the disk already.
+    `part` is the new file. Its content must be on the disk (fsync) already.
     """
     os.replace(part, file)
     sync_folder(file.parent)
@@ -210,9 +218,10 @@ def write_whole(file: Path, data: bytes) -> None:
 
 _FORMATS = (McapError, struct.error, zlib.error, zstandard.ZstdError, sqlite3.Error)
 _CONTENTS = (LookupError, ValueError, EOFError, OverflowError, MemoryError, RuntimeError)
-#: Errors that readers raise if a file is damaged.
+#: Exceptions that the readers of MCAP and SQLite files raise if a file is damaged.
 DAMAGE = (*_FORMATS, *_CONTENTS, OSError)
-#: Errors that rosbags raises for a file or folder that is not a bag.
+#: Exceptions that can occur while a path is read as a bag: those of `DAMAGE`, and those of rosbags
+#: for messages and folders that it cannot read.
 UNREADABLE = (*DAMAGE, ReaderError, SerdeError, AssertionError, TypeError, AttributeError)
 
 
@@ -243,7 +252,7 @@ def read_error(bag: Path, error: Exception) -> BagError:
 
 
 def sqlite_files(bag: Path) -> list[Path]:
-    """Return the SQLite files of a bag."""
+    """Return the SQLite files of a bag, an empty list for a bag with MCAP files only."""
     return sorted(bag.glob(f"*{SQLITE}")) if bag.is_dir() else [bag] * (bag.suffix == SQLITE)
 
 
@@ -265,9 +274,10 @@ def sqlite_remedy(bag: Path, file: Path) -> str:
 
 
 def require_new_bag(directory: Path, number: int = 0) -> None:
-    """Raise BagError if a new bag with files up to `number` cannot be created.
+    """Raise BagError if a new bag cannot be created at a path.
 
-    The check runs before anything is started.
+    `number` is the largest file number for which the file names must have room. The check runs
+    before any process of the run is started.
     """
     try:
         is_existing = directory.exists()

@@ -45,9 +45,9 @@ class Extent(NamedTuple):
 class Listing:
     """Files of a bag in their order, with the content of metadata.yaml.
 
-    `extents` is by file name, without files that were not counted yet. `total` is the number of
-    messages of the bag, or None if it is not listed. `notes` contains one sentence per file that is
-    ignored.
+    `extents` contains the messages and the start time that metadata.yaml lists per file name,
+    without files that it lists with 0 messages. `total` is the number of messages of the bag, or
+    None if metadata.yaml does not list it. `notes` contains one sentence per file that is ignored.
     """
 
     files: tuple[Path, ...]
@@ -99,9 +99,9 @@ def list_files(bag: Path) -> Listing:
 
 
 def _total(information: dict[str, Any]) -> int | None:
-    """Return the number of messages in a bag by metadata.yaml.
+    """Return the number of messages of a bag that metadata.yaml lists.
 
-    It is None if they were not counted yet.
+    Returns None if it does not list the messages of every file yet, as during a recording.
     """
     total = information.get("message_count")
     counts = [extent.messages for _, extent in _extents(information.get("files"))]
@@ -226,6 +226,7 @@ def require_agreement(bag: Path, listing: Listing) -> None:
 def require_order(bag: Path, listing: Listing) -> None:
     """Raise BagError if some files of a bag have exchanged names.
 
+    A file is recognized by the number of messages and the start time that metadata.yaml lists.
     Damaged files are not compared.
     """
     actual = dict[str, Extent | None]()

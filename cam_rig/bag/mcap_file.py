@@ -35,14 +35,17 @@ from cam_rig.bag.records import (
     unpack_whole,
 )
 
-#: Message or chunk of a file: log time (ns), position of the chunk in the file, connection (None at
-#: the start of a chunk), data.
+#: Message or start of a chunk of an MCAP file, to be sorted by time: log time (ns), position of the
+#: chunk in the file, connection (None at the start of a chunk), serialized message.
 Entry = tuple[int, int, Connection | None, bytes]
 
 
 @dataclass
 class Summary:
-    """Summary of an MCAP file: the records at its end."""
+    """Summary at the end of an MCAP file: schemas, channels, indexes, statistics.
+
+    The keys of `schemas` and `channels` are their ids.
+    """
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -66,7 +69,11 @@ class Summary:
 
 
 def read_summary(stream: BinaryIO) -> Summary:
-    """Read the summary of a closed file, or return an empty summary without one."""
+    """Read the summary at the end of a closed MCAP file.
+
+    Returns an empty summary if the file has none. Raises ValueError if its position is not in the
+    file.
+    """
     summary = Summary()
     descriptor, size = stream.fileno(), os.fstat(stream.fileno()).st_size
     footer = os.pread(descriptor, len(FOOTER) + 8, size - len(MCAP0_MAGIC) - 20 - len(FOOTER))
@@ -81,7 +88,10 @@ def read_summary(stream: BinaryIO) -> Summary:
 
 
 class McapFile:
-    """Reader of a closed MCAP file, as a context manager."""
+    """Reader of a closed MCAP file, as a context manager.
+
+    `connections` contains the topics of the file.
+    """
 
     def __init__(self, file: Path) -> None:
         self.connections: list[Connection] = []
@@ -155,10 +165,11 @@ class McapFile:
     def _chunk_entries(
         self, record: Record, head: ChunkHead, wanted: dict[int, Connection]
     ) -> Iterator[Entry]:
-        """Yield an entry for the start of a chunk of a file, then its messages.
+        """Yield an entry for the start of a chunk of a file, then its messages by time.
 
-        An entry is time, position, connection and data. The chunk is unpacked only after the first
-        entry was taken.
+        An entry is log time (ns), position, connection and data. The chunk is unpacked only after
+        the first entry was taken, so that a merge of all chunks by time keeps few of them in
+        memory.
         """
         yield head.start, 0, None, b""
         entries = list[Entry]()
@@ -171,7 +182,10 @@ class McapFile:
         yield from sorted(entries, key=itemgetter(0))
 
     def _scan(self, summary: Summary) -> Counter[int]:
-        """Count the messages per channel, and add the schemas and channels to a summary."""
+        """Count the messages per channel, and add the schemas and channels to a summary.
+
+        It is used for a file whose summary does not contain them.
+        """
         counts = Counter[int]()
         for record in records_of(self._stream):
             entries = iter([(record.opcode, read_content(self._stream, record))])
@@ -187,9 +201,10 @@ class McapFile:
 
 
 def _connection(channel: Channel, schema: Schema | None, count: int) -> Connection:
-    """Return the connection of a channel, with its topic and type.
+    """Return a channel of an MCAP file as a connection, with its topic and type.
 
-    Types without ``msg`` in their names are also accepted.
+    A type name without ``msg``, such as std_msgs/String, is completed. `count` is the number of
+    messages of the channel.
     """
     kind, definition = "", NO_DEFINITION
     if schema is not None:

@@ -20,20 +20,24 @@ from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, FloatArray, format_duration, format_time
 
-#: Shortest gap (s) that is reported as a pause: the recording was stopped, and no messages were
-#: lost.
+#: Duration (s) from which a single gap in the readings is reported as a pause, in which the
+#: recording was stopped. Other gaps are reported as gaps.
 MIN_PAUSE_S = 10.0
 
 
 def read_states(bag: Path, namespace: str | None = None) -> Iterator[CamState]:
-    """Return an iterator over the cam states in the order of the bag."""
+    """Return an iterator over the cam states in the order of the bag.
+
+    `namespace` chooses the rig of a bag with several rigs.
+    """
     return (state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of}, namespace))
 
 
 def read_pressures(bag: Path, namespace: str | None = None) -> dict[int, float]:
     """Return the r.m.s. sound pressure (Pa) of each tick.
 
-    The key is the stamp (ns) of the end of the tick.
+    The key is the stamp (ns) of the end of the tick. `namespace` chooses the rig of a bag with
+    several rigs.
     """
     return dict(pressure for _, pressure in decoded(bag, {topics.PRESSURE: pressure_of}, namespace))
 
@@ -46,8 +50,9 @@ def read_measured(
 ) -> MeasuredRun:
     """Return the measured run of one cam.
 
-    `mapping` is None for a recording of the rig. Raises BagError if a signal does not overlap the
-    angle in time.
+    `mapping` contains the field of each quantity in a bag of another program, and is None for a
+    recording of the rig. `cam` and `namespace` choose a cam and a rig of several. Raises BagError
+    if a signal does not overlap the angle in time.
     """
     if mapping is None:
         return _read_rig(bag, cam, own_namespace(bag, namespace))

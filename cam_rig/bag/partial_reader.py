@@ -155,9 +155,10 @@ INDEXES = {
     Opcode.STATISTICS,
     Opcode.SUMMARY_OFFSET,
 }
-#: Occasions (`Topic.per`) at which the log time of a topic is its stamp.
+#: Values of `Topic.per` (occasion of a message) of those topics whose messages are logged at the
+#: time of their stamp.
 STAMP_LOGGED = ("state", "tick", "instant", "speed")
-#: Largest number of channels of a file that are read. Rigs have fewer topics.
+#: Largest number of MCAP channels (topics) of a file that are read. Rigs have fewer topics.
 MAX_CHANNELS = 1000
 
 
@@ -189,10 +190,11 @@ class RecordedMessage(NamedTuple):
 class FileReport:
     """Report on a file that was read as far as possible.
 
-    `damaged_records` were unreadable or had a wrong checksum, and `first_error` is the reason of
-    the first. `doubtful_messages` were read from them all the same, and `doubtful_times` are their
-    first and last log times (ns). `truncated_messages` were read from truncated chunks.
-    `unread_bytes` could not be read.
+    `damaged_records` is the number of records that were unreadable or had a wrong checksum, and
+    `first_error` the reason of the first. `doubtful_messages` is the number of messages that were
+    read from them, and `doubtful_times` are their first and last log times (ns), None without such
+    a message. `truncated_messages` is the number of messages that were read from truncated chunks,
+    and `unread_bytes` the number of bytes that could not be read.
     """
 
     file: Path
@@ -293,10 +295,10 @@ class _PartialReader:
         self.report.first_error = self.report.first_error or error_text(error)
 
     def _resolve(self, opcode: int, data: bytes) -> Iterator[RecordedMessage]:
-        """Yield a message with its schema and channel, if both are known.
+        """Store a schema or a channel, or yield a message with its schema and channel.
 
-        Schemas and channels are stored. Raises ValueError for another record, and for more than
-        `MAX_CHANNELS` channels.
+        A message whose schema or channel is missing is skipped. Raises ValueError for another kind
+        of record, and for more than `MAX_CHANNELS` channels.
         """
         if opcode not in CONTENT_READERS:
             raise ValueError(f"a chunk contains a record of kind {opcode}")

@@ -37,7 +37,8 @@ from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.simulation.simulate import TickSamples
 from cam_rig.units import NS, FloatArray
 
-#: Reader of one file. Both types have `connections` and `messages(connections)`.
+#: Reader of one file of a bag, MCAP or SQLite. Both types have `connections` and
+#: `messages(connections)`.
 BagReader = McapFile | SqliteFile
 
 
@@ -68,7 +69,8 @@ def decoded(
 ) -> Iterator[tuple[Topic, Any]]:
     """Yield topic and decoded message of some topics in the order of the bag.
 
-    `decoders` contains a function per topic. Raises BagError for a message that a decoder refuses.
+    `decoders` contains a function per topic that converts its messages. Raises BagError if a
+    function refuses a message (RefusedError).
     """
     for topic, _, message in messages(bag, tuple(decoders), namespace):
         try:
@@ -79,7 +81,10 @@ def decoded(
 
 
 def pressure_of(message: Any) -> tuple[int, float]:
-    """Return the stamp (ns) of a tick's end, and the r.m.s. sound pressure (Pa)."""
+    """Return the stamp (ns) and the r.m.s. sound pressure (Pa) of a pressure message.
+
+    The stamp is the end of the tick for which the pressure was computed.
+    """
     return stamp_ns(message.header.stamp), float(message.fluid_pressure)
 
 
@@ -140,9 +145,10 @@ def _sources(bag: Path) -> tuple[Path, ...]:
 
 
 def _namespace(bag: Path, reader: BagReader, rigs: set[str]) -> str:
-    """Return the namespace of the rig in a bag, and add the rigs of a file to `rigs`.
+    """Return the namespace of the only rig in a bag, empty for the root.
 
-    Raises BagError if there are several rigs.
+    The rigs in the file of `reader` are added to `rigs`, the rigs of the files before it. Raises
+    BagError if there are several rigs.
     """
     rigs |= _rigs(reader)
     if len(rigs) > 1:
@@ -197,9 +203,10 @@ def require_rig(bag: Path) -> None:
 
 
 def shortcomings(bag: Path, loaded: LoadedScene, ticks: int) -> tuple[str, ...]:
-    """Return the notes on the damage of a bag.
+    """Return notes on the damage of a recording.
 
     These are the reports of recoveries, and a line if the bag has fewer ticks than its scene.
+    `ticks` is the number of recorded ticks.
     """
     planned = tick_count(loaded.scene)
     notes = [f"not complete: {ticks} of {planned} ticks"] if ticks < planned else []
@@ -227,7 +234,9 @@ def read_ticks(bag: Path, namespace: str | None = None) -> Iterator[TickSamples]
 def _join_tick(states: deque[CamState], rows: FloatArray) -> TickSamples | None:
     """Return the samples of a tick together with the cam's motion.
 
-    Earlier states are dropped. Returns None if the states before or after the tick are missing.
+    `states` contains the cam states from before the tick on. States that are no longer needed are
+    removed from it. `rows` contains the samples, with the times (s) in the first row. Returns None
+    if the states before or after the tick are missing.
     """
     middle = 0.5 * (rows[0, 0] + rows[0, -1])
     while len(states) > 1 and states[1].time_ns / NS <= middle:
@@ -239,7 +248,8 @@ def _join_tick(states: deque[CamState], rows: FloatArray) -> TickSamples | None:
         return None
     interval = start.until(end)
     deviation = interval.angle_at(interval.duration) - interval.angle - end.since(start)
-    # States between them are missing if the angle does not fit: the speed changed meanwhile.
+    # The angle does not fit if the speed changed between the two states: then states between them
+    # are missing.
     return None if abs(deviation) > ANGLE_TOLERANCE else TickSamples(start, interval, rows)
 
 

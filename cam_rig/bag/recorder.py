@@ -37,8 +37,9 @@ PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags")
 class BagRecorder:
     """Recorder of messages into a bag, with all files that its analysis needs.
 
-    `samples_per_turn` is the number of instants per turn of the derived motion (0: that of the
-    scene).
+    The scene, its cams and its rig are attached to the bag. `samples_per_turn` is the number of
+    samples per turn of the motion messages that the recorder computes for viewers (0: the number in
+    the scene). `split` contains the limits at which a new file is started.
     """
 
     def __init__(
@@ -79,7 +80,7 @@ class BagRecorder:
         return stamps
 
     def idle(self) -> None:
-        """Flush the bag if due.
+        """Write buffered messages to the file if the last flush is too long ago.
 
         The method must be called a few times per second.
         """
@@ -95,7 +96,7 @@ class BagRecorder:
 
     def close(self) -> None:
         """Write the remaining messages of the run, and close the bag."""
-        self._writer.split = Split()  # incomplete states stay in one file
+        self._writer.split = Split()  # the remaining states start no new file
         self._session.close()
         self._writer.close()
 

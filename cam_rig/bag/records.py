@@ -39,9 +39,9 @@ HEAD = struct.Struct("<BQ")
 #: Layout of the start of a chunk: first and last log time, unpacked size, its CRC, length of the
 #: compression's name.
 CHUNK_HEAD = struct.Struct("<QQQII")
-#: Number of bytes in which a chunk is searched for in one step.
+#: Number of bytes that are read in one step while the next chunk is searched for.
 SEARCH_BYTES = 16 * MIB
-#: Pattern of the first bytes of a chunk.
+#: Pattern of the first bytes of a chunk. It finds the next chunk after damaged bytes.
 CHUNK_PATTERN = re.compile(
     rb"\x06.{5}\0{3}.{16}.{5}\0{3}.{4}(?:\0{4}|\x04\0{3}zstd|\x03\0{3}lz4).{5}\0{3}", re.DOTALL
 )

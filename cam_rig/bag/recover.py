@@ -43,7 +43,7 @@ NOTHING_RECORDED = "nothing was recorded"
 class Recovery:
     """Result of a recovery: the recovered messages by topic, and the missing messages.
 
-    `last_ns` is the newest log time in ns.
+    `last_ns` is the newest log time in ns. `reports` contains a report per file of the damaged bag.
     """
 
     counts: dict[str, int]
@@ -139,8 +139,8 @@ def recover_in_place(bag: Path) -> Recovery:
     unclosed = [file for file in files.paths if not is_closed(file)]
     unclosed = unclosed or files.paths[-1:]  # only metadata.yaml is missing
     try:
-        # Files that are not recovered yet are listed without messages. They stay listed after a
-        # kill.
+        # metadata.yaml lists the files that are not recovered yet with 0 messages. If the process
+        # is killed, a repeated recovery therefore still finds them.
         contents = {file: files.empty(file) for file in unclosed}
         contents |= {file: files.read(file) for file in files.paths if file not in unclosed}
         for file in unclosed:
@@ -168,9 +168,9 @@ def examine(bag: Path) -> Recovery:
 
 
 def recording_state(bag: Path) -> str:
-    """Return the recorded messages of a failed run as text.
+    """Return a text on the messages that a failed run has recorded.
 
-    The bag is recovered if it was not closed.
+    The bag is recovered first if it was not closed.
     """
     try:
         if not any(file.stat().st_size for file in bag_files(bag)):
@@ -203,7 +203,7 @@ class _BagFiles:
         self._contents: dict[Path, FileContent] = {}
 
     def empty(self, file: Path) -> FileContent:
-        """Return the content of a file of which no message was read yet."""
+        """Return the content of a file of the bag with 0 messages, before it is read."""
         return FileContent(bag_file(self._bag, number_of(file)).name)
 
     def read(self, file: Path, writer: BagWriter | None = None) -> FileContent:

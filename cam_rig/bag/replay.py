@@ -31,8 +31,8 @@ COMPARED = tuple(topic for topic in topics.RECEIVED if topic.per == "tick")
 class Difference:
     """Largest difference of one quantity between two recordings.
 
-    `difference` is the largest difference and `largest` the largest value, both in the unit of the
-    quantity. `count` is the number of values.
+    `difference` is the largest absolute difference and `largest` the largest absolute value, both
+    in the unit of the quantity. `count` is the number of compared values.
     """
 
     topic: str
@@ -78,7 +78,7 @@ class ReplayResult(Result):
 
     @property
     def exit_code(self) -> int:  # type: ignore[override]
-        """1 if a quantity differs by more than the tolerance, else 0."""
+        """Exit code of the command: 1 if a quantity exceeds the tolerance, else 0."""
         return 0 if self.worst.relative <= self.tolerance else 1
 
     def tables(self) -> list[Records]:
@@ -151,7 +151,7 @@ def _numbers(topic: Topic, message: Any) -> Iterator[tuple[str, Any]]:
 
 # Messages of a recorded drive and law server, to be published again.
 
-#: Topics in the order in which they are published at one rig time.
+#: Topics whose recorded messages a replay publishes, in their order at one rig time.
 REPLAYED_TOPICS = (
     topics.LAW_COEFFICIENTS,
     topics.PROFILE,
@@ -159,17 +159,19 @@ REPLAYED_TOPICS = (
     topics.CLOCK,
     topics.CAM_STATE,
 )
-#: Topics whose messages are decoded. The messages of all other topics are passed on unchanged.
+#: Topics whose messages a replay decodes. The messages of all other topics are passed on as bytes.
 READ = (topics.CAM_STATE, topics.DIAGNOSTICS)
-#: Pattern of the letter symbol of a sound level. The bag may contain any other text there.
+#: Pattern of the letter symbol of a sound level, such as LAF. It is checked because the bag may
+#: contain any text.
 SYMBOL = re.compile("L[ACZ][FS]")
 
 
 @dataclass(frozen=True)
 class ReplayStep:
-    """Step of a replay: a cam state, and all serialized messages up to it.
+    """Step of a replay: a cam state, and the messages since the previous state.
 
-    `quantity` is the quantity that the microphone measures, empty if unknown.
+    `messages` contains topic and serialized message. `quantity` is the quantity that the microphone
+    measures, such as LAF, empty if unknown.
     """
 
     state: CamState

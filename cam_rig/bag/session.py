@@ -22,14 +22,17 @@ from cam_rig.messages.serialization import cam_of, diagnosed_node, read_message,
 from cam_rig.messages.topics import Publishers, Topic, occasions
 from cam_rig.simulation.schedule import CamState
 
-# Messages that wait for their state or their twin. Their number is bounded, also if a publisher
+# Storage of messages that wait for their cam state, or for the message of the topic that is
+# published together with theirs (its twin). The number of messages is bounded, also if a publisher
 # floods a topic.
 
-#: Largest number of stored messages whose state is not known yet. Fewer are in flight in a run.
+#: Largest number of stored messages whose cam state is not known yet. Fewer are in flight in a
+#: normal run.
 MAX_WAITING = 4 * HISTORY_DEPTH
 #: Number of messages that are evicted together, so that a flood does not cost a search per message.
 EVICTED_AT_ONCE = MAX_WAITING // 8
-#: Unstamped topics that belong to each stamped topic.
+#: For each topic with a stamp, the topics without a stamp that the same node publishes with it.
+#: Their messages with equal numbers have the same time.
 TWINS = {
     stamped.name: [topic for topic in topics.RECEIVED if topic.twin == stamped.name]
     for stamped in topics.RECEIVED
@@ -38,9 +41,10 @@ Key = TypeVar("Key", bound=Hashable)
 
 
 def make_room(stored: dict[Key, Any], is_awaited: Callable[[Key], bool] = lambda _: False) -> bool:
-    """Evict the oldest messages if there are too many, and return True in that case.
+    """Remove the oldest of the stored messages if there are more than `MAX_WAITING`.
 
-    Messages with an awaited key are not evicted.
+    `stored` is in the order of arrival. Messages whose key is awaited are not removed. Returns True
+    if there were too many messages.
     """
     if len(stored) <= MAX_WAITING:
         return False
@@ -76,7 +80,7 @@ class Waiting:
     def keep_stamped(self, topic: Topic, number: int, cdr: bytes) -> None:
         """Store a message by its stamp.
 
-        Its unstamped twins get the same stamp.
+        Messages with the same number on its twin topics, which have no stamp, get this stamp.
         """
         stamp = stamp_of(cdr)
         try:
@@ -86,9 +90,11 @@ class Waiting:
                 self.pair(twin, number, stamp)
 
     def pair(self, topic: Topic, number: int, half: int | bytes) -> None:
-        """Combine an unstamped message with the stamp of its twin.
+        """Combine a message without a stamp with the stamp of its twin topic.
 
-        Message and stamp may arrive in any order.
+        `half` is the serialized message or the stamp (ns), which may arrive in any order. `number`
+        is the number of the message within its topic. The message is stored when both halves have
+        arrived.
         """
         key = (topic.name, number)
         other = self._halves.pop(key, None)
@@ -133,6 +139,7 @@ class PendingDiagnostics:
     def __init__(self) -> None:
         self._waiting: dict[Diagnostic, None] = {}
         # The recorder takes its own messages directly, and receives them through DDS as well.
+        # Messages that were written are stored here, so that the second copy is ignored.
         self._written: deque[Diagnostic] = deque(maxlen=4 * MAX_WAITING)
 
     def take(self, stamp: int, node: str, cdr: bytes) -> None:
@@ -165,7 +172,8 @@ class PendingDiagnostics:
             yield (message.stamp + 1 + topics.DIAGNOSED_NODES.index(message.node), message.cdr)
 
 
-#: Number of bytes of a state's message that are its stamp. The clock message consists of them.
+#: Number of bytes at the start of a serialized cam state that contain its stamp. A serialized clock
+#: message consists of the same bytes.
 CLOCK_BYTES = 12
 #: Topics with a stamp: those of a tick, and the law of a new speed.
 STAMPED = tuple(topic for topic in topics.RECEIVED if topic.per in ("speed", "tick"))
@@ -176,8 +184,9 @@ CAM_TOPICS = tuple(topic for topic in topics.RECEIVED if topic.per == "cam")
 class RecordingSession:
     """Session that writes serialized messages in the order of rig time, each once.
 
-    `check` raises RefusedError for a law or contour (topic, message) that differs from the cam's
-    law or contour. `motion` creates the derived messages.
+    `check` is called with the topic and the message of a law or contour. It raises RefusedError if
+    the message differs from the cam of that name. `motion` creates the messages that the recorder
+    computes itself.
     """
 
     def __init__(
@@ -201,10 +210,11 @@ class RecordingSession:
         self._newest = -1
 
     def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
-        """Receive one message of a process, and write the states that it completes.
+        """Receive one serialized message, and write the cam states that it completes.
 
-        `number` counts the messages of the topic. Returns the stamps (ns) of the written states.
-        Raises RefusedError for a message that is not recorded.
+        `source` is the identifier (gid) of its publisher, empty for the recorder itself. `number`
+        counts the messages of the topic. Returns the stamps (ns) of the written states. Raises
+        RefusedError for a message that is not recorded.
         """
         if topic.derived:
             raise RefusedError(f"{topic.name}: is computed by the recorder, so it is not received")
@@ -254,9 +264,10 @@ class RecordingSession:
         self._newest = max(self._newest, state.time_ns)
 
     def _write_diagnostics(self, until: int) -> None:
-        """Write the diagnostics up to a rig time (ns), the time of a written state.
+        """Write the waiting diagnostics up to a rig time (ns).
 
-        No file of the bag therefore contains later messages than its states.
+        It is the time of a state that is written, so that no file of a bag contains diagnostics
+        that are later than its states.
         """
         for time_ns, diagnostic in self._diagnostics.due(until):
             self._writer.write(topics.DIAGNOSTICS, time_ns, diagnostic)
@@ -293,9 +304,10 @@ class RecordingSession:
         return stamp
 
     def _derived_messages(self, state: CamState) -> list[DerivedMessage]:
-        """Return the derived messages of the tick that ends at a state.
+        """Return the motion messages of the tick that ends at a cam state.
 
-        The result is empty if the samples of the tick are missing.
+        The recorder computes them from the samples of the tick. The result is empty if the samples
+        are missing.
         """
         before, samples = self._before, self._waiting.get(topics.FOLLOWER_SAMPLES, state.time_ns)
         if self._motion is None or before is None or samples is None:

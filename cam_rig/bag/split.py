@@ -38,7 +38,10 @@ class Split:
 
     @property
     def last_number(self) -> int:
-        """Largest file number for which the name of a file must have room."""
+        """Largest file number for which the name of a file must have room.
+
+        It is 0 if the bag is not divided into several files.
+        """
         return MAX_NUMBER if self.size or self.duration else 0
 
     @property
@@ -73,9 +76,10 @@ class Split:
 
 
 def _amount(option: str, text: str, units: dict[str, float]) -> float:
-    """Parse a number with a unit, and return it in the base unit.
+    """Parse a number with a unit, and return it in the base unit (bytes or s).
 
-    `units` contains the factor of each unit, and `option` is the name in the error.
+    `units` contains the factor of each accepted unit. `option` is the name of the option in an
+    error message.
     """
     match = AMOUNT.fullmatch(text)
     if match is None or match[2] not in units:

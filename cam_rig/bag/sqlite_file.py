@@ -5,12 +5,34 @@ The reader returns the topics, and the messages in the order of their log times.
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 from cam_rig.bag.connection import NO_DEFINITION, Connection, message_definition
+
+#: Length in bytes of the header of an SQLite file.
+HEADER_BYTES = 100
+
+
+def require_all_pages(file: Path) -> None:
+    """Raise sqlite3.DatabaseError if an SQLite file is shorter than its header states.
+
+    SQLite itself does not report this if the missing pages are not needed for a query. The header
+    has the page size (bytes 16 and 17, where 1 means 65536) and the number of pages (bytes 28 to
+    31). The number is valid if the change counters (bytes 24 and 92) are equal.
+    """
+    with file.open("rb") as stream:
+        header = stream.read(HEADER_BYTES)
+        size = stream.seek(0, os.SEEK_END)
+    if len(header) < HEADER_BYTES or header[24:28] != header[92:96]:
+        return  # an empty file or an old format, which SQLite checks
+    page = int.from_bytes(header[16:18], "big")
+    expected = (65536 if page == 1 else page) * int.from_bytes(header[28:32], "big")
+    if size < expected:
+        raise sqlite3.DatabaseError(f"the file must have {expected} bytes, got {size}")
 
 
 class SqliteFile:
@@ -21,6 +43,7 @@ class SqliteFile:
     """
 
     def __init__(self, file: Path) -> None:
+        require_all_pages(file)
         self._database = sqlite3.connect(f"{file.absolute().as_uri()}?immutable=1", uri=True)
         with ExitStack() as on_error:
             on_error.callback(self._database.close)

@@ -118,7 +118,8 @@ class BagWriter:
     def begin_state(self, stamp: int) -> None:
         """Continue in a new file of the bag if the current file has reached a limit.
 
-        The method is called before the messages of the state at `stamp` (ns) are written.
+        The method is called before the messages of the state at `stamp` (ns) are written. A tick is
+        therefore never divided between two files.
         """
         start = stamp if self._file_start is None else self._file_start
         if self._file.part is None and self.split.is_due(self._file.size, start, stamp):
@@ -218,7 +219,10 @@ class BagWriter:
 
     @contextmanager
     def _creation_errors(self, path: Path) -> Iterator[None]:
-        """Convert an OSError within the block into a BagError for a path."""
+        """Convert an OSError within the block into a BagError.
+
+        `path` is the file or folder that is created, which the error names.
+        """
         try:
             yield
         except BlockingIOError:

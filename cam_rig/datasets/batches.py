@@ -1,4 +1,7 @@
-"""Computation of the points of a dataset in batches, by an executor."""
+"""Computation of the points of a dataset in batches, by an executor.
+
+A point is one row of the dataset. A batch is a range of consecutive points that one task computes.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,8 @@ BATCH_S = 1.0
 BATCH_PER_WORKER_S = 0.01
 #: Approximate upper limit of the number of batches, and so of files.
 MAX_BATCHES = 20_000
-#: Largest number of batches in flight until the cost of the first is measured. They have one point.
+#: Largest number of batches in flight until the cost of the first is measured. Each of these
+#: batches has one point.
 MAX_PILOTS = 64
 #: Largest number of points of a batch.
 MAX_POINTS = 1 << 16
@@ -113,7 +117,10 @@ class BatchSizes:
         self.next, self.in_flight = 1, min(MAX_PILOTS, IN_FLIGHT_PER_WORKER * workers)
 
     def take(self, rows: Batch) -> None:
-        """Set the sizes from the measured cost of a batch."""
+        """Set the size of the next batch from the measured time of a computed batch.
+
+        The number of batches in flight is set to `IN_FLIGHT_PER_WORKER` per worker.
+        """
         count = rows.last - rows.first
         size = int(self._seconds * count / max(rows.seconds, 1e-9))
         self.next = max(1, min(max(size, self._min_size), MAX_GROWTH * count, self._max_size))
@@ -121,7 +128,11 @@ class BatchSizes:
 
 
 def _batches(gaps: list[tuple[int, int]], sizes: BatchSizes) -> Iterator[tuple[int, int]]:
-    """Divide gaps into batches, each of the size that is current when it is requested."""
+    """Yield first point and end (exclusive) of the batches of all missing points.
+
+    `gaps` are the ranges of missing points. A batch has the size `sizes.next` of the moment at
+    which it is requested.
+    """
     for start, last in gaps:
         first = start
         while first < last:

@@ -35,7 +35,7 @@ _NAME = re.compile(r"points-(\d+)-(\d+)-([0-9a-f]{16})\.parquet")
 DAMAGED_SUFFIX = ".damaged"
 #: Largest number of damaged files that a message names.
 MAX_NAMED_FILES = 3
-#: Packages on whose versions rows may depend.
+#: Packages on whose versions the computed rows may depend. Their versions are stored in every file.
 PACKAGES = ("cam_rig", "numpy", "scipy")
 #: Largest number of differences between two studies that a message names.
 MAX_NAMED_DIFFERENCES = 3
@@ -251,7 +251,10 @@ def describe_differences(old: Mapping[str, str], new: Mapping[str, str]) -> str:
 
 
 def _leaves(node: Any, path: str = "") -> dict[str, Any]:
-    """Return the numbers and texts of JSON data by path, without the prefix "config."."""
+    """Return the numbers and texts of nested JSON data by their paths.
+
+    A path has the form "key.key" or "key[0]". A prefix "config." is removed from it.
+    """
     if isinstance(node, dict):
         children = [(f"{path}.{key}" if path else key, child) for key, child in node.items()]
     elif isinstance(node, list):
@@ -315,7 +318,10 @@ def _read_origin(data: bytes) -> dict[str, str]:
 
 
 def versions() -> dict[str, str]:
-    """Return the installed versions of `PACKAGES`."""
+    """Return the installed versions of the packages in `PACKAGES`, by name.
+
+    The version of a missing package is "not installed".
+    """
     installed = dict.fromkeys(PACKAGES, "not installed")
     for name in PACKAGES:
         with suppress(PackageNotFoundError):

@@ -1,6 +1,7 @@
-"""Conversion of laws, blocks of samples and cam states to and from messages.
+"""Conversion of laws, samples and cam states to and from messages.
 
-The module does not depend on message classes. Nodes (rclpy) and analysis (rosbags) share it.
+A law consists of polynomial pieces. A block contains the samples of one tick. The module does not
+depend on message classes. Nodes (rclpy) and analysis (rosbags) share it.
 """
 
 from __future__ import annotations
@@ -22,28 +23,31 @@ from cam_rig.units import NS, TURN, FloatArray
 
 #: Label and size of each dimension of an array in a message, outermost first.
 Dimensions = list[tuple[str, int]]
-#: Label of the rows of a law: cam angle at the start of the piece, then its Bernstein ordinates.
+#: Label of the columns of a law in a message, one row per polynomial piece: cam angle (rad) at the
+#: start of the piece, then its ordinates in Bernstein form (m).
 PIECE_LABEL = "break_rad, ordinates_m"
-#: Label of the rows of a block.
+#: Label of the rows of the samples of one tick in a message: the names of the quantities.
 BLOCK_LABEL = ", ".join(COLUMNS)
-#: Label of the columns of a block: one column per sample.
+#: Label of the columns of the samples of one tick in a message: one column per sample.
 SAMPLE_LABEL = "sample"
 #: Pattern of the names of cams, which are also the names of their files.
 CAM_NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 #: Joints of a cam state: the angle with all turns, and the angle within the turn, which has the
 #: full precision. Bags of earlier versions have the first joint only.
 CAM_JOINTS = ("cam", "cam_in_turn")
-#: Largest number of pieces of a law in a message, more than any cam has. Larger laws would occupy a
-#: receiver for minutes.
+#: Largest number of polynomial pieces of a law in a message, more than any cam has. Larger laws
+#: would occupy a receiver for minutes.
 MAX_PIECES = 1000
-#: Largest degree of a piece in a message, for the same reason.
+#: Largest degree of the polynomial pieces of a law in a message. Larger laws would occupy a
+#: receiver for minutes.
 MAX_DEGREE = 64
-#: Shortest span of a piece in a message, rad. The accelerations of shorter pieces could exceed the
-#: range of float64.
+#: Shortest cam angle (rad) of a polynomial piece of a law in a message. The accelerations of
+#: shorter pieces could exceed the range of float64.
 MIN_PIECE_SPAN = 1e-9
 #: Largest lift of a law in a message, m, larger than that of any cam.
 MAX_LIFT = 10.0
-#: Largest absolute value of a sample in a message, SI, larger than any value of a test rig.
+#: Largest absolute value of a sample in a message, in SI units, larger than any value of a test
+#: rig.
 MAX_VALUE = 1e12
 
 
@@ -57,9 +61,11 @@ def array_of(message: Any) -> tuple[Dimensions, FloatArray]:
 
 
 def encode_law(law: Law) -> tuple[Dimensions, FloatArray]:
-    """Return a law as a labelled array with one row per piece, shape (n, p + 2).
+    """Return a law as a labelled array with one row per polynomial piece.
 
-    The first result are the labels and sizes of the dimensions.
+    A row contains the cam angle (rad) at the start of the piece, and the p + 1 ordinates (m) of its
+    Bernstein polynomial of degree p. The first result is the label and the size of each dimension,
+    and the second the array, shape (n, p + 2).
     """
     rows = np.column_stack([law.breaks[:-1], law.ordinates.T])
     return [(law.name, rows.shape[0]), (PIECE_LABEL, rows.shape[1])], rows
@@ -98,10 +104,10 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
 
 
 def encode_block(rows: FloatArray) -> tuple[Dimensions, FloatArray]:
-    """Return the dimensions and the data of the message for a block, shape (6, n).
+    """Return the dimensions and the data of a message with the samples of one tick.
 
-    The block contains the samples of a tick, one row per entry of `COLUMNS`. The dimensions are
-    pairs of label and size.
+    `rows` has the shape (6, n), with one row per entry of `COLUMNS`. The first result is the label
+    and the size of each dimension, and the second are the samples.
     """
     return [(BLOCK_LABEL, rows.shape[0]), (SAMPLE_LABEL, rows.shape[1])], rows
 
@@ -192,7 +198,11 @@ def cam_state_of(message: Any) -> CamState:
 
 
 def _within_turn(state: CamState, angle: float) -> CamState:
-    """Return a cam state with the exact angle within the turn (rad)."""
+    """Return a cam state whose angle is replaced by the angle within the turn.
+
+    The angle of the state contains all turns and is less accurate. `angle` (rad) is from the second
+    joint of the message. Raises RefusedError if the two angles contradict each other.
+    """
     if not 0.0 <= angle < TURN:
         raise RefusedError(
             f"cam state: the angle within the turn must be from 0 to below 2π rad, got {angle!r}"
@@ -211,7 +221,8 @@ def _within_turn(state: CamState, angle: float) -> CamState:
 def _shaped(dimensions: Dimensions, data: FloatArray, name: str) -> FloatArray:
     """Return the data of a labelled array in the shape of its dimensions.
 
-    `name` is the content in error messages.
+    `name` names the array in error messages. Raises RefusedError unless there are two dimensions
+    that match the number of data.
     """
     shape = tuple(size for _, size in dimensions)
     if len(shape) != 2 or shape[0] * shape[1] != data.size or data.size == 0:

@@ -35,8 +35,8 @@ BASE, GUIDE, MOTOR, MICROPHONE, CAM, FOLLOWER, ARC = FRAMES
 ARM = "follower_arm"
 #: Roll, pitch and yaw (rad) of the guide in base_link: x of the guide is y, its y is z.
 GUIDE_RPY = (0.5 * math.pi, 0.0, 0.5 * math.pi)
-#: Travel of the follower's joint above the largest lift of the scene for lift-off, relative to this
-#: lift.
+#: Travel of the follower's joint that is added for lift-off above the largest lift of the scene, as
+#: a multiple of this lift.
 LIFT_OFF_TRAVEL = 1.0
 Vector = tuple[float, float, float]
 
@@ -160,9 +160,9 @@ class Robot:
         return [cam, replace(slide, child=ARC), arm]
 
     def body(self, points: FloatArray) -> FloatArray:
-        """Convert points of the follower's outline to its link, shape (n, 2), m.
+        """Convert points of the follower's outline to the frame of the link ``follower``.
 
-        The link is ``follower``.
+        `points` and the result have the shape (n, 2), in m.
         """
         if isinstance(self.shape.element, Swung):
             return points

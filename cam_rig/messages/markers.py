@@ -26,7 +26,7 @@ from cam_rig.simulation.scene import FORCE_ARROW_RATIO as ARROW_SHARE
 from cam_rig.simulation.scene import max_contact_force
 from cam_rig.units import FloatArray
 
-# Types of visualization_msgs/Marker.
+# Values of the field type of visualization_msgs/Marker.
 ARROW = 0
 SPHERE = 2
 LINE_STRIP = 4
@@ -57,9 +57,11 @@ def marker(
     text: str = "",
     frame_locked: bool = False,
 ) -> Any:
-    """Return a visualization_msgs/Marker of a namespace and number.
+    """Return a visualization_msgs/Marker.
 
-    A viewer moves a marker with `frame_locked` whenever its frame moves. ``scale`` is in m.
+    `head` is its header, and `namespace` and `number` identify it. `shape` is its type, such as
+    `ARROW`, and `scale` its size in m. If `frame_locked` is True, a viewer moves the marker
+    whenever its frame moves.
     """
     no_image = new("sensor_msgs/CompressedImage", header(0, ""), "", np.zeros(0, np.uint8))
     no_mesh = new("visualization_msgs/MeshFile", "", np.zeros(0, np.uint8))

@@ -136,7 +136,7 @@ def select_samples(lift: FloatArray, force: FloatArray, count: int) -> Indices:
 class Transforms:
     """Transforms of a robot as serialized messages of /tf and /tf_static.
 
-    They are those of robot_state_publisher.
+    They are equal to those that robot_state_publisher computes from the URDF.
     """
 
     def __init__(self, robot: Robot) -> None:

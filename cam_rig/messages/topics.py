@@ -101,7 +101,7 @@ FOLLOWER_SAMPLES = _follower(
     twin=FOLLOWER_STATE.name,
     max_bytes=MAX_SAMPLES * len(COLUMNS) * 8 + 1024,
 )
-# Motion for viewers.
+# Topics of the motion, for viewers such as RViz and Foxglove.
 _motion = partial(Topic, per="instant", latched=False, depth=MOTION_DEPTH, derived=True)
 #: Topic of the joint positions. It has no owner, because nodes of other robots may publish joints
 #: too.
@@ -179,7 +179,10 @@ def motion_depth(samples_per_turn: int) -> int:
 
 @lru_cache(maxsize=1024)
 def recorded_topic(name: str) -> Topic | None:
-    """Return the topic with a recorded name, in any namespace, or None."""
+    """Return the topic of the rig that has the name of a recorded topic, or None.
+
+    The recorded name may begin with any namespace.
+    """
     return next((t for t in RECORDING if name == t.name or name.endswith(t.name)), None)
 
 

@@ -266,9 +266,10 @@ def _bodies(robot: Robot) -> dict[str, list[Body]]:
 
 
 def _strip(strip: FloatArray, depth: float, line: float, material: str) -> Body:
-    """Return the body of a polyline: a line, a circle, or the bounding box.
+    """Return the body of a polyline of the rig, with lengths in m.
 
-    Lengths are in m.
+    It is a bar for two points, a cylinder for more than five points (a circle), and otherwise the
+    bounding box. `depth` is its size along the shaft, and `line` the thickness of a bar.
     """
     low, high = strip.min(axis=0), strip.max(axis=0)
     (x, y), (width, height) = 0.5 * (low + high), high - low

@@ -79,6 +79,8 @@ class ClockSource(RigNode):
         self.clock_ns = self.newest_ns = -1
         self._progress_at = time.monotonic()
         self._not_ready: set[str] = set()
+        #: Consumers that were connected and have left.
+        self._absent: set[str] = set()
         # Created before the publisher of states, because DDS discovers them in this order: a node
         # that receives states also knows the publisher of the real-time factor.
         self._factor_publisher = self.advertise(topics.REAL_TIME_FACTOR)
@@ -122,7 +124,11 @@ class ClockSource(RigNode):
         self._flow, self._not_ready = flow, set(consumers)
         self._optional = OPTIONAL & self._not_ready
         for name in consumers:
-            self.subscribe(ACKNOWLEDGEMENTS[name], partial(self._on_acknowledge, name))
+            self.subscribe(
+                ACKNOWLEDGEMENTS[name],
+                partial(self._on_acknowledge, name),
+                partial(self._on_publishers, name),
+            )
         self.subscribe(topics.READY, self._on_ready)
         self._due_timer = self.create_wall_timer(1.0, self._on_due)
         self._due_timer.cancel()
@@ -163,6 +169,13 @@ class ClockSource(RigNode):
             self._progress_at = time.monotonic()
         self.send_due()
 
+    def _on_publishers(self, name: str, count: int) -> None:
+        """Record if an optional consumer is absent, from the number of its publishers."""
+        if count == 0:
+            self._absent.add(name)
+        else:
+            self._absent.discard(name)
+
     def _on_ready(self, message: Any) -> None:
         name, _, identity = message.data.partition(" ")
         if name not in self._not_ready:
@@ -184,8 +197,7 @@ class ClockSource(RigNode):
         missing = self._not_ready or set(self._flow.behind())
         is_overdue = bool(missing) and missing <= self._optional and waited > max_wait
         for name in list(self._optional):
-            topic = ACKNOWLEDGEMENTS[name].relative
-            has_left = name not in self._not_ready and not self.count_publishers(topic)
+            has_left = name not in self._not_ready and name in self._absent
             if has_left or is_overdue:
                 self._optional -= {name}
                 self._not_ready.discard(name)

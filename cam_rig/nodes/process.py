@@ -183,6 +183,7 @@ def _spin(node: RigNode, request: StopRequest) -> int:
     if node.failure is None:
         node.drain(executor.spin_once)
     node.conclude(executor.spin_once)
+    node.publishing_monitor.flush()
     node.publishing_monitor.check(time.monotonic())
     executor.shutdown()
     try:

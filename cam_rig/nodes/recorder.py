@@ -21,7 +21,6 @@ from cam_rig.nodes.base.diagnostics import OK
 from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.base.run_end import (
     DELIVERY_S,
-    POLL_S,
     Endpoints,
     FinishedRun,
     LostDriveMonitor,
@@ -86,8 +85,8 @@ class Recorder(RigNode):
     def monitor_run_end(self) -> None:
         """End the node when the run is over and all its messages are written."""
         if self.settings["on_finish"] != WAIT:
-            self.subscribe_raw(topics.FINISHED, self._on_finished)
-            self.create_wall_timer(POLL_S, LostDriveMonitor(self).poll)
+            monitor = LostDriveMonitor(self)
+            self.subscribe_raw(topics.FINISHED, self._on_finished, on_publishers=monitor.on_drives)
 
     def _on_message(self, topic: Topic, cdr: bytes, info: dict[str, Any]) -> None:
         number = info["publication_sequence_number"] or 0
@@ -157,6 +156,7 @@ class Recorder(RigNode):
             return
         self._bag.close()
         self._closed_publisher.publish(String(data=str(self._path)))
+        self.publishing_monitor.flush()
         deadline = time.monotonic() + DELIVERY_S
         while not have_left(self, self._drives) and time.monotonic() < deadline:
             time.sleep(LEAVE_POLL_S)  # the executor has stopped, so no callback is delayed

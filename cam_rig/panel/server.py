@@ -57,9 +57,10 @@ def page_file(path: str, folder: str, on_open: Callable[[], None] = lambda: None
 
 
 def get(path: str, answer: Handler) -> Route:
-    """Return a GET route that answers the parameters of its path.
+    """Return a GET route for a path.
 
-    The status is 404 if `answer` raises CamRigError, and 409 for RefusedError.
+    `answer` computes the response from the parameters of the path. The status is 404 if it raises
+    CamRigError, and 409 for RefusedError.
     """
 
     async def respond(request: Request) -> Response:
@@ -69,10 +70,10 @@ def get(path: str, answer: Handler) -> Route:
 
 
 def post(path: str, answer: Handler) -> Route:
-    """Return a POST route that answers the JSON object of a request.
+    """Return a POST route for a path.
 
-    The status is 400 if the body is not an allowed JSON object, and 409 if `answer` raises
-    CamRigError.
+    `answer` computes the response from the JSON object in the body of the request. The status is
+    400 if the body is not an allowed JSON object, and 409 if `answer` raises CamRigError.
     """
 
     async def respond(request: Request) -> Response:
@@ -110,9 +111,10 @@ def csv_file(name: str, text: str) -> Response:
 
 
 def parse_object(text: str | bytes) -> Message:
-    """Return the JSON object of a text that can be sent back as JSON.
+    """Return the JSON object that a page has sent.
 
-    Raises RefusedError unless all numbers are finite and all text is valid Unicode.
+    Raises RefusedError if the text is not a JSON object, if a number is not finite, or if a text is
+    not valid Unicode. The object can therefore be sent back as JSON.
     """
     try:
         # A double represents integers below 2^53 exactly.
@@ -234,7 +236,7 @@ SEND_TIMEOUT_S = 30.0
 class LivePage:
     """Websocket of an open page, with a queue that never blocks the sender.
 
-    Only the newest message of each kind is queued.
+    Of the messages of one kind, only the newest is queued.
     """
 
     def __init__(self, socket: WebSocket) -> None:
@@ -267,7 +269,8 @@ class LivePage:
                 group.create_task(self._obey(obey))
                 for task in self.sender_tasks():
                     group.create_task(task)
-        # In order: the page is closed, closed while another task sends, or reads nothing.
+        # These errors mean, in this order: the page was closed, it was closed while another task
+        # was sending, or it does not read.
         except* (WebSocketDisconnect, RuntimeError, TimeoutError):
             pass
 

@@ -116,12 +116,12 @@ class Term:
     """Quantity and the domain in which it is taken.
 
     ``low`` and ``high`` are angles (rad) or speeds (rad/s), equal for a single one. Both are the
-    number of an event, or NaN without a domain.
+    number of an event, or 0 without a domain.
     """
 
     quantity: LawQuantity
-    low: float = math.nan
-    high: float = math.nan
+    low: float = 0.0
+    high: float = 0.0
 
     @property
     def name(self) -> str:

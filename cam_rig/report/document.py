@@ -75,7 +75,10 @@ class Content:
 
     @cached_property
     def figure_uris(self) -> dict[str, list[str]]:
-        """Data URIs of each figure by its key, one per strip, from the top."""
+        """Data URIs of each figure by its key, one per strip, from the top.
+
+        A tall figure consists of several strips, and a page can break between two of them.
+        """
         return {key: uris(draw(), self.dpi) for key, draw in self.figures.items()}
 
 
@@ -88,7 +91,8 @@ class Section(NamedTuple):
         Name of the template, without its suffix.
     title : str
     find : callable
-        Function of the source of the page that returns the `Content`.
+        Function that computes the `Content` of the section from the source of the page, such as
+        the studies of a scene.
     late : bool
         True if the section waits for results, and is therefore computed after the others.
     aside : bool
@@ -103,14 +107,18 @@ class Section(NamedTuple):
 
     @property
     def key(self) -> str:
-        """Name of the section in links."""
+        """Name of the section in links: the last part of its template's name."""
         return self.template.rpartition("/")[2]
 
 
 def fill(
     sections: Sequence[Section], source: Any, with_figures: bool, progress: Progress = NULL_PROGRESS
 ) -> dict[Section, Content]:
-    """Compute the content of each section from `source`, and draw the figures if requested."""
+    """Compute the content of each section of a page.
+
+    `source` is the object from which the sections are computed. If `with_figures` is True, the
+    figures are drawn too.
+    """
     contents = {}
     progress.start(len(sections))
     for section in sorted(sections, key=lambda section: section.late):
@@ -131,7 +139,8 @@ def data(contents: Iterable[Content]) -> dict[str, Any]:
 def uris(figure: Figure, dpi: float | None = None) -> list[str]:
     """Return a figure as SVG data URIs, one per strip, from top to bottom.
 
-    The URIs are the same in each call, because the date of the SVG is removed.
+    A strip is a part of a tall figure, so that a page can break between two strips. The URIs are
+    the same in each call, because the date of the SVG is removed.
     """
     result = []
     for low, high in strips(figure):
@@ -175,7 +184,10 @@ class Numbering:
         return self._counts[kind]
 
     def number_of(self, kind: str, key: Hashable) -> int:
-        """Return the number of a key. In the first rendering it is 0 if it is not yet known."""
+        """Return the number of a figure or table by its key.
+
+        In the first rendering of the page it is 0 if it is not known yet.
+        """
         return self._numbers.get((kind, key), 0) if self._first else self._numbers[kind, key]
 
 

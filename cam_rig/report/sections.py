@@ -89,7 +89,10 @@ def recorded_table(
 
 
 def _require_same(bag: Path, recorded: LoadedScene, loaded: LoadedScene) -> None:
-    """Raise BagError if a bag has another scene, or other numbers, than the files."""
+    """Raise BagError if a bag was recorded with another scene than that of the files.
+
+    The names and all numbers on which the sound levels depend are compared.
+    """
     name = loaded.scene.name
     if recorded.scene.name != name:
         raise BagError(

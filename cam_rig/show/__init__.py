@@ -1,1 +1,1 @@
-"""Results as table, text, page and figure, in one style."""
+"""Display of results as tables, texts, browser pages and figures, in one style."""

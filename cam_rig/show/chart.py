@@ -1,6 +1,7 @@
-"""Charts drawn in the plane for Rerun, and streams into recording files.
+"""Charts for the Rerun viewer, drawn in a plane, and recording files.
 
-Rerun plots quantities over time only, and its bar charts do not have a common scale.
+The charts consist of lines and points, because Rerun plots quantities over time only, and its bar
+charts do not have a common scale.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ TOP_MARGIN = 0.1
 #: Margin for labels below the axes, as a fraction of their height.
 BOTTOM_MARGIN = 0.12
 #: Margin above the highest number of an axis over time, as a fraction of the range below it.
-TOP_MARGIN = 0.05
+TENS_MARGIN = 0.05
 
 
 @dataclass(frozen=True)
@@ -73,15 +74,19 @@ class Axes:
     def bounds(
         self, right: float = RIGHT_MARGIN, below: float = BOTTOM_MARGIN
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return the ranges of x and y, in the plane, of a view of the axes with margins.
+        """Return the ranges of x and y of a view that contains the axes with margins.
 
-        `right` and `below` are margins as fractions of width and height.
+        The ranges are in the units of the plane. `right` and `below` are margins as fractions of
+        the width and the height of the axes.
         """
         x = -LEFT_MARGIN * self.width, (1.0 + right) * self.width
         return x, (-TOP_MARGIN * self.height, (1.0 + below) * self.height)
 
     def view(self, origin: str, name: str, right: float, below: float) -> rrb.Spatial2DView:
-        """Return a view of the entities below `origin`, with the margins of `bounds`."""
+        """Return a view of the entities below `origin` that shows these axes.
+
+        `right` and `below` are margins as in `bounds`.
+        """
         return plane_view(origin, name, *self.bounds(right, below))
 
     def draw(
@@ -91,9 +96,10 @@ class Axes:
         x: Mapping[float, str],
         y: Mapping[float, str],
     ) -> None:
-        """Draw the frame, a line at each marked y, and all labels, as static data.
+        """Draw the frame, horizontal grid lines and all labels, as static data.
 
-        `x` and `y` contain the labels by the value of the mark.
+        `x` and `y` contain the labels of the axes by their values. There is a grid line at each
+        label of y.
         """
         lines = rr.LineStrips2D(self.grid(y), colors=colours.GREY, radii=THIN)
         stream.log(entity, lines, static=True)
@@ -101,19 +107,28 @@ class Axes:
         self.draw_labels(stream, f"{entity}/y", self.y_label_positions(y), y)
 
     def grid(self, y: Mapping[float, str]) -> list[FloatArray]:
-        """Return the polylines `(n, 2)` of the frame and of a line at each marked y."""
+        """Return the polylines `(n, 2)` of the frame and of the grid lines.
+
+        There is a horizontal line at each key of `y`, the labels of the y axis by value.
+        """
         (left, right), (low, high) = self.x, self.y
         frame = self.place(np.array([left, left, right]), np.array([high, low, low]))
         return [frame, *(self.place(np.array([left, right]), np.array([v, v])) for v in y)]
 
     def x_label_positions(self, x: Mapping[float, str]) -> FloatArray:
-        """Return the positions `(n, 2)` of the labels of marked x."""
+        """Return the positions `(n, 2)` in the plane of the labels of the x axis.
+
+        `x` contains the labels by their values.
+        """
         values = np.array([*x])
         marks = self.place(values, np.full_like(values, self.y[0]))
         return marks + np.array([0.0, 0.01 * self.height])
 
     def y_label_positions(self, y: Mapping[float, str]) -> FloatArray:
-        """Return the positions `(n, 2)` of the labels of marked y."""
+        """Return the positions `(n, 2)` in the plane of the labels of the y axis.
+
+        `y` contains the labels by their values.
+        """
         values = np.array([*y])
         shift = np.array([-0.05 * self.width, -self.raised * self.height])
         return self.place(np.full_like(values, self.x[0]), values) + shift
@@ -133,7 +148,10 @@ class Axes:
 def plane_view(
     origin: str, name: str, x: Sequence[float], y: Sequence[float], **more: Any
 ) -> rrb.Spatial2DView:
-    """Return a view of the entities below `origin`, with ranges in the plane."""
+    """Return a view of the entities below `origin` in the plane.
+
+    `x` and `y` are the ranges of the plane that the view shows. `name` is its title.
+    """
     bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
     return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, **more)
 
@@ -141,7 +159,8 @@ def plane_view(
 def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
     """Return the labels of four to eight round values from `low` to `high`.
 
-    The label of the last value contains the unit, if it is not empty.
+    The label of the last value contains the unit, if it is not empty. The key of a label is its
+    value.
     """
     raw = (high - low) / 4.0
     power = 10.0 ** np.floor(np.log10(raw))
@@ -171,7 +190,7 @@ def tens_range(low: float, high: float) -> tuple[float, float]:
     """Return the ends of an axis on which Rerun places its labels.
 
     Rerun labels the multiples of a power of ten. The axis contains at least three of them, so that
-    labels are displayed, and a margin of `TOP_MARGIN` above the highest.
+    labels are displayed, and a margin of `TENS_MARGIN` above the highest.
     """
     step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
@@ -181,13 +200,14 @@ def tens_range(low: float, high: float) -> tuple[float, float]:
         else:
             first -= 1.0
     low, last = min(low, float(first * step)), float(last * step)
-    return low, max(high, last + TOP_MARGIN * (last - low))
+    return low, max(high, last + TENS_MARGIN * (last - low))
 
 
 def step_marks(low: float, high: float, step: float, max_count: int = 4) -> dict[float, str]:
-    """Return the labels of two to `max_count` values on an axis of `round_range`.
+    """Return the labels of two to `max_count` round values on an axis, with zero.
 
-    Zero is one of the values.
+    `low`, `high` and `step` are the ends and the step of the axis from `round_range`. The key of a
+    label is its value.
     """
     for stride in (1, 2, 3, 4):
         first, last = np.ceil(low / step / stride - 1e-9), np.floor(high / step / stride + 1e-9)

@@ -45,7 +45,7 @@ def user_errors() -> Iterator[None]:
     The exit code is that of the error. Any other exception propagates.
     """
     try:
-        source_date()  # checked here, as an invalid date ends libraries that a command imports
+        source_date()  # checked first, because an invalid date makes imports fail
         with friendly_import_errors(), raise_signals():
             yield
     except CamRigError as error:
@@ -58,7 +58,7 @@ def user_errors() -> Iterator[None]:
 
 def make_progress_bar() -> RichProgress:
     """Return a progress bar with completed steps, total steps and remaining time."""
-    from rich import progress  # a tenth of the time of `--help`
+    from rich import progress  # only on use: a tenth of the time of `--help`
 
     columns = (progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeRemainingColumn())
     description = progress.TextColumn("{task.description}")
@@ -88,7 +88,7 @@ class ProgressBar(Progress):
             self._bar.advance(self._task, steps)
 
     def describe(self, description: str) -> None:
-        """Display the current item, or the best result so far."""
+        """Display a text next to the bar, such as the current item or the best result."""
         if self._bar is not None:
             self._bar.update(self._task, description=printable(description))
 
@@ -165,7 +165,10 @@ def write_tables(result: Result, target: Path) -> None:
 
 
 def echo_assumptions(assumptions: Iterable[str]) -> None:
-    """Print the assumptions that no reading supports."""
+    """Print the assumptions that no reading supports.
+
+    Each is a sentence on a number in a written file that was assumed, not measured.
+    """
     say(*(f"assumed: {text}" for text in assumptions))
 
 
@@ -183,7 +186,7 @@ class StrictCommand(TyperCommand):
         return super().parse_args(ctx, args)
 
 
-#: Scene of a command without a scene argument.
+#: Name of the scene that a command uses if its argument for the scene is missing.
 DEFAULT_SCENE = "tm21_sweep"
 
 # Arguments and options shared by several commands, each with one meaning and one help text.
@@ -243,7 +246,8 @@ Dask = Annotated[
     ),
 ]
 
-#: Output option -> its declaration. A command has those that its result can be written as.
+#: Declaration of each output option of the commands, by name. A command has the options for those
+#: formats in which its result can be written.
 OUTPUT_OPTIONS = {"plot": Plot, "csv": Csv, "json": Json}
 
 

@@ -131,7 +131,10 @@ def shade(axes: Axes, x: FloatArray, where: NDArray[np.bool_], label: str | None
 
 
 def line(cam: str) -> dict[str, Any]:
-    """Return the plot options of a line of a cam or rise, by its name."""
+    """Return the plot options of the curve of a cam, by its name.
+
+    The name may also be that of a rise, the motion law of a single segment.
+    """
     look = cam_look(cam)
     style = {"color": web(look.colour), "ls": look.dash}
     if look.marked:
@@ -150,12 +153,18 @@ def colour(cam: str) -> str:
 
 
 def series(index: int) -> dict[str, Any]:
-    """Return colour and dash of the index-th curve that does not belong to a cam."""
+    """Return colour and dash of a curve that does not belong to a cam.
+
+    `index` is the number of the curve in its figure, from 0.
+    """
     return {"color": web(SERIES[index % len(SERIES)]), "ls": DASHES[index % len(DASHES)]}
 
 
 def series_marker(index: int) -> dict[str, Any]:
-    """Return colour and marker of the index-th curve that does not belong to a cam."""
+    """Return colour and marker of points that do not belong to a cam.
+
+    `index` is the number of the series in its figure, from 0.
+    """
     return {"color": web(SERIES[index % len(SERIES)]), "marker": MARKERS[index % len(MARKERS)]}
 
 
@@ -163,7 +172,8 @@ def series_marker(index: int) -> dict[str, Any]:
 
 #: Height of a strip, unless its panels are higher, in inches: a third of the text of an A4 page.
 STRIP_HEIGHT_IN = 3.4
-#: Largest overlap of two rows of panels, in inches: boxes of glyphs are rounded up.
+#: Largest overlap (in) of two rows of panels between which a page may still break. Rows can overlap
+#: slightly, because the boxes of texts are rounded up.
 MAX_OVERLAP_IN = 0.02
 
 

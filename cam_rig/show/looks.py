@@ -1,13 +1,14 @@
 """Colours, dashes and markers of cams by name, colours of quantities, and titles.
 
 A look is a colour, a dash and a marker. The look of a cam depends on its name only, not on the
-other contents of a picture. Shipped cams and named rises are in one table, in which cams that are
-shown together have different colours. A rise has the look of the cam with its name. Any other name
-is hashed to a look that is not in the table.
+other contents of a picture. A rise is the motion law of a single segment, and has the look of the
+cam with its name. Shipped cams and named rises are in one table, in which cams that are shown
+together have different colours. The look of any other name follows from a hash of the name, and is
+not in the table.
 
 The colours are Tol's "bright" scheme without its grey, with dark blue and dark red of his "dark"
-scheme. Colour-blind readers can distinguish them, and dash and marker differ in grey
-(Tol, Colour schemes, 2021).
+scheme. Colour-blind readers can distinguish them, and dash and marker differ in grey (Tol, Colour
+schemes, 2021).
 """
 
 from __future__ import annotations
@@ -45,8 +46,8 @@ DASHES: tuple[Any, ...] = (
 
 #: Markers of cams, one for each dash.
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-#: Shipped cams, then rises without a cam of the same name. The index of a name determines its look,
-#: so new names are appended.
+#: Names of the shipped cams, then of rises (motion laws of a single segment) without a cam of the
+#: same name. The index of a name determines its look, so new names are appended.
 LISTED_NAMES = (
     *("bezier15", "poly345", "poly4567", "cycloidal", "tm21", "flat", "oscillating_flat"),
     *("point", "arcs_convex", "arcs_straight", "arcs_centres", "gunt_gl110", "bezier_segments"),
@@ -64,7 +65,8 @@ LISTED_NAMES = (
 #: Number of looks reserved for listed names, including future names. The look of a user's cam does
 #: not change if a name is added.
 RESERVED_LOOKS = 48
-#: Rises that are the same curve as another rise.
+#: Names of rises that are the same curve as another rise, and the name of that rise. Both have the
+#: same look.
 EQUAL_RISES = {"bezier5": "poly345", "bezier7": "poly4567"}
 
 
@@ -175,17 +177,21 @@ def millimetres(points: FloatArray) -> list[list[float]]:
 # Differences of two signals. Differences that are only rounding errors are plotted on a fixed axis,
 # with a text.
 
-#: Limit (µm for lifts, N for forces) below which a difference counts as rounding error. It is below
-#: the resolution of any gauge.
+#: Difference of two signals (µm for lifts, N for forces) below which it counts as rounding error.
+#: It is below the resolution of any gauge.
 MIN_DIFFERENCE = 1e-3
 #: Text that is displayed for two signals whose difference is rounding error.
 EQUAL = "equal to rounding"
-#: Half range (µm or N) of the axis of such a difference, so that it is plotted as zero.
+#: Half range (µm or N) of the axis of a difference that is rounding error, so that it is plotted as
+#: zero.
 EQUAL_REACH = 1.0
 
 
 def is_rounding(largest: float) -> bool:
-    """Return True if a largest difference (µm or N) counts as rounding error."""
+    """Return True if the difference of two signals counts as rounding error.
+
+    `largest` is the largest difference, in µm for lifts or N for forces.
+    """
     return largest < MIN_DIFFERENCE
 
 
@@ -212,9 +218,9 @@ MAX_PLAIN_POWER = 3
 
 
 def in_words(name: str) -> str:
-    """Return a title made from the name of a cam or rig.
+    """Return a title that is made from the name of a cam or rig.
 
-    The title of poly345 is "Polynomial 3-4-5".
+    For example, the title of poly345 is "Polynomial 3-4-5".
     """
     if match := _POLYNOMIAL.fullmatch(name):
         return f"Polynomial {'-'.join(match[1])}"

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 
-#: Display unit -> SI unit in which the data are stored and exported, and size of the display unit
-#: in it. Data in any other unit, such as rpm, dB or N, are not converted.
+#: SI unit in which data with a display unit are stored and exported, and size of the display unit
+#: in it, by display unit. Data in any other unit, such as rpm, dB or N, are not converted.
 SI_UNITS = {
     "nm": ("m", 1e-9),
     "µm": ("m", 1e-6),
@@ -173,7 +173,10 @@ class Records:
     hidden: bool = False
 
     def select(self, group: Any) -> Records:
-        """Return the table with the records of one group of the layout."""
+        """Return the table with the records of one group only.
+
+        These are the records with the value `group` in the column `layout.group_by`.
+        """
         group_of = self.column(self.layout.group_by).value
         return replace(self, records=[r for r in self.records if group_of(r) == group])
 
@@ -182,7 +185,10 @@ class Records:
         return [{c.key: to_json_value(c.value(r)) for c in self.columns} for r in self.records]
 
     def data(self) -> Any:
-        """Return the table as a JSON value."""
+        """Return the table as JSON data: a list with one dict per record.
+
+        If `single` is True, it is the dict of the only record.
+        """
         return self.rows()[0] if self.single else self.rows()
 
     def to_csv(self) -> str:
@@ -279,7 +285,10 @@ class Result:
     assumed: tuple[str, ...] = ()
 
     def tables(self) -> list[Records]:
-        """Return the tables, the requested one first."""
+        """Return the tables of the result.
+
+        The first of them is the table that was requested.
+        """
         raise NotImplementedError
 
     def summary(self) -> list[str]:
@@ -380,7 +389,10 @@ class Progress:
     """Receiver of the progress of a computation. This base class ignores it."""
 
     def start(self, total: int | None, description: str = "") -> None:
-        """Start a task of `total` steps, or None if the number is unknown."""
+        """Start a task, which replaces the previous task.
+
+        `total` is the number of its steps, or None if it is unknown.
+        """
 
     def advance(self, steps: int = 1) -> None:
         """Report completed steps."""

@@ -17,15 +17,15 @@ Item = TypeVar("Item")
 
 #: Line width of Markdown text outside a table, in characters.
 MARKDOWN_WIDTH = 100
-#: Largest number of significant digits of a decimal number on a page.
+#: Largest number of significant digits of a decimal number in a table of a report or browser page.
 MAX_PAGE_DIGITS = 4
 
 #: Content of a cell: text, number in the unit of its column, or None for an empty cell.
 Cell = str | float | None
 
-#: Minus sign of a number, as opposed to the hyphen of a word.
+#: Pattern of a hyphen that is the minus sign of a number, not part of a word.
 _MINUS_SIGN = re.compile(r"(?<![\w)\]-])-(?=\.?\d)")
-#: Number with a decimal exponent, such as 1.2e-6: mantissa and exponent.
+#: Pattern of a number with a decimal exponent, such as 1.2e-6: mantissa and exponent.
 _SCIENTIFIC = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)(?!\w)")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -56,7 +56,7 @@ class Header:
         return f"{self.heading} [{self.unit}]" if self.unit else self.heading
 
     def format(self, cell: Cell) -> str:
-        """Return the text of a cell."""
+        """Return the text of a cell in the number format of its column."""
         if cell is None:
             return self.missing
         return cell if isinstance(cell, str) else format_number(cell, self.number_format)
@@ -115,12 +115,15 @@ class DataTable:
 
     @property
     def text_rows(self) -> list[list[str]]:
-        """Texts of the cells, row by row."""
+        """Texts of the cells in the number formats of their columns, row by row."""
         return [[c.format(v) for c, v in zip(self.columns, r, strict=True)] for r in self.rows]
 
     @property
     def typeset_rows(self) -> list[list[str]]:
-        """Typeset texts of the cells, row by row."""
+        """Texts of the cells for a page, row by row.
+
+        They have minus signs and powers of ten instead of hyphens and exponents.
+        """
         return [[c.typeset(v) for c, v in zip(self.columns, r, strict=True)] for r in self.rows]
 
     def relabel(self, labels: Mapping[str, str]) -> DataTable:
@@ -153,9 +156,10 @@ class DataTable:
 
 
 def relabel(text: str, labels: Mapping[str, str]) -> str:
-    """Replace names in a text by their labels.
+    """Replace names of cams in a text by their display names.
 
-    Within a longer text only names with a digit or "_" are replaced, as others may be words.
+    `labels` contains the display names by name. Within a longer text only names with a digit or "_"
+    are replaced, because others may be words.
     """
     return labels[text] if text in labels else _relabel_codes(text, labels)
 

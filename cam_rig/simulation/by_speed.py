@@ -88,7 +88,8 @@ class SpeedRow:
     torque_mean: float  #: mean torque, N·m
 
 
-#: Weights of s, s' and s'' that give s', which converts a force to a torque.
+#: Weights of the lift s and its derivatives s' and s'' by the cam angle that select s'. The torque
+#: on the cam is the contact force times s'.
 SLOPE = np.array([[0.0, 1.0, 0.0]])
 
 
@@ -102,7 +103,7 @@ class _TickStatistics:
     min_force: float = math.inf  #: N
     max_torque: float = -math.inf  #: N·m
     min_torque: float = math.inf  #: N·m
-    torque_sum: float = 0.0  #: N·m
+    torque_sum: float = 0.0  #: sum of the torque of all samples, N·m
     landing: float = 0.0  #: largest impulse, N·s
     lift_offs: int = 0
     longest: int = 0  #: samples of the longest flight
@@ -170,7 +171,10 @@ class SpeedRows:
         return cls(loaded.laws, int(scene.sample_rate.si), scene.schedule.transient_turns.si)
 
     def take(self, tick: TickSamples) -> None:
-        """Add the samples of the next tick."""
+        """Add the samples of the next tick.
+
+        The ticks must be in the order of time.
+        """
         key = tick.cam, tick.start.speed
         steady_key = key if tick.steady else None
         if steady_key != self._previous_key:
@@ -185,7 +189,7 @@ class SpeedRows:
     def _statistics(self, tick: TickSamples, turned: float) -> _TickStatistics:
         law = self._laws[tick.cam]
         angle, force, flying = tick.angle_in_turn, tick.force, tick.force == 0.0
-        gap = np.zeros(flying.size)  # on the cam
+        gap = np.zeros(flying.size)  # 0 on the cam
         if flying.any():
             gap[flying] = tick.lift[flying] - law(angle[flying])
         lift_offs, longest = self._flights.add(force, gap, tick.impulse)

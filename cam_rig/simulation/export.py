@@ -58,7 +58,7 @@ COLUMNS = (
 class Chunk:
     """Successive rows of an exported file."""
 
-    numbers: FloatArray  #: ``(k, n)``, rows in the order of `COLUMNS`
+    numbers: FloatArray  #: ``(k, n)``, one row per entry of `COLUMNS`
     cams: tuple[str, ...]  #: cam of each tick
     counts: tuple[int, ...]  #: number of rows of each tick
 
@@ -74,7 +74,7 @@ class Contents:
 
     rate: int  #: sample rate, Hz
     rows: int = 0
-    #: Number of interruptions: lost messages, a stopped cam, or a step that was left out.
+    #: Number of interruptions: lost messages, a stopped cam, or a speed that was left out.
     gaps: int = 0
     start: float = 0.0  #: time of the first sample, s
     end: float = 0.0  #: time of the last sample, s
@@ -82,7 +82,10 @@ class Contents:
     available: dict[str, None] = field(default_factory=dict)
 
     def track(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-        """Yield the given chunks of rows, and update the summary with each of them."""
+        """Yield chunks of rows unchanged, and update the summary with each of them.
+
+        A chunk is a series of successive rows of the exported file.
+        """
         for chunk in chunks:
             number = np.rint(chunk.numbers[0] * self.rate)
             if not self.rows:

@@ -9,12 +9,14 @@ import numpy as np
 
 from cam_rig.units import FloatArray
 
-#: Number of successive time steps of which the median is the usual time step. It is small, because
-#: an encoder that reports each count has longer steps at a lower speed.
+#: Number of successive time steps between readings whose median is the usual time step. It is
+#: small, because an encoder that reports each count has longer steps at a lower speed.
 WINDOW = 64
-#: Smallest ratio of a gap to the usual time step, for readings at a constant rate.
+#: A time between two readings is a gap if it is longer than this multiple of the usual time step.
+#: The value is for readings at a constant rate.
 STEADY_GAP_RATIO = 1.8
-#: Smallest ratio of a gap to the usual time step, for other readings: networks deliver in bursts.
+#: As `STEADY_GAP_RATIO`, for readings without a constant rate. It is larger, because networks
+#: deliver readings in bursts.
 GAP_RATIO = 4.0
 #: Readings have a constant rate if nine of ten time steps deviate from the median step by at most
 #: this fraction.
@@ -51,9 +53,10 @@ class Signal:
 
 
 def pulls(force: FloatArray) -> bool:
-    """Return True if a measured contact force (N), `(n,)`, is positive for a pull.
+    """Return True if a sensor reports a measured contact force with a negative sign.
 
-    The sign of its sensor is then that of a pull.
+    Such a sensor counts a pull as positive, while a contact force is a push. `force` contains the
+    readings in N, shape (n,).
     """
     return bool(np.median(force) < 0.0 and -force.min() > 2.0 * force.max())
 
@@ -98,11 +101,12 @@ class MeasuredRun:
 #: step of one count. For a step of n counts it is √n times as large, because the size of a count is
 #: known to this accuracy only.
 COUNT_ATOL = 1e-3
-#: Upper limit of that deviation for any number of counts, in counts.
+#: Upper limit of the deviation of an angle step from a whole number of an encoder's counts (see
+#: `COUNT_ATOL`), in counts.
 MAX_COUNT_ATOL = 0.05
 #: Largest difference of angles (rad) that count as equal (rounding).
 EQUAL_ANGLE_ATOL_RAD = 1e-12
-#: Smallest angle per count (rad) that is recognized as an encoder's.
+#: Smallest angle (rad) that is recognized as one count of an encoder.
 MIN_COUNT_RAD = 1e-8
 
 

@@ -15,9 +15,9 @@ from cam_rig.units import FloatArray
 class MeterSimulator:
     """Simulator of the sound-level meter at the microphone of a scene.
 
-    The microphone node uses it too. A new weighting starts a new measurement with the next block,
-    while the sound continues. A weighting that is changed and changed back between two blocks does
-    not, because a recording of it could not be repeated.
+    The microphone node uses it too. If a weighting is changed, a new measurement starts with the
+    next block of samples, while the sound continues. No new measurement starts if the weighting is
+    changed back before the next block, because a replay of the recording could not repeat it.
     """
 
     source: SoundSource
@@ -48,7 +48,8 @@ class MeterSimulator:
     def read(self, block_rows: FloatArray, speed: float) -> Reading:
         """Return the meter's reading over a block of samples.
 
-        `block_rows` is `(6, n)` in the order of `COLUMNS`. `speed` is the cam speed, rad/s.
+        `block_rows` contains time, lift, velocity, acceleration, contact force and landing impulse
+        in SI units, shape (6, n). `speed` is the cam speed in rad/s.
         """
         self.meter, block = self._next, Samples(block_rows)
         return self.meter.read(self.source.pressure(block.force, block.impulse, speed))

@@ -15,7 +15,8 @@ from cam_rig.units import FloatArray, rms, to_rpm
 
 #: Degree of the paper's regressions (eq. 20-22).
 REGRESSION_DEGREE = 3
-#: Size of a leading coefficient below which it is rounding, relative to the largest coefficient.
+#: Absolute value below which a leading coefficient is treated as zero (rounding), relative to the
+#: largest coefficient.
 COEFFICIENT_RTOL = 1e-12
 #: Largest absolute imaginary part of a root that counts as real.
 REAL_ROOT_ATOL = 1e-9
@@ -47,9 +48,10 @@ def regression(rpm: FloatArray, level: FloatArray) -> FloatArray:
 
 
 def cubic_projection(rpm: FloatArray) -> FloatArray:
-    """Return the matrix from levels at n speeds to their cubic regression, `(n, n)`.
+    """Return the matrix that converts levels to their cubic regression, (n, n).
 
-    `rpm` are the speeds, `(n,)`.
+    `rpm` contains the n cam speeds. The product of the matrix and the levels at these speeds is the
+    regression at the same speeds.
     """
     powers = np.polynomial.polynomial.polyvander(rpm / rpm.mean() - 1.0, REGRESSION_DEGREE)
     return np.asarray(powers @ np.linalg.pinv(powers))

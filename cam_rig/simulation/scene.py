@@ -147,7 +147,8 @@ RELATIVE_NOTE = (
     "Relative: the rig's acoustic constants were not fitted with this follower and model, so only "
     "differences between levels mean something."
 )
-#: Text in the source of fitted constants before the model and the follower of the fit.
+#: Text in the source of a fitted constant that precedes the model and the follower with which it
+#: was fitted.
 FITTED_WITH = "; fitted with "
 #: SI units of the follower's numbers. All others are ratios.
 SI_UNITS = {
@@ -166,9 +167,9 @@ VALUE_RTOL = 1e-9
 def is_calibrated(rig: RigConfig, model: str) -> bool:
     """Return True if a rig's acoustic constants are valid for a model.
 
-    They must have been fitted. Constants of the shipped rig are valid for its follower and
-    `SHIPPED_MODEL` only. Others are valid for the model and follower in the source of the gain, if
-    it names them.
+    They must have been fitted to sound levels. The constants of the shipped rig are valid for its
+    follower and for `SHIPPED_MODEL` only. Other constants are valid for the model and the follower
+    that the source of the gain names, or for all if it names none.
     """
     radiation, shipped = rig.radiation, _shipped_rig()
     if (
@@ -226,7 +227,7 @@ def _shipped_rig() -> RigConfig:
 class LoadedScene:
     """Scene with its cams, laws and rig, all validated.
 
-    The files are empty for a scene that is made from arguments.
+    The paths of the files are empty for a scene that is made from arguments.
     """
 
     scene: SceneConfig
@@ -401,7 +402,8 @@ def open_scene(scene_path: Path) -> LoadedScene:
     return LoadedScene(scene, rig, cams, laws, published, scene_path, rig_file, files, printed)
 
 
-#: Length of the arrow of the maximum contact force, as a fraction of the follower's reach.
+#: Length of the arrow of the maximum contact force, as a fraction of the follower's largest
+#: distance from the cam axis.
 FORCE_ARROW_RATIO = 0.5
 
 

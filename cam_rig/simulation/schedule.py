@@ -1,7 +1,8 @@
 """Schedule of the drive: the speeds of a scene as cam states, one per tick.
 
-A tick is a short interval of rig time for which samples are computed together. A step is the time
-that one cam turns at one speed. Ramps to its speed are not part of it.
+A cam state is the angle and the speed of the cam at one time. A tick is the interval between two
+successive cam states, for which samples are computed together. A step is the time that one cam
+turns at one speed. Ramps to its speed are not part of it.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ class CamState:
     def until(self, end: CamState) -> Interval:
         """Return the interval from this state to the next state.
 
-        It is a ramp if the angle between the states fits the mean speed better than the first.
+        The interval is a speed ramp if the angle turned between the states fits the mean of both
+        speeds better than the first speed.
         """
         length = (end.time_ns - self.time_ns) / NS
         turned = end.since(self)
@@ -126,7 +128,8 @@ def _steady_ticks(scene: SceneConfig, speed: float) -> Iterator[Interval]:
 def _ticks_end_ns(scene: SceneConfig, speed: float, ticks: int) -> int:
     """Return the time (ns) from the start of a speed to the end of `ticks` ticks.
 
-    It is rounded from an exact fraction: the time of a whole turn does not depend on its division.
+    It is rounded from an exact fraction, so that the time of a whole turn does not depend on the
+    number of ticks per turn. `speed` is in rad/s.
     """
     tick = Fraction(TURN) * NS / Fraction(speed) / scene.schedule.ticks_per_turn
     numerator, denominator = (2 * tick).as_integer_ratio()

@@ -92,9 +92,9 @@ Part = TypeVar("Part")
 
 @dataclass
 class WholeTurns(Generic[Part]):
-    """Collector of settled ticks into whole turns.
+    """Collector that groups the data of settled ticks by whole turns.
 
-    Means are formed over whole turns only.
+    Means are formed over whole turns only. The last, incomplete turn at each speed is left out.
     """
 
     settling: TransientFilter
@@ -165,7 +165,8 @@ def step_levels(
 ) -> dict[str, dict[float, float]]:
     """Return the sound level (dB) of a run by cam and speed (rad/s).
 
-    `StepLevels` describes the mean.
+    It is the mean that `StepLevels` computes. `transient_turns` is the number of turns that are
+    left out at the start of each speed.
     """
     step = StepLevels(transient_turns)
     for tick in ticks:
@@ -321,8 +322,9 @@ class MicrophoneSimulator:
     def listen(self, block_rows: FloatArray, speed: float) -> float:
         """Return the r.m.s. sound pressure (Pa) over a block of samples.
 
-        `block_rows` is `(6, n)` in the order of `COLUMNS`. `speed` is the cam speed (rad/s). The
-        filter state continues from the block before.
+        `block_rows` contains time, lift, velocity, acceleration, contact force and landing impulse
+        in SI units, shape (6, n). `speed` is the cam speed in rad/s. The state of the filter
+        continues from the block before.
         """
         block = Samples(block_rows)
         self.state, pressure = rms_pressure(
@@ -384,7 +386,8 @@ TURN_RATE_HZ = 12_000
 #: Speed (rpm) at which the speed response is 0 dB: the middle of the range 200 to 400 rpm. The
 #: response is a polynomial of (rpm − 300)/100.
 RESPONSE_CENTRE_RPM = 300.0
-#: Scale of the speed in that polynomial, rpm: half the range 200 to 400 rpm.
+#: Scale of the speed in the polynomial of the speed response (see `RESPONSE_CENTRE_RPM`), rpm: half
+#: the range 200 to 400 rpm.
 RESPONSE_SCALE_RPM = 100.0
 
 
@@ -442,8 +445,9 @@ class Turns:
 def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float:
     """Return ⟨(ω_c (F − q))²⟩ of one periodic turn, (N/s)².
 
-    `rate` is ω_c in rad/s, `force` (N) and `impulse` (N·s) are the samples of the turn. The
-    structure is linear: its response is that from rest plus a decay that makes it periodic.
+    F is the contact force, and q its low-pass filtered value, the response of the structure. `rate`
+    is ω_c in rad/s. `force` (N) and `impulse` (N·s) are the samples of the turn. The periodic
+    response is that from rest plus a decaying term, because the filter is linear.
     """
     from_rest = structure_response(rate, TURN_RATE_HZ, 0.0, float(force[-1]), force, impulse)
     decay = np.exp(-rate / TURN_RATE_HZ * np.arange(1, force.size + 1))
@@ -454,10 +458,11 @@ def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float
 def simulate_steady_turns(
     law: Law, model: str, parameters: Any, speeds: Sequence[float] | FloatArray
 ) -> Turns:
-    """Return the samples of the second turn from rest at each speed (rad/s).
+    """Return the samples of a nearly steady turn at each speed (rad/s).
 
-    For a rigid follower that is in contact at the end of the first turn, the first turn is
-    returned, because the second is equal.
+    It is the second turn from rest. For a rigid follower that is in contact at the end of the first
+    turn, it is the first turn, because the second is equal. `model` is the name of the dynamic
+    model, and `parameters` are its parameters.
     """
     forces, impulses = [], []
     for speed in map(float, speeds):

@@ -113,7 +113,8 @@ AFTER_RUN_S = 5.0
 #: remain for the domain of the user.
 DOMAINS = range(40, 101)
 
-#: Index of the next domain to try. The start differs between processes.
+#: Counter from which the index of the next domain to try follows. It starts at the process id, so
+#: that processes try different domains first.
 _counter = count(os.getpid())
 
 #: Environment variables that keep the sockets of a node on this machine.
@@ -122,11 +123,11 @@ _LOCAL_VARIABLES = (PROFILE_VARIABLE, "ROS_AUTOMATIC_DISCOVERY_RANGE", "SKIP_DEF
 
 @contextmanager
 def hold_domain() -> Iterator[int]:
-    """Reserve a ROS domain that no other test on this machine uses, and yield its number.
+    """Reserve a ROS domain that no other test on this machine uses, and yield it.
 
-    If all domains are in use, the call waits. The lock is a bound port in the block of the domain
-    that no participant uses. Processes that share the network therefore share the lock, and the
-    kernel releases it at the end of the process.
+    If all domains are in use, the call waits. A domain is locked by binding a UDP port that belongs
+    to the domain and that no DDS participant uses. Processes that share the network therefore share
+    the lock, and the kernel releases it at the end of the process.
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as lock:
         while True:
@@ -157,7 +158,10 @@ def in_domain(domain: int) -> Iterator[None]:
 
 @contextmanager
 def isolated_domain() -> Iterator[int]:
-    """Reserve a domain and set the environment for it."""
+    """Reserve a ROS domain, and set the environment variables of this process for it.
+
+    The domain is limited to this machine. The variables are restored when the context ends.
+    """
     with hold_domain() as domain, in_domain(domain):
         yield domain
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-# Separate from the modules that draw, because importing these takes a second.
+# The options are defined here, not in the modules that draw, because importing those takes a
+# second.
 
 
 class Layout(StrEnum):
@@ -28,7 +29,7 @@ class ViewOptions:
         Speed in rpm at which cams are compared (default: the highest speed of the run).
     decimate : bool
         True if the samples of a long run are reduced to the minimum and the maximum of each
-        bucket. False keeps every sample.
+        bucket, a group of successive samples. False keeps every sample.
     """
 
     layout: Layout = Layout.RUN

@@ -30,7 +30,7 @@ PLAYBACK_SPEED = 0.1
 PLAYING: dict[str, Any] = {"state": "collapsed", "play_state": "playing"}
 #: Playback speed of layouts that overlay turns, degrees of the cam per second of wall-clock time.
 DEGREES_PER_SECOND = 90.0
-#: Rig time (s) of a finished run that the curves show before and after the time cursor.
+#: Rig time (s) on each side of the time cursor that the curves of a finished run show.
 AROUND_CURSOR_S = 0.5
 
 
@@ -106,7 +106,8 @@ def compared_rpm(speeds: Iterable[float], rpm: float | None) -> float:
 def playback_start(loaded: LoadedScene, duration: float) -> float:
     """Return the rig time (s) at which playback of a run of `duration` s starts.
 
-    It is the start of the first settled turn, but at most half of the duration.
+    It is the end of the scene's transient turns (at least one turn) at its first speed, but at most
+    half of the duration.
     """
     schedule = loaded.scene.schedule
     settled = max(1.0, schedule.transient_turns.si) * TURN / schedule.speeds.si_list[0]
@@ -116,8 +117,8 @@ def playback_start(loaded: LoadedScene, duration: float) -> float:
 def _time_panel(loaded: LoadedScene, duration: float, window: float | None) -> rrb.TimePanel:
     """Return the time panel of a recording.
 
-    It follows a live run. A recorded run is played from its first settled turn on. `duration` is in
-    s, and `window` is None for a recorded run.
+    In a live run it follows the newest time. A recorded run of `duration` s is played in a loop,
+    from the end of its transient turns on. `window` is None for a recorded run.
     """
     if window is not None:
         return rrb.TimePanel(state="collapsed", timeline=RIG_TIME, play_state="following")
@@ -171,7 +172,8 @@ def _over_time(
 ) -> rrb.Container:
     """Return the plots of all quantities over rig time.
 
-    They are in two rows, because Rerun labels only high axes with numbers.
+    At most two plots are above each other, because Rerun labels only high axes with numbers. Each
+    curve shows the minimum and the maximum of every `bucket` samples.
     """
     name = f"Time, extremes of {bucket} samples" if bucket > 1 else "Time"
     lift, velocity, acceleration, force, *others = [
@@ -269,9 +271,10 @@ def _plot(
 
 
 def _axis_around_cursor(window: float | None) -> rrb.TimeAxis:
-    """Return a time axis that shows a few turns around or before the time cursor.
+    """Return a time axis that shows a short time around or before the time cursor.
 
-    It resolves single landings. `window` is in s, None for a recorded run.
+    It is short enough to resolve single landings. `window` is the time (s) that a live run shows
+    before its newest sample, None for a recorded run.
     """
     around = (-AROUND_CURSOR_S, AROUND_CURSOR_S) if window is None else (-window, 0.0)
     ends = [rr.TimeRangeBoundary.cursor_relative(seconds=s) for s in around]

@@ -23,11 +23,11 @@ from cam_rig.viewer.turn_chart import DEGREES, WIDTH, label
 VIEW = "bounce"
 GAPS = f"{VIEW}/gap"
 LANDINGS = f"{VIEW}/landing"
-#: Height of each of the two axes, in the units of the plane, whose width is `WIDTH`.
+#: Height of each of the two axes, in the units of the drawing plane, whose width is `WIDTH`.
 ROW = 48.0
-#: Height of the space for the title above each of the axes, in the units of the plane.
+#: Height of the space for the title above each of the axes, in the units of the drawing plane.
 HEAD = 12.0
-#: Radius of a point. A negative radius is in points of the screen in Rerun.
+#: Radius of a drawn point. Rerun takes a negative radius as points of the screen.
 POINT = -1.6
 
 
@@ -38,7 +38,10 @@ def can_rebound(loaded: LoadedScene) -> bool:
 
 
 def bounce_axes(loaded: LoadedScene, ranges: Ranges) -> tuple[Axes, Axes]:
-    """Return the axes of the gap (mm) at cam angle 0 and of the landing angles (°)."""
+    """Return the axes of the gap (mm) at cam angle 0 and of the landing angles (°).
+
+    Both are over the cam speed in rpm.
+    """
     speeds = speed_ends(loaded)
     return (
         Axes(speeds, ranges[ZERO_GAP][:2], WIDTH, ROW, top=HEAD),
@@ -74,7 +77,7 @@ def gaps_at_zero(law: Law, samples: FloatArray) -> tuple[FloatArray, FloatArray]
 class BounceChart:
     """Chart of bounces with one point per turn and one point per landing.
 
-    `flush` sends the points to the recording.
+    The points of added ticks are kept until `flush` sends them to the recording.
     """
 
     def __init__(self, canvas: Canvas, loaded: LoadedScene, ranges: Ranges) -> None:
@@ -96,9 +99,11 @@ class BounceChart:
                 canvas.set_style(f"{entity}/{cam}", rr.Points2D, colors=of_cam(cam), radii=POINT)
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
-        """Add the points of one tick to the chart.
+        """Add the points of one tick, the time between two cam states, to the chart.
 
-        The parameters are those of `RunView.tick`.
+        `angle` contains the unwrapped cam angles of its samples in rad, shape (n,). The first six
+        rows of `rows` are time (s), lift (m), velocity (m/s), acceleration (m/s²), contact force
+        (N) and landing impulse (N·s).
         """
         time, lift, velocity, _, _, impulse = rows[:6]
         interval = start.until(end)

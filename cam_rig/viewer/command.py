@@ -48,10 +48,10 @@ class Screen:
 def delay_report(
     page: PageTime | None, clock: Callable[[], float] = time.monotonic
 ) -> Iterator[Callable[[float, str], str]]:
-    """Yield a function that appends the delay of the page to a status text.
+    """Yield a function that appends the delay of the browser page to a status text.
 
-    Its arguments are the rig time (s) of the drive and the text. The longest delay is printed when
-    the context ends.
+    Its arguments are the rig time (s) that the drive has reached, and the status text. It returns
+    the text unchanged if `page` is None. The longest delay is printed when the context ends.
     """
     printed = clock()
 
@@ -78,8 +78,9 @@ def delay_report(
 def open_screen(view: bool, web: bool, wait_for_client: bool = False) -> Iterator[Screen]:
     """Open the requested display of a live run: a browser page or a window.
 
-    The browser takes precedence over the window. With `wait_for_client` the context starts once a
-    browser has opened the page.
+    `web` requests the page and `view` the window. If both are requested, only the page is opened.
+    If `wait_for_client` is True, the context starts when a browser has opened the page. Raises
+    ConfigError if it is True and no display is requested.
     """
     if wait_for_client and not (view or web):
         raise ConfigError("--wait-for-client requires a viewer; add --web or --view")
@@ -189,9 +190,10 @@ def _show(bag: Path | None, scene: Path | None, options: ViewOptions, web: bool)
 def convert(
     bag: Path, scene: Path | None, path: Path, view_options: ViewOptions, force: bool
 ) -> float:
-    """Write a bag as a Rerun recording.
+    """Write a bag as a Rerun recording, with a progress bar.
 
-    Returns the rig time (s) at which playback starts.
+    `scene` is a file that replaces the scene attached to the bag, or None. `force` is True to
+    overwrite `path`. Returns the rig time (s) at which playback starts.
     """
     from cam_rig.bag.reader import read_counts, scene_of, shortcomings
     from cam_rig.messages.topics import FOLLOWER_SAMPLES

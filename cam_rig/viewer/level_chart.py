@@ -28,7 +28,7 @@ from cam_rig.viewer.turn_chart import WIDTH as TURN_WIDTH
 VIEW = "noise"
 #: Range of the level axis (dB) if the scene has no published curves.
 LEVELS = (50.0, 110.0)
-#: Radius of a dash. A negative radius is in points of the screen in Rerun.
+#: Radius of a dash of a published curve. Rerun takes a negative radius as points of the screen.
 LINE = -1.2
 #: Radius of a point of a run in progress, in points of the screen (negative for Rerun).
 POINT = -4.0
@@ -38,11 +38,11 @@ FINAL = -2.5
 DASHES = 40
 #: Width of the plane of the chart, whose height is 100.
 WIDTH = 200.0
-#: Width of a letter of a name, in the units of the plane.
+#: Width of a letter of a cam's name, in the units of the plane of the chart.
 LETTER = 4.4
-#: Sum of the free spaces left and right of a name, in the units of the plane.
+#: Sum of the free spaces left and right of a cam's name, in the units of the plane of the chart.
 AROUND = 12.0
-#: Smallest vertical distance between two names, in the units of the plane.
+#: Smallest vertical distance between the names of two cams, in the units of the plane.
 TITLE_DISTANCE = 10.0
 
 
@@ -54,9 +54,10 @@ def speed_ends(loaded: LoadedScene) -> tuple[float, float]:
 
 
 def level_axes(loaded: LoadedScene) -> Axes:
-    """Return the axes of the level chart: the scene's speeds, the published levels.
+    """Return the axes of the level chart: cam speed (rpm) and sound level (dB).
 
-    The levels have a margin.
+    They contain the speeds of the scene, and the published levels with a margin of at least 5 dB.
+    Without published curves the limits of the levels are `LEVELS`.
     """
     low, high = speed_ends(loaded)
     if loaded.published is None:
@@ -68,7 +69,10 @@ def level_axes(loaded: LoadedScene) -> Axes:
 
 
 def displayed_titles(loaded: LoadedScene) -> dict[str, str]:
-    """Return the shortened titles of the scene's cams, then of other published cams."""
+    """Return the shortened titles of the scene's cams, then of other published cams.
+
+    The key is the name of the cam.
+    """
     published_cams = () if loaded.published is None else loaded.published.regression_db
     published_titles = {cam: in_words(cam) for cam in published_cams if cam not in loaded.cams}
     titles = {name: cam.title for name, cam in loaded.cams.items()} | published_titles
@@ -76,7 +80,10 @@ def displayed_titles(loaded: LoadedScene) -> dict[str, str]:
 
 
 def names_width(loaded: LoadedScene) -> float:
-    """Return the width of the longest title, as a fraction of the axes' width."""
+    """Return the width of the longest title of a cam, with the spaces around it.
+
+    It is a fraction of the width of the axes.
+    """
     return (LETTER * max(map(len, displayed_titles(loaded).values())) + AROUND) / WIDTH
 
 
@@ -113,9 +120,10 @@ class LevelChart:
             self._draw_names(None)
 
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
-        """Add a tick that ends at a cam angle (rad), and return the mean level (dB).
+        """Add a tick that ends at a cam angle (rad), and return the mean sound level (dB).
 
-        Returns None until the sound has settled.
+        The mean is that of the present cam and speed. Returns None unless the tick completes a turn
+        after the transient turns of the scene.
         """
         level = self._measured.add(tick)
         if level is not None:
@@ -137,14 +145,17 @@ class LevelChart:
         self._new = {}
 
     def finish(self) -> None:
-        """Draw the points of all levels for every time and every timeline."""
+        """Draw the points of all levels as static data, visible at every time."""
         for cam in self._measured.levels:
             points = rr.Points2D(self._points(cam), colors=of_cam(cam), radii=FINAL)
             self._canvas.log_static(f"{VIEW}/final/{cam}", points)
         self._draw_names(None)
 
     def _ends(self) -> dict[str, float]:
-        """Return the level (dB) at the last published or measured point of each cam."""
+        """Return the level (dB) at the last published or measured point of each cam.
+
+        The key is the name of the cam, which is drawn next to this point.
+        """
         published, ends = self._loaded.published, {}
         for cam in displayed_titles(self._loaded):
             if published is not None and cam in published.regression_db:
@@ -156,8 +167,8 @@ class LevelChart:
     def _draw_names(self, start: tuple[int, float] | None) -> None:
         """Draw the name of each cam next to its last point.
 
-        With `start`, a time (ns) and a cam angle (rad), the names appear from there on. None draws
-        them for every time.
+        If `start` is a time (ns) and a cam angle (rad), the names appear from there on. If it is
+        None, they are static data, visible at every time.
         """
         ends, titles = self._ends(), displayed_titles(self._loaded)
         if not ends:
@@ -187,14 +198,14 @@ class LevelChart:
 #: Number 10 lg(f/Hz) of the lowest third-octave band: 5 is 3.15 Hz, below the rotation frequency of
 #: every run.
 LOWEST_BAND = 5
-#: Smallest mean square pressure that has a bar, Pa²: 0 dB.
+#: Mean square sound pressure (Pa²) of 0 dB, the lowest level that a bar shows.
 SILENCE = 4e-10
 
 
 def band_numbers(sample_rate: float) -> FloatArray:
-    """Return the numbers 10 lg(f/Hz) of the third-octave bands of a sample rate.
+    """Return the numbers of the third-octave bands up to half a sample rate.
 
-    The bands are those up to half the rate. The sample rate is in Hz.
+    The number of a band is 10 lg(f/Hz), with its centre frequency f. `sample_rate` is in Hz.
     """
     highest = int(np.floor(10.0 * np.log10(sample_rate / 2.0)))
     return np.arange(LOWEST_BAND, highest + 1, dtype=np.float64)
@@ -237,7 +248,7 @@ def band_power(
     pulse = 0.25 * np.pi * (np.sinc(x - 0.5) + np.sinc(x + 0.5))
     lines = np.fft.rfft(force) + np.fft.rfft(impulse) * sample_rate * pulse
     power = 2.0 * np.abs(transfer * lines / force.size) ** 2
-    if force.size % 2 == 0:  # the line at half the sample rate has no mirror line
+    if force.size % 2 == 0:  # no mirror image of the highest line
         power[-1] *= 0.5
     numbers = band_numbers(sample_rate)
     band = np.rint(10.0 * np.log10(frequency[1:])).clip(numbers[0], numbers[-1]) - numbers[0]
@@ -259,9 +270,9 @@ BAND_LABELS = {10.0: "10 Hz", 20.0: "100 Hz", 30.0: "1 kHz", 40.0: "10 kHz"}
 
 
 def band_axes(sample_rate: float) -> Axes:
-    """Return the axes of a band chart: bands up to half the sample rate, and levels.
+    """Return the axes of a chart of third-octave bands: band number, and level in dB.
 
-    The levels are in dB. All bands have the same width.
+    The bands are those up to half of `sample_rate` (Hz). All bands have the same width.
     """
     numbers = band_numbers(sample_rate)
     ends = float(numbers[0]) - 0.5, float(numbers[-1]) + 0.5
@@ -271,7 +282,7 @@ def band_axes(sample_rate: float) -> Axes:
 class BandChart:
     """Bar chart of the levels in third-octave bands in a view.
 
-    `flush` sends the bars to the recording.
+    Added bars are kept until `flush` sends them to the recording.
     """
 
     def __init__(self, canvas: Canvas, view: str, rate: float, colour: int) -> None:
@@ -303,7 +314,10 @@ class BandChart:
         self._canvas.rows(self._entity, times, columns)
 
     def draw_once(self, levels: FloatArray) -> None:
-        """Draw bars for the levels (dB) of all bands, for every time."""
+        """Draw bars for the levels (dB) of all bands as static data.
+
+        Static data are visible at every time.
+        """
         self._canvas.set_style(self._entity, rr.LineStrips2D, strips=[self._skyline(levels)])
 
     def _skyline(self, levels: FloatArray) -> FloatArray:
@@ -323,9 +337,9 @@ TURNS = "turns"
 COMPARE = "compare"
 #: Height of the axes of overlaid turns, in the units of the plane, whose width is 160.
 ROW = 80.0
-#: Number of names in each line of names above the axes.
+#: Number of cam names in each line of names above the axes of overlaid turns.
 NAMES_IN_LINE = 2
-#: Vertical distance between two lines of names, in the units of the plane.
+#: Vertical distance between two lines of cam names, in the units of the plane.
 NAME_STEP = 11.0
 #: Radius of a curve, in points of the screen (negative for Rerun).
 STROKE = -0.9
@@ -345,7 +359,10 @@ def at_speed(rpm: float, quantity: str) -> str:
 
 
 def turn_axes(row: PlotRow, ranges: Ranges) -> TurnAxes:
-    """Return the axes of all cams' overlaid curves of one quantity."""
+    """Return the axes on which the curves of one quantity are overlaid for all cams.
+
+    `ranges` contains the limits of each quantity's axis.
+    """
     return TurnAxes([row], ranges, ROW)
 
 
@@ -357,7 +374,8 @@ def names_height(loaded: LoadedScene) -> float:
 def draw_turn_axes(canvas: Canvas, loaded: LoadedScene, rpm: float, ranges: Ranges) -> None:
     """Draw the axes of the overlaid turns, their cursor, and the cams' names.
 
-    The cursor moves over the degrees of the turn.
+    The cursor is a vertical line that moves over the cam angle as the recording is played. `rpm` is
+    the speed at which the cams are compared.
     """
     degrees = np.arange(360.0)
     for row in compared_of(loaded):
@@ -385,9 +403,10 @@ def draw_turn(canvas: Canvas, loaded: LoadedScene, turn: Turn, ranges: Ranges) -
 
 
 def draw_side_by_side(canvas: Canvas, loaded: LoadedScene, turn: Turn, profile: FloatArray) -> None:
-    """Draw one turn in a separate view: cam and follower, and third-octave bands.
+    """Draw one turn of a cam in a separate view: moving picture and sound.
 
-    ``profile`` is the contour of the cam in m.
+    The picture shows cam and follower. The sound is shown in third-octave bands. `profile` is the
+    contour of the cam in m, shape (n, 2).
     """
     view, rate = f"{COMPARE}/{turn.cam}", loaded.scene.sample_rate.si
     scale = force_scale(loaded, turn.speed)

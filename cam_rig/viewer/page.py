@@ -19,7 +19,8 @@ from cam_rig.files import MIB
 from cam_rig.interrupts import interruptible
 from cam_rig.units import NS
 
-#: Timeline of the cursor. It equals `cam_rig.viewer.timeline.RIG_TIME`, whose module imports Rerun.
+#: Name of the Rerun timeline on which the time cursor of the page moves. It equals
+#: `cam_rig.viewer.timeline.RIG_TIME`, whose module imports Rerun.
 TIMELINE = "rig_time"
 #: Path that a page requests to report its rig time (ns), or -1 before it displays a recording. The
 #: response is the name of the recording to display.
@@ -75,8 +76,8 @@ setInterval(async () => {
     dispatchEvent(new Event("hashchange")); // an idle page is redrawn only after an event
   } catch { /* the server has stopped */ }
 }, PERIOD);""".replace("PATH", SHOWN_PATH).replace("PERIOD", f"{1e3 * REPORT_EVERY_S:.0f}")
-#: Script that requests the initial time until the cursor has reached it. The request is repeated
-#: because a file that is still loading resets the cursor to its start.
+#: Script that moves the time cursor to the initial time. It repeats the request until the cursor
+#: has reached this time, because a file that is still loading resets the cursor to its start.
 _BEGIN = """
 let asked = false;
 const waiting = setInterval(async () => {
@@ -102,9 +103,10 @@ def page_script(begin: float = 0.0) -> str:
 
 
 def cursor_request(time_ns: int) -> bytes:
-    """Return the message that moves the time cursor to a rig time (ns).
+    """Return the protobuf message that moves the time cursor to a rig time (ns).
 
-    It is field 6 of a request, with the timeline in 2.1 and the time in 3.1.
+    It is field 6 of a request to the viewer, with the name of the timeline in field 2.1 and the
+    time in field 3.1.
     """
     timeline = _field(2, _field(1, TIMELINE.encode()))
     return _field(6, timeline + _field(3, bytes([1 << 3]) + _varint(time_ns)))
@@ -168,8 +170,9 @@ class PageTime:
     def behind(self) -> float | None:
         """Return the delay (s) of the page behind the drive, in wall-clock time.
 
-        It is measured from the time at which the drive was there. Returns None if no page has
-        reported a rig time.
+        It is the time since the drive was at the rig time that the page displays. The time by which
+        the next report of the page is overdue is added. Returns None if no page has reported a rig
+        time.
         """
         if self._reported is None:
             return None
@@ -182,17 +185,23 @@ class PageTime:
 
 #: Name of the file in which the server writes the delay of the page, s.
 BEHIND = "behind"
-#: Size of a part of a recording (bytes) at which the next part is started.
+#: Size (bytes) of a file of a live recording at which the recording continues in the next file
+#: (part).
 MAX_PART = 64 * MIB
-#: Number of newest parts that are kept in addition to the first part: 0.4 GB in total.
+#: Number of newest files (parts) of a live recording that are kept in addition to the first: 0.4 GB
+#: in total.
 KEPT_PARTS = 5
 
 
 def new_recording(folder: Path) -> Path:
-    """Delete a folder's older recordings, and return the path of a new first part."""
+    """Delete the older recordings of a folder, and return the path of a new recording.
+
+    The path is that of its first part. A long recording is continued in further files (parts).
+    Raises CamRigError if the folder does not exist.
+    """
     if not folder.is_dir():
         raise CamRigError(f"{folder}: must be the folder of a page that cam-rig serves")
-    for old in folder.glob("*.rrd"):  # a reader still has it open
+    for old in folder.glob("*.rrd"):  # a page that reads it keeps the open file
         old.unlink(missing_ok=True)
     return folder / f"{time.time_ns()}_{0:06}.rrd"
 
@@ -200,7 +209,8 @@ def new_recording(folder: Path) -> Path:
 def next_part(part: Path) -> Path | None:
     """Return the path of the next part of a recording if `part` is full, else None.
 
-    The first part and the newest parts are kept.
+    A part is one file of the recording. The part that is no longer needed is deleted: only the
+    first part and the `KEPT_PARTS` newest parts are kept.
     """
     if not part.exists() or part.stat().st_size < MAX_PART:
         return None
@@ -212,14 +222,17 @@ def next_part(part: Path) -> Path | None:
 
 
 def newest_recording(folder: Path) -> Path | None:
-    """Return the first part of the newest recording, or None if there is no recording."""
+    """Return the path of the newest recording in a folder, that of its first file.
+
+    Returns None if there is no recording.
+    """
     return max(folder.glob("*_000000.rrd"), default=None)
 
 
 def part_after(part: Path) -> Path | None:
-    """Return the next existing part of a recording, or None after the newest.
+    """Return the next existing file of a recording, None after the newest.
 
-    The result is the part after `part`. Parts in between may have been deleted.
+    Files in between may have been deleted. `part` is the file before it.
     """
     run = part.stem.split("_")[0]
     return min((p for p in part.parent.glob(f"{run}_*.rrd") if p > part), default=None)
@@ -232,9 +245,10 @@ def write_delay(folder: Path, behind: float | None) -> None:
 
 
 def page_delay(folder: Path) -> float | None:
-    """Return the delay (s) of the page from its file, or None if no delay is written.
+    """Return the delay (s) of the page that the server has written to a file.
 
-    An overdue report adds to the delay of the last report.
+    If the file is older than the period of the reports, the excess is added. Returns None if no
+    delay is written.
     """
     file = folder / BEHIND
     with suppress(OSError, ValueError):  # not written yet, or being written

@@ -67,7 +67,7 @@ def show(path: Path) -> None:
 def wait(process: subprocess.Popen[bytes]) -> None:
     """Wait until the viewer is closed.
 
-    Raises CamRigError if it fails.
+    Raises CamRigError if the process of the viewer ends with an exit code other than 0.
     """
     code = process.wait()
     if code != 0:
@@ -124,7 +124,7 @@ def _wait_for_ports(process: subprocess.Popen[bytes], ports: tuple[int, ...]) ->
 def window() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     """Start an empty Rerun viewer, and yield its process and its address.
 
-    The address is that for a live run.
+    A live run sends its recording to this address.
     """
     port = find_free_port()
     with listening("--port", str(port), "--expect-data-soon", ports=(port,)) as process:
@@ -139,7 +139,10 @@ def find_free_port() -> int:
 
 
 def stream_address(port: int) -> str:
-    """Return the address of a Rerun viewer for a live run at a port."""
+    """Return the address at which a Rerun viewer receives a live run.
+
+    `port` is its port on this machine.
+    """
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 

@@ -25,9 +25,10 @@ from cam_rig.simulation.simulate import simulate_ticks
 from cam_rig.units import NS, RPM_PER_RAD_S, TURN, FloatArray
 from cam_rig.viewer.timeline import Canvas
 
-# Time series: the curves, and sending of samples as columns that keep every peak.
+# Curves over time, and the writer of their samples, which keeps every peak.
 
-#: Number of rows that are sent at once: large enough to be fast, small enough for the memory.
+#: Number of samples of a curve that are sent to Rerun at once: large enough to be fast, small
+#: enough for the memory.
 ROWS_AT_ONCE = 100_000
 
 
@@ -35,7 +36,8 @@ ROWS_AT_ONCE = 100_000
 class SeriesLine:
     """Style of the curve of a quantity.
 
-    `factor` converts SI to the displayed unit, `colour` is 0xRRGGBBAA.
+    `entity` is the path of the curve in the recording, and `name` its label. `factor` converts SI
+    to the displayed unit. `colour` is 0xRRGGBBAA, and `width` is in points of the screen.
     """
 
     entity: str
@@ -60,7 +62,11 @@ class SeriesLine:
 
 @dataclass(frozen=True)
 class Mark:
-    """Style of single points on the curve of the lift."""
+    """Style of single points on the curve of the lift.
+
+    `entity` is the path of the points in the recording, and `name` their label. `colour` is
+    0xRRGGBBAA. `factor` converts m to mm.
+    """
 
     entity: str
     name: str
@@ -101,14 +107,15 @@ SPEED = SeriesLine(
 LIFT_OFF = Mark("plots/lift/lift_off", "lift-off", colours.LIFT_OFF)
 LANDING = Mark("plots/lift/landing", "landing", colours.LANDING)
 MARKS = LIFT_OFF, LANDING
-#: Series with so few points that all of them are sent.
+#: Curves and marks of which all points are sent, because they have few points.
 UNTHINNED = (ZERO, SPEED, LEVEL, *MARKS)
 
 
 def extremes(values: FloatArray, bucket: int) -> NDArray[np.intp]:
-    """Return the indices of minimum and maximum in every bucket of values, in order.
+    """Return the indices of the minimum and the maximum of every bucket of values.
 
-    ``bucket`` is the number of values per bucket.
+    A bucket is a group of `bucket` successive values. The indices are in order, each once. With a
+    bucket of 1 all indices are returned.
     """
     if bucket <= 1:
         return np.arange(values.size)
@@ -160,14 +167,15 @@ class SeriesWriter:
 
 # Twist of the shaft behind the cam, which no message contains.
 
-#: Name of the model of which the twist of the shaft is plotted.
+#: Name of the model with an elastic shaft. The twist of the shaft is plotted for this model only.
 TORSIONAL = "torsional"
 
 
 class ShaftTwist:
-    """Twist of the elastic shaft, recomputed tick by tick.
+    """Twist of the elastic shaft in a run, recomputed tick by tick.
 
-    Each tick starts from the state at the end of the previous tick.
+    No message contains the twist. The motion of each tick is solved from the state at the end of
+    the previous tick.
     """
 
     def __init__(self, loaded: LoadedScene) -> None:
@@ -208,23 +216,25 @@ GAP = PlotRow("gap", "Gap [µm]", GAP_LINE)
 TWIST = PlotRow("twist", "Twist of the shaft [°]", TWIST_LINE)
 #: Largest number of turns per speed that are simulated to determine the axes of a scene.
 MAX_TURNS = 50
-#: Key of the additional axis of the gap, which resolves the smallest gap of a scene.
+#: Key of an additional axis of the gap between follower and cam, which resolves the smallest gap of
+#: a scene.
 CLOSE_GAP = "close_gap"
 #: Key of the axis (mm) of the gap at cam angle 0.
 ZERO_GAP = "zero_gap"
-#: Smallest gap (µm) for which the additional axis is shown.
+#: Smallest gap between follower and cam (µm) for which the additional axis is shown.
 MIN_GAP = 1.0
-#: Upper limit of the additional axis, as a multiple of the smallest gap.
+#: Upper limit of the additional axis of the gap, as a multiple of the smallest gap.
 CLOSE_GAP_FACTOR = 4.0
-#: Largest upper limit of the additional axis at which it is shown, as a fraction of the largest
-#: gap.
+#: Largest upper limit of the additional axis of the gap at which the axis is shown, as a fraction
+#: of the largest gap.
 MAX_SHARE = 0.2
 
 
 def plot_rows(model: str) -> tuple[PlotRow, ...]:
-    """Return the quantities to plot for a model.
+    """Return the plotted quantities of a model, in the order of their plots.
 
-    They contain the gap if the follower can lift off, and the twist if the model has a shaft.
+    The gap is included if the follower can lift off, and the twist if the model has an elastic
+    shaft.
     """
     extra = [GAP] if MODELS[model].lifts_off else [TWIST] if model == TORSIONAL else []
     return LIFT, VELOCITY, ACCELERATION, FORCE, *extra
@@ -254,10 +264,11 @@ class SceneRanges:
 
 
 def scene_ranges(loaded: LoadedScene) -> SceneRanges:
-    """Return axis ranges from the extremes of each quantity at all speeds.
+    """Return the axis ranges of all quantities, from a simulation of the scene.
 
-    The scene is simulated for this, which takes a few tenths of a second. A long scene is
-    simulated for the first turns at each speed, in which the transient of the speed step decays.
+    The axes contain the smallest and the largest value at all speeds. The simulation takes a few
+    tenths of a second. Of a long scene only the first turns at each speed are simulated, in which
+    the transient of the speed step decays.
     """
     loaded = replace(loaded, scene=_shortened(loaded.scene))
     rows = plot_rows(loaded.scene.model)
@@ -295,9 +306,10 @@ def _shortened(scene: SceneConfig) -> SceneConfig:
 
 
 def close_gap(gaps: Sequence[float]) -> Ranges:
-    """Return an additional axis for the smallest of the gaps (m).
+    """Return the range of an additional axis that resolves the smallest gap.
 
-    ``gaps`` contains one gap per speed. Returns an empty dict if the axis of all gaps resolves it.
+    `gaps` contains the largest gap (m) between follower and cam at each speed. Returns an empty
+    dict if the axis of all gaps resolves the smallest of them.
     """
     visible = [gap * GAP.line.factor for gap in gaps if gap * GAP.line.factor >= MIN_GAP]
     if not visible or CLOSE_GAP_FACTOR * min(visible) > MAX_SHARE * max(visible):
@@ -306,7 +318,7 @@ def close_gap(gaps: Sequence[float]) -> Ranges:
 
 
 def _wider(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return limits ``(k, 2)`` of k quantities that contain two given limits."""
+    """Return limits of k quantities that contain both given limits, shape (k, 2)."""
     low, high = np.minimum(first, second), np.maximum(first, second)
     return np.column_stack([low[:, 0], high[:, 1]])
 

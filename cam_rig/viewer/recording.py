@@ -37,14 +37,19 @@ from cam_rig.viewer.timeline import FramePace
 
 
 class RunReceiver(Protocol):
-    """Receiver of a run, tick by tick: a Rerun recording, or an archive of turns."""
+    """Receiver of a run, tick by tick, such as a writer of a Rerun recording.
+
+    A tick is the time between two successive cam states. `profiles` contains the contour of each
+    cam in m, shape (n, 2).
+    """
 
     profiles: dict[str, FloatArray]
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
-        """Process one tick between two cam states.
+        """Process one tick, the time between two successive cam states.
 
-        ``rows`` are the samples of its block, shape (6, n).
+        `rows` contains its samples, shape (6, n): time (s), lift (m), velocity (m/s), acceleration
+        (m/s²), contact force (N) and landing impulse (N·s).
         """
 
     def sound(self, end_ns: int, level: float, pressure: float) -> None:
@@ -60,19 +65,20 @@ class RunReceiver(Protocol):
 class RunFeed:
     """Assembler of the messages of a bag or a live run into ticks for a receiver.
 
-    A tick is passed on when both of its states, its block and its cam's profile have arrived.
-    Levels have no time stamp. Each level is published with a pressure that has one.
+    A tick is passed on when the cam states at its start and its end, its samples and the contour of
+    its cam have arrived. Messages of the sound level have no time stamp. The n-th of them belongs
+    to the n-th message of the sound pressure, which has one.
     """
 
     def __init__(self, receiver: RunReceiver) -> None:
         self._receiver = receiver
-        #: States and blocks that are not yet combined into ticks.
+        #: Cam states and blocks of samples that are not yet combined into ticks.
         self.pairing = TickMatcher()
-        #: Contours by cam, of the receiver.
+        #: Contour of each cam by name, m, shape (n, 2). The receiver uses the same dict.
         self.profiles = receiver.profiles
-        #: Levels (dB) without a pressure, in their order.
+        #: Sound levels (dB) whose message of the pressure has not arrived, in their order.
         self.levels: deque[float] = deque()
-        #: Ends of ticks (ns) and r.m.s. pressures (Pa) without a level, in their order.
+        #: Ends of ticks (ns) and r.m.s. pressures (Pa) whose level has not arrived, in their order.
         self.pressures: deque[tuple[int, float]] = deque()
         self._ticks: deque[Tick] = deque()
         self._sounds: deque[tuple[int, float, float]] = deque()
@@ -80,7 +86,7 @@ class RunFeed:
 
     @property
     def handlers(self) -> dict[Topic, Callable[[Any], None]]:
-        """Functions that process a message, by topic."""
+        """Functions that store a received message, by topic."""
         return {
             topics.CAM_STATE: lambda m: self.pairing.add_state(cam_state_of(m)),
             topics.PROFILE: lambda m: self.profiles.update({m.header.frame_id: polygon(m)}),
@@ -130,9 +136,10 @@ class RunFeed:
             self._sound_until = sound[0]
 
 
-#: Number of samples of a run below which all are kept.
+#: Number of samples of a run below which the curves keep every sample.
 WHOLE_BELOW = 1_000_000
-#: Number of intervals of a longer run, for each of which a curve keeps its minimum and its maximum.
+#: Number of intervals (buckets) into which the samples of a long run are divided. For each of them
+#: a curve keeps its minimum and its maximum.
 BUCKETS = 250_000
 
 
@@ -221,7 +228,8 @@ def feed_bag(bag: Path, loaded: LoadedScene, feed: RunFeed, on_tick: Callable[[]
 def bucket_for(samples: int) -> int:
     """Return the number of samples per bucket that keeps a long run displayable.
 
-    ``samples`` is the number of samples of the run.
+    A curve shows the minimum and the maximum of each bucket, a group of successive samples.
+    `samples` is the number of samples of the run.
     """
     return 1 if samples < WHOLE_BELOW else math.ceil(samples / BUCKETS)
 
@@ -235,10 +243,10 @@ def polygon(message: Any) -> FloatArray:
 
 #: Number of horizontal positions of a curve on a screen. At each of them a curve shows two points.
 ACROSS_SCREEN = 1000
-#: Shortest rig time (s) before the newest sample that the curves show. It covers several turns, and
-#: the data that the slowest page receives at once.
+#: Shortest rig time (s) before the newest sample that the curves of a live run show. It covers
+#: several turns, and the data that the slowest page receives at once.
 MIN_WINDOW_S = 2.0
-#: Shortest wall-clock time (s) between two blocks of columns that are sent.
+#: Shortest wall-clock time (s) between two transmissions of the curves of a live run.
 SEND_EVERY_S = 0.25
 #: Longest wall-clock time (s) for sending the remaining data at the end of a run.
 TIMEOUT_S = 8.0
@@ -268,7 +276,7 @@ class LiveView:
         ranges = scene_ranges(loaded)
         plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, ranges.all_cams, window)
         self._address, self._stream = address, rr.RecordingStream(APPLICATION)
-        #: Part of the recording that is being written; None for a viewer.
+        #: File of the recording that is being written, None if the run is sent to a viewer.
         self._part = new_recording(Path(address)) if "://" not in address else None
         try:
             if self._part is not None:
@@ -280,10 +288,11 @@ class LiveView:
         name_recording(self._stream, loaded.scene.title)
         self._pace = FramePace(None if self._part is None else partial(page_delay, Path(address)))
         self._sent, self._factor = time.monotonic(), 0.0
-        # The playback delay covers the wait of a picture for the curves of its tick.
+        # The playback is delayed, so that the curves of a tick are sent before its pictures.
         rate = int(loaded.scene.sample_rate.si)
         self._playback = Playback(rate, MARGIN_S + SEND_EVERY_S)
-        # A block and the tick that completes it fit into the window, which keeps curves visible.
+        # The curves are sent at the end of the tick in which this rig time (s) has passed. They
+        # then cover no more than the displayed time, so that the display never becomes empty.
         block = window - tick
         self._drawing = RunRecorder(
             self._stream, loaded, bucket, rpm, ranges, pace=self._pace, send_every=block
@@ -291,9 +300,10 @@ class LiveView:
         self.feed = RunFeed(self._drawing)
 
     def set_pace(self, factor: float) -> None:
-        """Set the real-time factor `factor`, rig seconds per wall-clock second.
+        """Set the real-time factor, in rig seconds per wall-clock second.
 
-        Each tick is displayed during the next one. With 0 ticks are displayed immediately.
+        In a paced run each tick is displayed while the drive computes the next one. With a factor
+        of 0 (free run) ticks are displayed immediately.
         """
         self._factor = factor
         self._playback.clear()
@@ -309,8 +319,8 @@ class LiveView:
     def flush(self) -> None:
         """Send the drawn data at the rate that the viewer or page can display.
 
-        In a paced run the pictures of cam and follower are sent at their playback time. They are
-        sent without curves if a block of curves was sent less than `SEND_EVERY_S` ago.
+        In a paced run the pictures of cam and follower are sent at their playback time. Curves are
+        sent with them only if `SEND_EVERY_S` has passed since the last curves.
         """
         if self._pace.is_due():
             now = time.monotonic()
@@ -344,9 +354,10 @@ class LiveView:
 
 
 def screen_bucket(window: float, rate: float) -> int:
-    """Return the number of samples per bucket of a curve that shows `window` s.
+    """Return the number of samples per bucket of a curve that fills the screen.
 
-    The bucket's minimum and maximum are displayed. `rate` is the sample rate in Hz.
+    The curve shows `window` s, and of each bucket (group of successive samples) the minimum and the
+    maximum. `rate` is the sample rate in Hz.
     """
     return max(1, round(window * rate / ACROSS_SCREEN))
 

@@ -57,7 +57,7 @@ window.fetch = (what, how) => {
   return here ? ask(asked) : Promise.resolve(new Response(null, { status: 204 }));
 };
 </script>"""
-#: Content security policy. It allows the panel to display the page in a frame.
+#: Content security policy. It allows cam-rig's control panel to display the page in a frame.
 POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
     f"frame-ancestors http://{LOCAL_HOST}:*"
@@ -94,7 +94,11 @@ def serve_file(path: Path, begin: float = 0.0) -> Iterator[str]:
 
 @contextmanager
 def serve() -> Iterator[Pages]:
-    """Serve the recording of a live run until the context ends."""
+    """Serve the recording of a live run to a browser until the context ends.
+
+    The result contains the address for the browser, and the folder into which the recording must be
+    written.
+    """
     with temporary_folder() as folder:
         pages = RerunPages(None, folder)
         with _serving(pages) as address:

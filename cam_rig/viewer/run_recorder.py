@@ -90,9 +90,10 @@ class RunRecorder:
             self._canvas.set_style(RESULTS, rr.TextDocument, media_type="text/markdown")
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
-        """Draw one tick between two cam states.
+        """Draw one tick, the time between two successive cam states.
 
-        ``rows`` are the samples of its block, shape (6, n).
+        `rows` contains its samples, shape (6, n): time (s), lift (m), velocity (m/s), acceleration
+        (m/s²), contact force (N) and landing impulse (N·s).
         """
         last = self._last[0] if self._last is not None else start
         if (start.cam, start.speed) != (last.cam, last.speed):
@@ -130,7 +131,7 @@ class RunRecorder:
     def show(self, until: float) -> None:
         """Send the pictures of cam and follower up to a rig time (s).
 
-        Pictures beyond the sent curves are kept.
+        Pictures that are later than the curves sent so far are kept for a later call.
         """
         if self._run_view is not None:
             self._run_view.show(min(until, self._sent / NS))
@@ -138,7 +139,8 @@ class RunRecorder:
     def flush(self, until: float = math.inf) -> None:
         """Send all data to the recording, and the pictures up to a rig time (s).
 
-        The curves of the run are sent first, because no other data may be ahead of them.
+        The curves of the run are sent first. A viewer that follows the run jumps to the newest time
+        of any data, so no other data may be newer than the curves.
         """
         if self._run_view is not None:
             self._run_view.flush(until)

@@ -28,7 +28,7 @@ from cam_rig.viewer.turn_chart import MAX_TITLE, TurnChart
 
 # Time series of a run, tick by tick.
 
-#: Weights of s, s' and s'' that give s.
+#: Weights of the lift s and its derivatives s' and s'' by the cam angle that select the lift.
 LIFT_OF_LAW = np.array([[1.0, 0.0, 0.0]])
 
 
@@ -47,9 +47,11 @@ class TimeSeries:
         }
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
-        """Add the samples of one tick at the cam angles ``angle`` (rad).
+        """Add the samples of one tick to the curves.
 
-        ``rows`` are those of the block, followed by the twist if the model has a shaft.
+        `angle` contains their unwrapped cam angles in rad, shape (n,). `rows` contains time (s),
+        lift (m), velocity (m/s), acceleration (m/s²), contact force (N) and landing impulse (N·s),
+        and the twist of the shaft (rad) if the model has an elastic shaft.
         """
         time, lift, _, _, force, impulse = rows[:6]
         law = self._loaded.laws[start.cam]
@@ -91,7 +93,7 @@ BANDS = "bands"
 class RunView:
     """View of a run in a recording, drawn tick by tick.
 
-    The parameters are those of `RunRecorder`.
+    The parameters have the same meaning as those of `RunRecorder`.
     """
 
     def __init__(
@@ -131,7 +133,8 @@ class RunView:
         angle : ndarray
             Unwrapped cam angle of the samples in rad, shape (n,).
         rows : ndarray
-            Rows of the block, followed by the twist of the shaft in rad if the model has one.
+            Samples: time (s), lift (m), velocity (m/s), acceleration (m/s²), contact force (N),
+            landing impulse (N·s), and twist (rad) if the model has an elastic shaft.
         turn : Turn, optional
             Newest complete turn, if the tick completes one.
         profile : ndarray
@@ -159,14 +162,17 @@ class RunView:
         self._time_series.add(quantities.LEVEL, end, level)
 
     def close(self, end: CamState) -> None:
-        """Draw the speed of the cam up to the end of the run."""
+        """Draw the speed of the cam up to the end of the run.
+
+        `end` is the last cam state.
+        """
         if self._last is not None:
             self._time_series.add(quantities.SPEED, end, self._last.speed)
 
     def show(self, until: float) -> None:
-        """Send the pictures up to a rig time (s) whose curves are sent.
+        """Send the pictures of cam and follower up to a rig time (s).
 
-        They show cam and follower.
+        The curves up to this time must have been sent before.
         """
         self._scene.flush(until)
 
@@ -174,7 +180,7 @@ class RunView:
         """Send the collected data, curves first, and the pictures up to a rig time (s)."""
         self._time_series.flush()
         self._scene.flush(until)
-        # A live run only displays the newest bars.
+        # A live run only displays the newest bars of the sound.
         for end, turn in self._new_turns if self._finished else self._new_turns[-1:]:
             bands = third_octaves(self._loaded.radiation, turn.force, turn.impulse, self._rate)
             self._bands.add(end.time_ns / NS, end.unwrapped, bands)
@@ -199,7 +205,7 @@ class RunView:
             self._scene.mount(state, profile)
         title = f"{shortened(self._loaded.cams[state.cam].title, MAX_TITLE)}, "
         self._scene.speed(state, title)
-        if not self._finished:  # live: no turn of this step is complete yet
+        if not self._finished:  # live: no turn at this speed is complete yet
             self._turn_chart.begin(state)
         text = f"{title}{to_rpm(state.speed):.0f} rpm"
         self._events.append((state.time_ns / NS, state.unwrapped, text, "INFO"))
@@ -277,9 +283,10 @@ def about(loaded: LoadedScene, bucket: int) -> str:
 
 
 def by_origin(numbers: dict[str, Quantity]) -> list[str]:
-    """Return a paragraph each on the given, the assumed and the identified numbers.
+    """Return a Markdown paragraph each on the given, assumed and identified numbers.
 
-    ``numbers`` are quantities by key.
+    A number is given by a source, assumed, or identified from measurements. `numbers` contains the
+    quantities by key. A paragraph without numbers is left out.
     """
     lines = []
     for origin in ORIGINS:

@@ -26,25 +26,29 @@ from cam_rig.viewer.timeline import Canvas, FramePace
 
 #: Radius of the ring of degrees around a cam, relative to the cam's largest radius.
 RING = 1.04
-#: Radius of the circle that contains the ring's numbers, relative to the radius of these numbers.
+#: Radius of the circle that encloses the numbers on the ring of degrees, relative to the radius at
+#: which they are placed.
 AROUND = 1.09
 #: Height of the space below the ring for a line of text and the bar of a force, relative to the
 #: ring's radius.
 TEXT_SPACE = 0.36
-#: Height of the space for a follower in flight above the law's largest lift, relative to that lift.
+#: Height of the space for a follower in flight above the largest lift of the law, relative to that
+#: lift.
 FLIGHT = 0.3
-#: Smallest height of this space, relative to the follower's reach.
+#: Smallest height of the space for a follower in flight, relative to the follower's largest
+#: distance from the cam axis.
 FLIGHT_OF_REACH = 0.05
 #: Height of the free space at the lower edge of the view, relative to the height of the view.
 MARGIN = 0.03
 #: Width of the free space at each side of the view, relative to the height of the view.
 SIDE = 0.01
-#: Number of lifts at which the program determines which numbers of the ring the follower covers.
+#: Number of lifts for which the program determines which numbers on the ring of degrees the
+#: follower covers.
 LIFTS = 13
-#: Distance from the follower below which a number of the ring is left out, relative to the ring's
-#: radius.
+#: Distance from the follower below which a number on the ring of degrees is left out, relative to
+#: the radius of the ring.
 CLEARANCE = 0.14
-#: Length of the arrow of the largest force, relative to the picture's height.
+#: Length of the arrow of the largest force, relative to the height of the picture.
 ARROW = 0.22
 
 
@@ -52,7 +56,8 @@ ARROW = 0.22
 class Framing:
     """Frame of the picture of a cam with its follower, in mm.
 
-    `ring` is the radius of the ring of degrees. `low` and `high` are opposite corners, shape (2,).
+    `shape` is the geometry of the follower. `ring` is the radius of the ring of degrees around the
+    cam. `low` and `high` are opposite corners of the frame, shape (2,).
     """
 
     shape: FollowerShape
@@ -72,9 +77,10 @@ class Framing:
         return float(self.high[1] - self.low[1])
 
     def numbers(self) -> tuple[FloatArray, list[str]]:
-        """Return positions ``(n, 2)`` (mm) and texts of the visible numbers on the ring.
+        """Return positions (mm) and texts of the visible numbers on the ring of degrees.
 
-        Numbers that the follower covers at some lift are left out.
+        The positions have the shape (n, 2). Numbers that the follower covers at some lift are left
+        out.
         """
         positions, numbers = shapes.ring_numbers(self.ring)
         covered = np.zeros(len(numbers), dtype=bool)
@@ -87,9 +93,9 @@ class Framing:
         return positions[~covered], visible
 
     def follower(self) -> list[FloatArray]:
-        """Return the polylines of the follower in mm.
+        """Return the outline of the follower as polylines ``(n, 2)`` in mm.
 
-        Its stem ends above its bearing.
+        The stem is drawn up to a point above its bearing.
         """
         return [strip * MM for strip in self.shape.in_guide()]
 
@@ -105,9 +111,9 @@ def force_scale(loaded: LoadedScene, speed: float) -> float:
 
 
 def bounds(by_cam: dict[str, Framing]) -> tuple[list[float], list[float]]:
-    """Return the limits of x and y (mm, y down) of a view of all cams.
+    """Return the limits of x and y (mm, y down) of a view into which every cam fits.
 
-    Every cam is as high as the highest.
+    Each cam is scaled to the height of the highest, as in the picture.
     """
     highest = max(framing.height for framing in by_cam.values())
     corners = [
@@ -193,7 +199,8 @@ def _lines(left: tuple[str, str, str], right: tuple[str, str, str]) -> str:
     return "\n".join(["```", *lines, "```"])
 
 
-#: Entity path of the view. The rig is a child, because a view ignores its own transform.
+#: Entity path of the picture. Cam and follower are in a child entity, because a Rerun view ignores
+#: the transform of the entity at its path.
 VIEW = "scene"
 #: Number of pictures per turn, chosen for smooth slow motion at every speed.
 FRAMES_PER_TURN = 72
@@ -210,9 +217,10 @@ UNSEEN = -0.1
 
 
 def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
-    """Return True for the first sample of each picture of the turn, shape (n,).
+    """Return True for the samples at which a picture is drawn, shape (n,).
 
-    ``angle`` is the unwrapped cam angle and ``step`` its increment per sample, both in rad.
+    A turn has `FRAMES_PER_TURN` pictures, each at its first sample. `angle` is the unwrapped cam
+    angle and `step` its increment per sample, both in rad.
     """
     frame = np.floor(np.append(angle[:1] - step, angle) * (FRAMES_PER_TURN / (2.0 * np.pi)))
     return np.asarray(np.diff(frame) > 0.0)
@@ -270,7 +278,8 @@ class Scene2D:
         framing, self._law = self._framing_of(state.cam), self._loaded.laws[state.cam]
         self._shape, self._max_lift = framing.shape, framing.max_lift
         zoom = self._highest / framing.height
-        # In a plane of Rerun y points down. Widths scale with the third root of the determinant.
+        # In a plane of Rerun y points down, so y is mirrored. Rerun scales line widths by the third
+        # root of the determinant, so the third axis is scaled too.
         flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, zoom])[None])
         self._canvas.rows(self._root, self._canvas.times_of(state), flip)
         outline = shapes.close_outline(profile) * MM
@@ -354,7 +363,10 @@ class Scene2D:
     def _send(
         self, time: FloatArray, angle: FloatArray, lift: FloatArray, force: FloatArray
     ) -> None:
-        """Send the poses, the gaps, the readings and the forces of some pictures."""
+        """Send the poses, the gaps, the readings and the forces of n pictures.
+
+        The parameters are those of `frames`.
+        """
         times, shape = self._canvas.times(time, angle), self._shape
         motion = Motion.at(self._law, angle)
         drawn = np.minimum(lift, self._max_lift)
@@ -398,7 +410,10 @@ class Scene2D:
     def _texts(
         self, state: CamState, entity: str, positions: FloatArray, texts: list[str], colour: int
     ) -> None:
-        """Draw texts with their upper middles at ``positions``, (n, 2), from a state on."""
+        """Draw texts that appear from a cam state on.
+
+        `positions` are the upper middles of the texts in mm, shape (n, 2).
+        """
         style: dict[str, Any] = {"colors": colour, "radii": UNSEEN, "show_labels": True}
         columns: dict[str, Any] = {name: [value] * len(texts) for name, value in style.items()}
         times = self._canvas.times_of(state)

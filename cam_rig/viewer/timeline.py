@@ -28,7 +28,7 @@ TURN_DEGREES = "turn_degrees"
 #: Rig time has whole ns, and half a ns is 1.2e-6° at 400 rpm and 3e-5° at 10 000 rpm. The distance
 #: of samples is larger than this tolerance.
 ANGLE_ROUNDING_DEG = 1e-4
-#: Function that returns the time columns of rows at times (s) and unwrapped cam angles (rad).
+#: Function that returns the time columns of data at rig times (s) and unwrapped cam angles (rad).
 Times = Callable[[FloatArray, FloatArray], list[rr.TimeColumn]]
 
 
@@ -70,7 +70,10 @@ def _floor_degrees(angle: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int6
 
 @dataclass(frozen=True)
 class Canvas:
-    """Canvas: a recording to draw into, and the timelines of the drawn data."""
+    """Recording to draw into, and the timelines of the drawn data.
+
+    `times` returns the columns of these timelines for data at rig times (s) and cam angles (rad).
+    """
 
     stream: rr.RecordingStream
     times: Times = time_columns
@@ -80,15 +83,21 @@ class Canvas:
         return self.times(np.array([time]), np.array([angle]))
 
     def times_of(self, state: CamState) -> list[rr.TimeColumn]:
-        """Return the time columns of one row at a cam state."""
+        """Return the time columns of a single row of data, at the time of a cam state."""
         return self.times_at(state.time_ns / NS, state.unwrapped)
 
     def log_static(self, entity: str, shape: Any) -> None:
-        """Draw a shape, or set the style of later shapes, for every time."""
+        """Send a shape, or the style of later shapes, as static data.
+
+        Static data are visible at every time.
+        """
         self.stream.log(entity, shape, static=True)
 
     def set_style(self, entity: str, kind: Any, **style: Any) -> None:
-        """Set the common style and properties of all later shapes of a kind."""
+        """Set the common style and properties of all later shapes of an entity.
+
+        `kind` is the Rerun archetype of the shapes, such as ``rr.Points2D``.
+        """
         self.log_static(entity, kind.from_fields(**style))
 
     def rows(self, entity: str, times: list[rr.TimeColumn], columns: Any) -> None:
@@ -98,7 +107,10 @@ class Canvas:
     def strips(
         self, entity: str, times: list[rr.TimeColumn], strips: Sequence[FloatArray], **style: float
     ) -> None:
-        """Draw polylines ``(n, 2)`` of one style at one time."""
+        """Draw polylines ``(n, 2)`` of one style at one time.
+
+        `times` has one row, and `style` contains values such as `radii` for all polylines.
+        """
         styles: dict[str, Any] = {name: [value] * len(strips) for name, value in style.items()}
         columns = rr.LineStrips2D.columns(strips=strips, **styles)
         self.rows(entity, times, columns.partition([len(strips)]))
@@ -106,7 +118,10 @@ class Canvas:
     def points(
         self, entity: str, times: list[rr.TimeColumn], positions: Any, **columns: Any
     ) -> None:
-        """Draw points ``(n, 2)`` at one time."""
+        """Draw points ``(n, 2)`` at one time.
+
+        `times` has one row, and `columns` contains further data of the points, such as labels.
+        """
         points = rr.Points2D.columns(positions=positions, **columns)
         self.rows(entity, times, points.partition([len(positions)]))
 
@@ -168,9 +183,9 @@ class FramePace:
         return now - self._sent >= 1.0 / self.rate
 
     def chosen(self, count: int) -> NDArray[np.intp]:
-        """Return the indices of the pictures to send, evenly among ``count`` pictures.
+        """Return the indices of the pictures to send, evenly among `count` new pictures.
 
-        The newest is always among them.
+        The newest picture is always among them.
         """
         now = self._clock()
         max_count = max(1, int((now - self._sent) * self.rate))
@@ -200,8 +215,9 @@ class FramePace:
 class Turn(NamedRows):
     """Samples of one turn of a cam at one speed.
 
-    `speed` is in rad/s, `angle` the unwrapped cam angle in rad, shape (n,), and `rows` has the rows
-    of `NamedRows`, shape (6, n).
+    `speed` is in rad/s, and `angle` is the unwrapped cam angle in rad, shape (n,). `rows` contains
+    time (s), lift (m), velocity (m/s), acceleration (m/s²), contact force (N) and landing impulse
+    (N·s), shape (6, n), and the twist (rad) as a seventh row if the model has an elastic shaft.
     """
 
     cam: str
@@ -224,7 +240,8 @@ class TurnCollector:
     def add(self, start: CamState, angle: FloatArray, rows: FloatArray) -> None:
         """Add the samples of the next tick, which starts at a cam state.
 
-        ``angle`` is the unwrapped cam angle (rad), and ``rows`` are those of the block.
+        `angle` is the unwrapped cam angle in rad, shape (n,). `rows` contains the samples as in
+        `Turn`. If the cam or its speed has changed, the earlier ticks are dropped.
         """
         last = self._ticks[-1][0] if self._ticks else start
         if (start.cam, start.speed) != (last.cam, last.speed):

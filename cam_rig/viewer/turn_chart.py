@@ -1,6 +1,6 @@
 """Chart of the last turns of a run, overlaid over 0 to 360° of the cam.
 
-If the turns differ, the follower has not settled or bounces irregularly.
+If the turns differ, the motion is not periodic yet, or the follower bounces irregularly.
 """
 
 from __future__ import annotations
@@ -23,39 +23,42 @@ from cam_rig.viewer.timeline import Canvas, Turn, lift_offs
 
 # Axes over one turn of the cam, 0 to 360°, one below the other.
 
-#: Width of the plane of the chart. All lengths of the chart are in its units.
+#: Width of the drawing plane of the chart. All lengths of the chart are in its units.
 WIDTH = 160.0
-#: Height of the axes of a row in the plane.
+#: Height of the axes of one quantity, in the units of the drawing plane.
 ROW = 27.0
-#: Height of the space for the title above the axes of a row.
+#: Height of the space for the title above the axes of a quantity, in the units of the drawing
+#: plane.
 HEAD = 9.0
-#: Free space left of all rows in the plane.
+#: Free space left of the axes, in the units of the drawing plane.
 LEFT = 16.0
-#: Free space right of all rows in the plane.
+#: Free space right of the axes, in the units of the drawing plane.
 RIGHT = 6.0
-#: Free space above all rows in the plane.
+#: Free space above the upper axes, in the units of the drawing plane.
 SPACE_ABOVE = 8.0
-#: Free space below all rows in the plane.
+#: Free space below the lower axes, in the units of the drawing plane.
 SPACE_BELOW = 7.0
 #: Largest number of letters of a cam's title in tables and charts, which a page of 1000 pixels has
 #: room for.
 MAX_TITLE = 24
-#: Marks of the cam angle, °.
+#: Labels of the axis of the cam angle, by angle in degrees.
 DEGREES = {0.0: "0°", 90.0: "90°", 180.0: "180°", 270.0: "270°", 360.0: "360°"}
-#: Number of horizontal positions along the turn. At each of them a curve has two points.
+#: Number of horizontal positions along the turn. At each of them a curve has two points, the
+#: minimum and the maximum.
 POSITIONS = 360
-#: Colour of the line at the present cam angle.
+#: Colour (0xRRGGBBAA) of the vertical line at the present cam angle.
 CURSOR = 0x555555FF
-#: Position (x, y) of the middle of a row's title, relative to the upper left corner of its axes.
+#: Position (x, y) of the middle of a title, relative to the upper left corner of the axes, in the
+#: units of the drawing plane.
 TITLE_AT = (22.0, -HEAD + 1.0)
-#: Height of the labels of y above their marks, relative to the height of the axes.
+#: Height of the labels of the y axis above their positions, relative to the height of the axes.
 RAISED = 0.1
 
 
 class TurnAxes:
-    """Axes over the cam angle, one row per quantity, of height ``row``.
+    """Axes over the cam angle, one per quantity, below each other.
 
-    The y axis of their plane points down, as in Rerun.
+    `row` is the height of each of them. The y axis of their drawing plane points down, as in Rerun.
     """
 
     def __init__(self, rows: Sequence[PlotRow], ranges: Ranges, row: float = ROW) -> None:
@@ -66,15 +69,15 @@ class TurnAxes:
             key: Axes((0.0, 360.0), ranges[key][:2], WIDTH, row, raised, top)
             for key, top in self.tops.items()
         }
-        #: Height of all rows.
+        #: Height of all axes together, with their titles, in the units of the drawing plane.
         self.height = len(rows) * (HEAD + row)
 
     def bounds(
         self, below: float = SPACE_BELOW, above: float = SPACE_ABOVE
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return the limits of x and y of a view that contains all rows.
+        """Return the limits of x and y of a view that contains all axes.
 
-        The degrees below the rows are included.
+        `below` and `above` are free spaces. The degrees below the axes are included.
         """
         return (-LEFT, WIDTH + RIGHT), (-above, self.height + below)
 
@@ -87,9 +90,9 @@ class TurnAxes:
         return axes.place(degrees, values.clip(*axes.y))
 
     def draw(self, canvas: Canvas, view: str, titled: bool = True) -> None:
-        """Draw the titles of the rows, the degrees, and a line at each quarter turn.
+        """Draw the titles of the axes, the degrees, and a line at each quarter turn.
 
-        The style of the cursor is set, too.
+        The style of the cursor, which `move_cursor` draws, is set too.
         """
         for row in self.rows:
             if titled:
@@ -114,12 +117,12 @@ class TurnAxes:
         canvas.rows(f"{view}/cursor", times, rr.LineStrips2D.columns(strips=list(strips)))
 
     def draw_marks(self, canvas: Canvas, view: str) -> None:
-        """Draw the frames of all rows and the axis values next to them, for every time."""
+        """Draw the frames of all axes and the values on their y axes, for every time."""
         for key, axes in self.axes.items():
             axes.draw(canvas.stream, f"{view}/{key}/axes", {}, self.marks(key))
 
     def marks(self, key: str) -> dict[float, str]:
-        """Return the numbers next to the row of a quantity."""
+        """Return the labels of the y axis of a quantity, by value."""
         return step_marks(*self._ranges[key])
 
 
@@ -130,7 +133,10 @@ def label(
     text: str,
     colour: int = colours.BLACK,
 ) -> None:
-    """Draw a text whose upper middle is at ``position``, for every time."""
+    """Draw a text as static data, visible at every time.
+
+    `position` is its upper middle.
+    """
     point = rr.Points2D([position], labels=[text], colors=colour, radii=UNSEEN, show_labels=True)
     canvas.log_static(entity, point)
 
@@ -145,9 +151,10 @@ def in_turn(angle: FloatArray) -> tuple[FloatArray, int]:
 
 
 def curve(axes: TurnAxes, key: str, angle: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the points of a turn's curve from 0 to 360°, with its peaks, (n, 2).
+    """Return the points of a turn's curve from 0 to 360° in the drawing plane, (n, 2).
 
-    ``angle`` is in rad, and ``values`` are in the displayed unit.
+    The samples are reduced in such a way that every peak is kept. `key` is that of the quantity,
+    `angle` is in rad, and `values` are in the displayed unit.
     """
     degrees, first = in_turn(angle)
     degrees, values = np.roll(degrees, -first), np.roll(values, -first)
@@ -158,28 +165,29 @@ def curve(axes: TurnAxes, key: str, angle: FloatArray, values: FloatArray) -> Fl
 VIEW = "turn"
 #: Largest number of turns at one speed that are overlaid.
 MAX_OVERLAID = 4
-#: Largest difference of two turns that are drawn only once, relative to a row's height.
+#: Largest difference of the curves of two turns of which only one is drawn, relative to the height
+#: of the axes of a quantity.
 SAME_TURN_TOLERANCE = 0.004
-#: Horizontal positions in the plane at which turns are compared.
+#: Horizontal positions in the drawing plane at which the curves of two turns are compared.
 ALONG = np.linspace(0.0, WIDTH, 361)
 #: Cam angles at which the law is drawn, degrees.
 DEGREES_OF_LAW = np.linspace(0.0, 360.0, 361)
-#: Legend of the lift: x of a short stroke, and x of the middle of the name after it.
+#: Positions of the entries in the legend of the lift: x of a short line, and x of the middle of the
+#: name after it.
 LEGEND = ((52.0, 70.0), (84.0, 97.0), (106.0, 122.0), (134.0, 151.0))
-#: Length of a stroke of the legend, in the units of the plane.
+#: Length of a short line in the legend, in the units of the drawing plane.
 STROKE = 6.0
-#: Radius of a mark, in points of the screen (negative for Rerun).
+#: Radius of the mark of a lift-off or landing, in points of the screen (negative for Rerun).
 MARK = -4.0
 #: Vertical position of the caption with cam and speed, in the units of the plane.
 CAPTION = -7.0
 
 
 class TurnChart:
-    """Chart in which the turns of one speed are overlaid.
+    """Chart in which the turns of one cam at one speed are overlaid.
 
-    `flush` sends the added turns to the recording.
-
-    With ``every`` each turn is sent, from its start on. Otherwise only the newest turn is sent,
+    Added turns are kept until `flush` sends them to the recording. If `every` is True, each turn is
+    sent and is visible from its start on. Otherwise only the newest turn is sent and is visible
     from its end on.
     """
 
@@ -199,7 +207,10 @@ class TurnChart:
         self._draw_legend()
 
     def add(self, end: CamState, turn: Turn) -> None:
-        """Add a turn that ended with a cam state, unless it overlaps the last turn."""
+        """Add a turn that ended with a cam state.
+
+        A turn that has samples in common with the last added turn is ignored.
+        """
         hold = turn.cam, turn.speed
         if hold == self._last_step and turn.angle[0] <= self._last_angle:
             return
@@ -239,9 +250,10 @@ class TurnChart:
         self._draw_events(times, turn)
 
     def begin(self, state: CamState) -> None:
-        """Start the chart of another cam or speed at a cam state.
+        """Start the chart of another cam or speed at a cam state of a live run.
 
-        No turn is complete then.
+        The curves and marks of the last speed are removed, because no turn at the new speed is
+        complete yet.
         """
         times = self._canvas.times_of(state)
         self._start_step(times, state.cam, state.speed)
@@ -250,9 +262,9 @@ class TurnChart:
         self._strips(times, "flights", [])
 
     def _start_step(self, times: list[rr.TimeColumn], cam: str, speed: float) -> None:
-        """Remove the overlaid turns, and draw axes, law and caption of another step.
+        """Remove the overlaid turns, and draw the caption of another cam or speed.
 
-        A step is one cam at one speed.
+        If the cam is another one, its axes and its law are drawn too.
         """
         for slot in self._overlaid:
             for row in self._rows:

@@ -126,9 +126,10 @@ class Access:
 
 @dataclass
 class Guard:
-    """Web application that checks host, origin and token of each request to another.
+    """Web application that checks host, origin and token of each request.
 
-    The path ``/`` leads to ``home``.
+    A request that is accepted is passed to `app`. The path ``/`` leads to `home`. `policy` is the
+    content security policy of every response.
     """
 
     app: ASGIApp
@@ -183,7 +184,7 @@ class Served(NamedTuple):
 
     @property
     def address(self) -> str:
-        """Address for a browser, which leads to ``home``."""
+        """Address of the start page for a browser, with the token."""
         return self.access.address()
 
 
@@ -235,8 +236,8 @@ def _is_relevant(record: logging.LogRecord) -> bool:
 def _listeners(host: str, port: int) -> list[socket.socket]:
     """Return the listening sockets, on the loopback those of IPv4 and IPv6.
 
-    A browser tries both addresses of a name below localhost. Another user's server at the same port
-    of the other one would receive the cookie.
+    A browser tries both addresses of a name below localhost. If only one of them were used, another
+    user's server at the same port of the other address could receive the cookie.
     """
     require_loopback()
     first = _listener(socket.AF_INET, host, port)

@@ -209,7 +209,9 @@ def test_no_tick_is_lost_if_the_writer_is_blocked(make, block_writer, undisturbe
     """The samples of each tick are published although half of the attempts fail."""
     random = Random(0)
     published = block_writer(topics.FOLLOWER_SAMPLES, lambda: random.random() < 0.5)
-    follow(make("follower"), undisturbed)
+    follower = make("follower")
+    follow(follower, undisturbed)
+    follower.publishing_monitor.flush()
     expected = undisturbed[topics.FOLLOWER_SAMPLES.name]
     kind = message_class(topics.FOLLOWER_SAMPLES)
     assert published == [deserialize_message(cdr, kind) for cdr in expected]
@@ -232,12 +234,19 @@ def test_blocked_motion_is_skipped_for_a_tick(make, block_writer, undisturbed, m
 
 
 def test_a_writer_that_stays_blocked_ends_the_run(make, block_writer, monkeypatch):
-    """A writer of states that stays blocked raises RunError with the topic."""
-    monkeypatch.setattr(rig_node, "MAX_BLOCKED_S", 0.05)
-    block_writer(topics.CAM_STATE, lambda: True)
+    """A writer of states that stays blocked raises RunError with the topic.
+
+    `publish` itself makes one attempt, so it does not block the executor.
+    """
+    monkeypatch.setattr(rig_node, "MAX_BLOCKED_S", 0.0)
+    attempts = []
+    block_writer(topics.CAM_STATE, lambda: attempts.append(1) or True)
     drive = make("cam_drive")
-    with pytest.raises(RunError, match=r"/cam/state: the writer has been blocked for 0\.05 s"):
+    for _ in range(3):
         drive._state_publisher.publish(message_class(topics.CAM_STATE)())
+    assert len(attempts) == 1
+    with pytest.raises(RunError, match="/cam/state: the writer has been blocked for 0 s"):
+        drive.publishing_monitor.retry()
 
 
 def test_weightings_can_be_changed_live(make):

@@ -7,14 +7,15 @@ from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import FluidPressure
 
 from cam_rig.bag.files import bag_files, is_unclosed
 from cam_rig.errors import RunError
-from cam_rig.nodes.base import rig_node
+from cam_rig.nodes.base import rig_node, run_end
 from cam_rig.nodes.base.rig_node import MAX_DRAIN_S, RigNode
-from cam_rig.nodes.base.run_end import DRIVE_LOST_S, POLL_S, FinishedRun, LostDriveMonitor
+from cam_rig.nodes.base.run_end import FinishedRun, LostDriveMonitor
 from cam_rig.runner.node_process import NodeProcess, stop_all
 from cam_rig.runner.node_table import DRIVE, RECORDER
 from cam_rig.studies.simulate.recorded import read_recording
@@ -227,36 +228,33 @@ def test_a_second_recorder_is_rejected(domain, short_scene, undisturbed, tmp_pat
 
 # Nodes whose drive leaves without publishing the end of the run.
 
-#: Number of polls after which an absent drive counts as lost.
-LOST_POLLS = int(DRIVE_LOST_S / POLL_S) + 1
+
+def test_a_drive_that_is_discovered_again_is_not_lost(make):
+    """The countdown to the end of a node runs only while no drive is connected."""
+    node = make("microphone")
+    monitor = LostDriveMonitor(node)
+    assert monitor._timer.is_canceled()  # a drive that has never been present
+    for count, is_canceled in ((1, True), (0, False), (1, True), (2, True), (1, True), (0, False)):
+        monitor.on_drives(count)
+        assert monitor._timer.is_canceled() == is_canceled
+    monitor._on_lost()
+    assert monitor._timer.is_canceled() and node.done.done() and node.failure is None
 
 
-@pytest.fixture
-def poll(make, monkeypatch):
-    """Function that makes a node poll for the drive, and returns the node.
-
-    Its arguments after the name are pairs: number of drives, and number of polls.
-    """
-
-    def poll(name, *phases):
-        node = make(name)
-        monitor = LostDriveMonitor(node)
-        for drives, count in phases:
-            monkeypatch.setattr(node, "count_publishers", lambda _topic, drives=drives: drives)
-            for _ in range(count):
-                monitor.poll()
-        return node
-
-    return poll
-
-
-def test_a_node_ends_if_the_drive_is_lost(poll, capfd):
-    """A node ends if the drive has left without publishing the end of the run.
-
-    A drive that has never been present, or is discovered again, does not count as lost.
-    """
-    not_lost = [(0, 2 * LOST_POLLS), *[(1, 1), (0, LOST_POLLS - 2)] * 3]
-    assert not poll("microphone", *not_lost).done.done()
-    node = poll(RECORDER, *not_lost, (0, 2))
-    assert node.done.done() and node.failure is None
+@pytest.mark.parametrize("name", ["microphone", RECORDER])
+def test_a_node_ends_if_the_drive_is_lost(make, user, monkeypatch, capfd, name):
+    """A node ends if the drive has left without publishing the end of the run."""
+    monkeypatch.setattr(run_end, "DRIVE_LOST_S", 0.2)
+    counts, on_drives = [], LostDriveMonitor.on_drives
+    monkeypatch.setattr(
+        LostDriveMonitor, "on_drives", lambda self, n: counts.append(n) or on_drives(self, n)
+    )
+    node = make(name)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    drive = user.node.create_publisher(DiagnosticStatus, "/rig/finished", LATCHED)
+    wait_until(lambda: executor.spin_once(timeout_sec=0.02) or 1 in counts)
+    user.node.destroy_publisher(drive)
+    wait_until(lambda: executor.spin_once(timeout_sec=0.02) or node.done.done())
+    assert node.failure is None
     assert "the drive has left without publishing /rig/finished" in capfd.readouterr().err

@@ -26,7 +26,11 @@ REFUSED = [
     ("campaign tolerance_poly345 --points 1000000000", 2, "may have at most 1e8 points, got 1e9"),
     ("campaign tolerance_poly345 --jobs 0", 2, "--jobs: is '0'; allowed: greater than or"),
     ("campaign tolerance_poly345 --dask nowhere", 2, "allowed: an address"),
-    ("campaign tolerance_poly345 --dask tcp://127.0.0.1:1 --jobs 2", 2, "allowed: one of them"),
+    (
+        "campaign tolerance_poly345 --dask tcp://127.0.0.1:1 --jobs 2",
+        2,
+        "cannot be combined with --dask",
+    ),
     (f"{COMPARE} --offset 3", 2, "an offset of 3° requires --topics"),
     (f"{COMPARE} --topics angle=/a&lift=/b", 2, "has cams tm21, bezier15; choose one with --cam"),
     (

@@ -1,1 +1,1 @@
-"""Bags of other programs: readings of quantities from the fields of any topic."""
+"""Import of bags of other programs: angle, lift, force and level from any topic."""

@@ -10,10 +10,10 @@ import numpy as np
 
 from cam_rig.errors import did_you_mean
 
-#: Largest number of fields that an error message lists.
+#: Largest number of fields that an error message lists, and of elements that are listed per array.
 MAX_NAMED = 24
-#: Pattern of one part of a field's path: name of the field, and index or name of a joint in
-#: brackets.
+#: Pattern of one part of a field's path: name of the field, and in brackets the index of an array
+#: element or the name of a joint.
 PART = re.compile(r"(?P<name>\w+)(?:\[(?P<index>[\w/-]+)\])?")
 
 
@@ -39,7 +39,11 @@ def number_at(message: Any, path: str) -> float:
 
 
 def _entry(owner: Any, values: Any, name: str, index: str) -> Any:
-    """Return an entry of an array, by its number or by the name of its joint."""
+    """Return the element of an array field at an index, or of a joint.
+
+    `index` is a number from 0, or an entry of the list ``name`` of the message `owner`, as in
+    sensor_msgs/JointState. `name` is the name of the array. Raises ValueError for any other index.
+    """
     if not hasattr(values, "__len__"):
         raise ValueError(f"{name!r} is not an array; remove [{index}]")
     names = list(getattr(owner, "name", []))
@@ -57,9 +61,9 @@ def _entry(owner: Any, values: Any, name: str, index: str) -> Any:
 
 
 def numeric_fields(message: Any, before: str = "") -> Iterator[str]:
-    """Yield the paths of all numbers of a message, without its header or stamp.
+    """Yield the paths of all numeric fields of a message, except header and stamp.
 
-    At most `MAX_NAMED` entries of an array are yielded.
+    At most `MAX_NAMED` elements of an array are yielded. `before` is the prefix of each path.
     """
     for name in getattr(message, "__dataclass_fields__", {}):
         value, path = getattr(message, name), f"{before}{name}"
@@ -76,12 +80,14 @@ def numeric_fields(message: Any, before: str = "") -> Iterator[str]:
 def only_field(message: Any) -> str:
     """Return the path of the only number of a message, or of its measured value.
 
-    Raises ValueError if there are several numbers and no measured value.
+    Raises ValueError if there are several numbers and no measured value. The measured value is the
+    field range, fluid_pressure or temperature of a sensor message, which also has limits or a
+    variance.
     """
     paths = list(numeric_fields(message))
     if len(paths) == 1:
         return paths[0]
-    for name in ("range", "fluid_pressure", "temperature"):  # next to limits and variances
+    for name in ("range", "fluid_pressure", "temperature"):  # the others are limits, variances
         if name in paths:
             return name
     raise ValueError(f"the field must be named; the message has {_name_list(paths)}")

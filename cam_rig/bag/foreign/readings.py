@@ -1,4 +1,4 @@
-"""Readings of quantities from the topics of any ROS 2 bag, as signals."""
+"""Conversion of the topics of any ROS 2 bag to measured signals."""
 
 from __future__ import annotations
 
@@ -25,19 +25,23 @@ from cam_rig.units import NS, FloatArray
 
 #: Largest number of readings of one quantity that are read. Each reading takes 24 bytes.
 MAX_READINGS = 20_000_000
-#: Number of successive readings of the lift whose median is compared with the middle reading.
+#: Number of successive lift readings over which a running median is taken. Each reading is compared
+#: with the median around it.
 LIFT_WINDOW = 15
-#: Distance of a number from the median over `LIFT_WINDOW` above which the number is not a reading,
-#: as a multiple of the lift range. The lift of a follower that bounces is nearer to the median.
+#: Deviation from the running median of the lift, as a multiple of the lift range, above which a
+#: number is not a reading but a code such as -999. The lift of a bouncing follower deviates less.
 SENTINEL_RATIO = 5.0
-#: Largest fraction of numbers that are recognized as no readings by `SENTINEL_RATIO`, above and
-#: below the readings each.
+#: Fraction of the largest and of the smallest lift readings that is left out when the lift range is
+#: determined. Codes such as -999 are recognized if they are fewer than this fraction at each end.
 MAX_SENTINELS = 0.01
 
 
 @dataclass
 class _Readings:
-    """Readings of one quantity from its topic, in the order of the bag."""
+    """Readings of one quantity from its topic, in the order of the bag.
+
+    `values` are in the unit of the messages. `messages` is the number of messages of the topic.
+    """
 
     bag: Path
     source: MappedField
@@ -48,9 +52,11 @@ class _Readings:
     messages: int = 0
     #: True if the header of any message of the topic has a time.
     has_stamps: bool = False
-    #: Number of values of the field's integer type, None if the type is not an integer.
+    #: Number of values that the field's integer type can represent, None if the type is not an
+    #: integer.
     values_of_type: int | None = None
-    #: Error of the first message without the joint or the field of the quantity.
+    #: Error of the first message that lacks the joint or the field of the quantity, empty if there
+    #: is none.
     first_error: str = ""
 
     def take(self, message: Any, log_time: int, types: Typestore) -> None:
@@ -81,12 +87,15 @@ class _Readings:
 
     @property
     def headed(self) -> bool:
-        """True if the time of the readings is that of the message's header."""
+        """True if the time of the readings is that of the message's header.
+
+        Otherwise it is the log time of the bag.
+        """
         return self.has_stamps and not self.source.bag_time
 
     @property
     def counter(self) -> Counter | None:
-        """Integer counter that the quantity is, or None for other numbers."""
+        """Integer counter of an encoder, or None if the field is not an integer."""
         if self.values_of_type is None:
             return None
         return Counter(abs(self.source.factor), self.values_of_type)
@@ -94,7 +103,8 @@ class _Readings:
     def select(self) -> tuple[NDArray[np.int64], FloatArray, list[str]]:
         """Return times (ns), values in SI, and notes on the readings.
 
-        The readings are in the order of time, and each time occurs once.
+        The readings are sorted by time. Readings without a stamp, values that are not finite, and
+        repeated times are dropped. There is one note per kind of change.
         """
         name, notes = self.source.quantity, []
         if skipped := self.messages - len(self.values):
@@ -131,7 +141,7 @@ class _Readings:
 
 
 def _stamp_ns(message: Any) -> int:
-    """Return the time (ns) of a message by its header or its field stamp.
+    """Return the time (ns) in a message's header, or in its field ``stamp``.
 
     Returns 0 without a stamp.
     """
@@ -142,10 +152,11 @@ def _stamp_ns(message: Any) -> int:
 
 
 def read_signals(bag: Path, mapping: dict[str, MappedField], cam: str = "") -> MeasuredRun:
-    """Return the signals of a bag as the run of one cam.
+    """Return the signals of a bag as the measured run of one cam.
 
-    The angle has all its turns and rises. Raises BagError for a quantity with fewer than two
-    readings.
+    `mapping` contains the field of each quantity, and `cam` is the name of the cam. Times are in s
+    from the first reading. The angle increases over all turns, without steps where the encoder
+    wraps. Raises BagError for a quantity with fewer than two readings.
     """
     readings = {each.source.quantity: each for each in _read_topics(bag, mapping)}
     selected = {name: _select(bag, each) for name, each in readings.items()}
@@ -217,9 +228,9 @@ def _read_topics(bag: Path, mapping: dict[str, MappedField]) -> list[_Readings]:
 
 
 def _select(bag: Path, readings: _Readings) -> tuple[NDArray[np.int64], FloatArray, list[str]]:
-    """Return times, values and notes as `_Readings.select`, after a check.
+    """Return times (ns), values (SI) and notes of the readings of one quantity.
 
-    There must be at least two readings.
+    Raises BagError for fewer than two readings at different times.
     """
     times, values, notes = readings.select()
     where = f"{bag}: {readings.source.quantity}: {readings.source.topic}"
@@ -252,7 +263,8 @@ def _drop_sentinels(lift: Signal, notes: list[str]) -> Signal:
     from scipy.ndimage import median_filter
 
     smooth = median_filter(lift.value, min(LIFT_WINDOW, lift.value.size), mode="nearest")
-    # a slow recording has few readings per turn, and a long standstill few readings of a lift
+    # The range is the larger of two estimates: the median hides the lift if a turn has few
+    # readings, and the quantiles hide it if the cam was stopped for nearly all of the recording.
     low, high = np.quantile(lift.value, [MAX_SENTINELS, 1.0 - MAX_SENTINELS])
     span = max(float(high - low), float(np.ptp(smooth)))
     wrong = np.flatnonzero(np.abs(lift.value - smooth) > SENTINEL_RATIO * span)
@@ -268,9 +280,10 @@ def _drop_sentinels(lift: Signal, notes: list[str]) -> Signal:
 
 
 def _locate(bag: Path, mapped: MappedField, topics: dict[str, Connection]) -> MappedField:
-    """Return the field with the topic's name in the bag.
+    """Return a mapped field with the name that its topic has in the bag.
 
-    If the bag has no topic ``/lvdt/data``, it may be the field data of the topic /lvdt.
+    The last part of a topic's name may be a field: ``/lvdt/data`` means the field data of the topic
+    /lvdt if the bag has no topic /lvdt/data. Raises BagError if the bag has neither topic.
     """
     if mapped.topic in topics:
         return mapped

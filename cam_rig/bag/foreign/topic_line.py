@@ -19,12 +19,12 @@ QUANTITIES: dict[str, dict[str, float]] = {
 }
 #: Pattern of the unit of an angle in counts per turn.
 COUNTS = re.compile(r"turn/([1-9]\d{0,8})")
-#: Pattern of an item of the text: quantity, sign, topic and field, unit, clock.
+#: Pattern of one item of the option --topics: quantity, sign, topic and field, unit, clock.
 ITEM = re.compile(
     r"(?P<quantity>\w+)=(?P<sign>-?)(?P<topic>/[\w/]+)(?:\.(?P<field>[\w.\[\]/-]+))?"
     r"(?::(?P<unit>[^@\s]+))?(?P<time>@bag)?"
 )
-#: Example of the text for error messages.
+#: Example of the option --topics, for error messages.
 EXAMPLE = "angle=/encoder.position[0]:deg lift=/lvdt.data:mm"
 
 
@@ -59,9 +59,10 @@ class MappedField:
 
 
 def parse_topics(line: str) -> dict[str, MappedField]:
-    """Parse a text of ``quantity=topic.field:unit`` items to fields by quantity.
+    """Parse the value of --topics, and return the field of each quantity.
 
-    Raises ConfigError if the angle or all other quantities are missing.
+    The items have the form ``quantity=topic.field:unit``. Raises ConfigError if the angle or all
+    other quantities are missing, or if an item is invalid.
     """
     fields: dict[str, MappedField] = {}
     for item in line.split():

@@ -1,6 +1,8 @@
-"""Conversion of an encoder's readings to a cam angle that rises over all turns.
+"""Conversion of encoder readings to a cam angle that increases over all turns.
 
-Wrong angles are removed, whole turns are counted, and the angle is made to rise.
+Wrong angles are removed, whole turns are counted, and a decreasing angle is negated. A step is the
+difference of two successive readings. The usual step is the median of the steps around it. The
+period is the angle after which the readings wrap.
 """
 
 from __future__ import annotations
@@ -14,55 +16,62 @@ from cam_rig.errors import BagError
 from cam_rig.simulation.instruments import EQUAL_ANGLE_ATOL_RAD, Signal
 from cam_rig.units import TURN, FloatArray
 
-#: Largest range of wrapped angles, in turns. The excess over one turn is rounding.
+#: Largest range, in turns, of the readings of an encoder that wraps every turn. The excess over 1
+#: allows for rounding.
 TURN_RANGE_FACTOR = 1.0 + 1e-6
-#: Largest fraction of wrong angles that are outside the range of the encoder, at each end.
+#: Largest fraction of readings that may be wrong and outside the encoder's range, at each end of
+#: the range. This fraction of extreme readings is ignored when the range is determined.
 MAX_OUTSIDE = 0.02
-#: Quantile of the steps of the angle that is the usual step at the full speed of a run.
+#: Quantile of the differences between successive readings (absolute values) that is taken as the
+#: step at the full speed of a run.
 USUAL_STEP_QUANTILE = 0.9
-#: Largest part of a counter's range without readings at which the counter wraps at the end of its
-#: integer type, in usual steps.
+#: Largest part of the range of a counter's integer type that may be without readings, in usual
+#: steps. With less of the range filled, the counter does not wrap at the end of its type.
 MAX_USUAL_STEPS = 3.0
-#: Smallest range of the readings at which the readings can wrap without a long step, as a fraction
-#: of the period.
+#: Smallest range of the readings, as a fraction of the period, for which wrapping is detected
+#: without a step of more than half a period.
 MIN_RANGE = 0.75
-#: Largest usual step at which whole turns can be counted, as a fraction of the period. With three
-#: readings per turn or fewer, the cam may have turned in either direction.
+#: Largest usual step between two readings at which whole turns can be counted, as a fraction of the
+#: period. With three readings per turn or fewer, the cam may have turned in either direction.
 MAX_STEP = 0.33
-#: Quantile of the steps that is compared with `MAX_STEP`: that of the faster speeds of a run.
+#: Quantile of the steps between readings (absolute values) that is compared with `MAX_STEP`. It
+#: represents the faster speeds of a run.
 FAST_STEP_QUANTILE = 0.75
-#: Number of steps whose median is the usual step, before and after each step. The number must be
-#: odd.
+#: Number of successive steps whose median is the usual step. A step is compared with the usual
+#: steps before and after it. The number must be odd.
 WINDOW_STEPS = 15
-#: Largest deviation (rad) from the usual step that is never reported as wrong: 7.2°.
+#: Deviation (rad) from the usual step up to which an angle is never reported as wrong: 7.2°.
 MIN_WRONG = TURN / 50.0
-#: Allowance for the scatter of the steps before an angle is reported as wrong, in standard
-#: deviations.
+#: Deviation from the usual step due to scatter that is tolerated before an angle is reported as
+#: wrong, in standard deviations of the steps.
 MAX_SCATTER = 8.0
 #: Quantile of the nonzero steps of the angle (absolute values) that estimates the encoder's
 #: resolution. With a coarse encoder it is one count, otherwise one of the smallest steps.
 COUNT_QUANTILE = 0.05
-#: Allowance for rounding before an angle is reported as wrong, in counts as estimated by
-#: `COUNT_QUANTILE`. Two readings are rounded.
+#: Deviation from the usual step due to rounding that is tolerated before an angle is reported as
+#: wrong, in counts of the encoder (see `COUNT_QUANTILE`). It is 2, because both readings of a step
+#: are rounded.
 MAX_COUNTS = 2.0
-#: Standard deviation of a normal distribution in units of its median absolute deviation.
+#: Standard deviation of a normal distribution divided by its median absolute deviation.
 MAD_SIGMA = 1.4826
-#: Smallest duration of a gap, relative to the median duration of a step. In a gap the cam may have
-#: turned by any angle.
+#: Smallest duration of a gap in the readings, as a multiple of the median time between two
+#: readings. In a gap the cam may have turned by any angle.
 GAP_FACTOR = 4.0
-#: Largest number of adjacent wrong angles. A longer run is a jump of the encoder.
+#: Largest number of successive readings that are treated as wrong angles. If more readings deviate,
+#: the angle of the encoder has jumped.
 MAX_RUN = 100
 #: Largest fraction of wrong angles in a recording. A larger fraction is an error.
 MAX_WRONG = 0.1
-#: Relative tolerance of an angle that is predicted across wrong angles.
+#: Relative tolerance of the angle that is predicted across removed readings.
 PREDICTION_RTOL = 0.05
-#: Largest distance of a jump from whole turns at which the jump is corrected, as a fraction of the
-#: usual step.
+#: Largest deviation of a jump from whole turns at which it is treated as whole turns, as a fraction
+#: of the usual step. `WHOLE_TURNS_SCATTER` is added.
 WHOLE_TURNS_RTOL = 0.25
-#: Allowance for the scatter of the steps in the distance of a jump from whole turns, in standard
+#: Largest deviation of a jump from whole turns due to the scatter of the steps, in standard
 #: deviations.
 WHOLE_TURNS_SCATTER = 4.0
-#: Upper limit of the tolerance of a step, as a fraction of the period of a wrapped angle.
+#: Largest tolerance of a step between two readings, as a fraction of the period after which the
+#: angle wraps.
 MAX_TOLERANCE = 0.3
 #: Jump of an angle per turn if the angle is in degrees but is read as radians.
 DEGREES_PER_TURN = 360.0
@@ -105,10 +114,11 @@ class CountedAngle:
 
 
 def count_turns(angle: Signal, where: str, counter: Counter | None = None) -> CountedAngle:
-    """Return the cam angle of an encoder with all its turns, rising.
+    """Return the cam angle from the readings of an encoder, increasing over all turns.
 
-    `where` names the angle in an error message. Raises BagError if the turns cannot be counted, or
-    if the cam does not turn in one direction.
+    `where` names the angle in an error message. `counter` is the integer type of the readings, None
+    for other numbers. Raises BagError if the turns cannot be counted, or if the cam does not turn
+    in one direction.
     """
     steps = _Steps(angle, _period(angle.value, counter))
     fast_step = float(np.quantile(np.abs(steps.step), FAST_STEP_QUANTILE))
@@ -146,11 +156,13 @@ def count_turns(angle: Signal, where: str, counter: Counter | None = None) -> Co
 
 
 def _period(value: FloatArray, counter: Counter | None) -> float:
-    """Return the angle (rad) after which the readings repeat, or infinity.
+    """Return the angle (rad) after which the readings wrap, infinity if they do not.
 
-    Readings wrap if a step is longer than half the period, or if the usual step leads out of their
-    range. The second case is a driver that averages readings, which makes two steps of nearly half
-    a turn from one. The readings of a counter that wraps after its type fill the range of the type.
+    The period is one turn or the range of the counter's integer type. The readings wrap if a step
+    is longer than half the period, or if the usual steps add up to more than twice the range of the
+    readings. The second case occurs with a driver that averages readings: a wrap is then two steps,
+    each of nearly half a period. A counter wraps at the end of its type only if its readings fill
+    the range of the type.
     """
     outside = int(MAX_OUTSIDE * value.size)
     ordered = np.sort(value)
@@ -170,7 +182,7 @@ def _period(value: FloatArray, counter: Counter | None) -> float:
 
 
 def _remainder(change: FloatArray, period: float) -> FloatArray:
-    """Return changes of an angle less whole periods, within half a period of 0."""
+    """Return changes of an angle minus whole periods, within half a period of 0."""
     return np.asarray(np.remainder(change + 0.5 * period, period) - 0.5 * period)
 
 
@@ -199,7 +211,11 @@ def _wrong_notes(angle: Signal, wrong: NDArray[np.intp], where: str) -> list[str
 
 
 class _Steps:
-    """Steps between successive angle readings, modulo the period, with expectations."""
+    """Steps between successive angle readings, compared with the steps around them.
+
+    A step is reduced by whole periods. Readings whose steps deviate from the usual step are wrong,
+    or follow a jump of the encoder's angle.
+    """
 
     def __init__(self, angle: Signal, period: float) -> None:
         from scipy.ndimage import median_filter
@@ -213,8 +229,8 @@ class _Steps:
             for values in (self.step, self.step / interval)
         )
         spread = median_filter(np.abs(self.step - step), size, mode="nearest")
-        # The windows are inside the readings, otherwise the first and the last step would be
-        # repeated.
+        # Each window of steps is moved inside the recording. Beyond its ends the median filter
+        # would repeat the first or the last step.
         half, index = size // 2, np.arange(step.size)
         self._before, middle, self._after = (
             np.clip(index + shift, half, step.size - 1 - half) for shift in (-half - 1, 0, half + 1)
@@ -236,8 +252,9 @@ class _Steps:
     def _expected(self, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
         """Return the smallest and the largest expected change of the angle (rad), (2, n).
 
-        The change is that from the readings `first` to the later readings `last`. The cam may turn
-        as before or as after, and in proportion to time or to the number of readings.
+        The change is that from the readings `first` to the later readings `last`. It is
+        extrapolated from the usual steps before and after these readings, in proportion to time and
+        to the number of readings.
         """
         before, after = self._before[first], self._after[np.minimum(last, self.step.size) - 1]
         count, seconds = last - first, self.time[last] - self.time[first]
@@ -247,7 +264,11 @@ class _Steps:
         return np.stack([changes.min(axis=0), changes.max(axis=0)])
 
     def fits(self, first: NDArray[np.intp], last: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Return True for each pair of readings between which the cam can turn."""
+        """Return True for each pair of readings that is consistent with the usual steps.
+
+        `first` and `last` are indices of readings, (n,). The change of the angle between them must
+        equal the expected change within a tolerance.
+        """
         low, high = self._expected(first, last)
         middle = 0.5 * (low + high)
         deviation = np.abs(self._wrapped(self.value[last] - self.value[first] - middle))
@@ -277,7 +298,8 @@ class _Steps:
         sizes = stops - starts + 1
         anchor = int(np.argmax(sizes >= min(WINDOW_STEPS, int(sizes.max()))))
         wrong, jumps = self._walk(starts[anchor:], stops[anchor:])
-        # The readings before the first reliable run are followed from the end to the start.
+        # The search starts at the first run that is long enough to be reliable. The readings before
+        # it are checked in reverse order.
         earlier_wrong, earlier_jumps = self._walk(stops[anchor::-1], starts[anchor::-1])
         return np.array(sorted({*wrong, *earlier_wrong}), dtype=np.intp), sorted(
             {*jumps, *earlier_jumps}
@@ -286,11 +308,12 @@ class _Steps:
     def _walk(
         self, starts: NDArray[np.intp], stops: NDArray[np.intp]
     ) -> tuple[list[int], list[int]]:
-        """Follow runs of consistent readings, and return wrong readings and jumps.
+        """Return the wrong readings, and the readings before jumps, from runs of readings.
 
-        The first run is the start. A run between two runs that fit is wrong. A run to which no
-        later run fits is the start of a jump. Returns the wrong indices and the readings before
-        jumps.
+        A run is a series of consistent readings from `starts` to `stops`. The first run is correct.
+        If one of the next runs is consistent with the last correct run, it is correct and the
+        readings between them are wrong. Otherwise the next run follows a jump of the encoder and is
+        correct, except a short run at the end, which is wrong. The results are indices of readings.
         """
         wrong, jumps, k = list[int](), list[int](), 0
         while k < starts.size - 1:
@@ -315,7 +338,10 @@ class _Steps:
         return wrong, jumps
 
     def _excess(self, index: int) -> float:
-        """Return the difference (rad) between a step of the angle and the expected step."""
+        """Return the difference (rad) between a step of the angle and the expected step.
+
+        `index` is that of the reading before the step.
+        """
         first = np.array([index])
         return float(self.step[index] - self._expected(first, first + 1).mean())
 
@@ -332,7 +358,8 @@ class _Steps:
     def require_radians(self, jumps: list[int], where: str) -> None:
         """Raise BagError if the angle jumps by 360 rad.
 
-        Such an angle is in degrees and wraps each turn.
+        Such an angle is in degrees and wraps each turn. `jumps` are the readings before each jump,
+        and `where` names the angle in the message.
         """
         for index in jumps:
             tolerance = DEGREES_ATOL + self._scatter[index]
@@ -367,12 +394,14 @@ class _Steps:
         gap, is_whole = self.gap[back], np.array([self._is_whole(index) for index in back])
         change = np.where(is_whole, TURN * np.rint(excess / TURN), excess)
         forward = np.sign(np.median(self.step))
-        # The jump in a gap is corrected by the smallest number of turns that leads forwards.
+        # A jump back in a gap is corrected by the smallest number of turns that makes the step
+        # positive.
         turns = np.floor(forward * self.step[back] / TURN)
         change[gap], is_whole = forward * TURN * turns[gap], is_whole | gap
         if counter is not None:
             change[~is_whole] = counter.count * np.rint(excess[~is_whole] / counter.count)
-        # The median of equal jumps is more accurate.
+        # Jumps of nearly equal size are wraps of the same counter. Their median is more accurate
+        # than each.
         if not is_whole.any() and np.ptp(change) < MIN_WRONG:
             change[:] = np.median(change)
         added[back + 1] = -change

@@ -14,9 +14,9 @@ from rosbags.typesys.store import Typestore
 from cam_rig.bag.connection import Connection
 from cam_rig.errors import BagError
 
-#: Pattern of the line between two definitions in the text of one schema.
+#: Pattern of the line that separates two IDL definitions in the text of one MCAP schema.
 NEXT_IDL = re.compile(r"^=+\nIDL: .*\n", re.MULTILINE)
-#: Number of values of an integer type, by its name in a message definition.
+#: Number of values that an integer type can represent, by its name in a message definition.
 SPANS = {f"{sign}int{bits}": 2**bits for sign in ("", "u") for bits in (8, 16, 32, 64)}
 SPANS |= {"byte": 2**8, "char": 2**8, "octet": 2**8}
 
@@ -66,10 +66,10 @@ def _parse_definitions(connection: Connection) -> dict[str, Any]:
 
 
 def integer_span(types: Typestore, kind: str, path: str) -> int | None:
-    """Return the number of values of the integer type of a message's field.
+    """Return the number of values that the integer type of a field can represent.
 
-    `kind` is the type of the message, and `path` the path of the field. Returns None for another
-    type.
+    `kind` is the type of the message, and `path` the path of the field. Returns None for a field of
+    another type.
     """
     node: Any = (Nodetype.NAME, kind)
     for part in path.split("."):

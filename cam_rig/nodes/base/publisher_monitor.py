@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 
 #: Period (s, wall clock) at which the publishers of each monitored topic are counted.
 CHECK_PERIOD_S = 0.25
-#: Time (s, wall clock) to wait for the name of a newly discovered publisher's node. DDS may
+#: Time (s, wall clock) for which the check waits for the name of a second publisher's node. DDS may
 #: announce an endpoint before the name of its node; a program without ROS never has a name.
 MAX_NAME_WAIT_S = 5.0
-#: Period (s, wall clock) at which the name of a new publisher's node is polled.
-NAME_POLL_S = 0.02
+#: Text for a publisher whose node has no name yet.
+UNNAMED = "a program that is not a ROS node"
 
 
 class PublisherMonitor:
@@ -29,6 +29,8 @@ class PublisherMonitor:
     def __init__(self, node: RigNode) -> None:
         self._node = node
         self._topics: list[Topic] = []
+        #: Time (s, monotonic clock) until which the check waits for a name, 0 without a wait.
+        self._named_by = 0.0
         node.create_wall_timer(CHECK_PERIOD_S, self._check)
 
     def add(self, topic: Topic) -> None:
@@ -38,28 +40,28 @@ class PublisherMonitor:
     def find_publishers(self, topic: Topic) -> dict[bytes, str]:
         """Return the full node name of each publisher of a topic by DDS identifier.
 
-        Publishers of another message type are left out, because DDS never connects them. The call
-        blocks up to `MAX_NAME_WAIT_S` while the name of a node is not discovered yet.
+        Publishers of another message type are left out, because DDS never connects them. The name
+        is `UNNAMED` if the name of a node is not discovered yet.
         """
-        deadline = time.monotonic() + MAX_NAME_WAIT_S
-        while True:
-            names = {
-                bytes(info.endpoint_gid): f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-                for info in self._node.get_publishers_info_by_topic(topic.relative)
-                if info.topic_type == topic.type
-            }
-            unnamed = [gid for gid, name in names.items() if "UNKNOWN" in name]
-            if not unnamed or time.monotonic() > deadline:
-                return names | dict.fromkeys(unnamed, "a program that is not a ROS node")
-            time.sleep(NAME_POLL_S)
+        names = {
+            bytes(info.endpoint_gid): f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            for info in self._node.get_publishers_info_by_topic(topic.relative)
+            if info.topic_type == topic.type
+        }
+        return {gid: UNNAMED if "UNKNOWN" in name else name for gid, name in names.items()}
 
     def _check(self) -> None:
-        for topic in self._topics:
-            # the count is cheap, but includes publishers of another message type
-            if self._node.count_publishers(topic.relative) <= 1:
-                continue
+        """End the run if a topic has a second publisher, as soon as its name is known."""
+        # the count is cheap, but includes publishers of another message type
+        suspected = [t for t in self._topics if self._node.count_publishers(t.relative) > 1]
+        named_by, self._named_by = self._named_by or time.monotonic() + MAX_NAME_WAIT_S, 0.0
+        for topic in suspected:
             names = list(self.find_publishers(topic).values())
-            if len(names) > 1:
-                this_node = self._node.get_fully_qualified_name()
-                others = [name for name in names if name != this_node] or names[1:]
-                self._node.fail(second_publisher(topic, topic.owner, ", ".join(others)))
+            if len(names) <= 1:
+                continue
+            if UNNAMED in names and time.monotonic() < named_by:
+                self._named_by = named_by
+                continue
+            this_node = self._node.get_fully_qualified_name()
+            others = [name for name in names if name != this_node] or names[1:]
+            self._node.fail(second_publisher(topic, topic.owner, ", ".join(others)))

@@ -1,4 +1,4 @@
-"""Warning about subscribers that slow a node down by not taking its messages."""
+"""Delayed messages of blocked writers, and a warning about subscribers that slow a node down."""
 
 from __future__ import annotations
 
@@ -19,10 +19,14 @@ PERIOD_S = 10.0
 MAX_PUBLISHING = 0.3
 #: Shortest time (s, wall clock) since the last check for a further check at the end of a run.
 MIN_DURATION_S = 2.0
+#: Period (s, wall clock) at which the delayed messages of blocked writers are published again.
+RETRY_PERIOD_S = 0.2
+#: Longest time (s, wall clock) for which a node that ends tries to publish its delayed messages.
+MAX_FLUSH_S = 3.0
 
 
 class PublishingMonitor:
-    """Warns if a node spends much of its time in publishing.
+    """Publishes delayed messages, and warns if a node spends much of its time in publishing.
 
     A reliable subscriber that does not take messages, such as a stopped process, makes each message
     on its topic about ten times as expensive (Fast DDS), and delays the run without any error.
@@ -34,11 +38,23 @@ class PublishingMonitor:
         self._checked_at = time.monotonic()
         self._times: list[float] = []  # publishing_s of each publisher at the last check
         node.create_wall_timer(PERIOD_S, lambda: self.check(time.monotonic()))
+        node.create_wall_timer(RETRY_PERIOD_S, self.retry)
 
     def add(self, topic: Topic, publisher: RigPublisher) -> None:
         """Monitor a publisher."""
         self._publishers.append((topic, publisher))
         self._times.append(publisher.publishing_s)
+
+    def retry(self) -> None:
+        """Publish the delayed messages of all writers that are no longer blocked."""
+        for _, publisher in self._publishers:
+            publisher.publish_delayed()
+
+    def flush(self) -> None:
+        """Publish the delayed messages of a node that ends, for at most `MAX_FLUSH_S`."""
+        deadline = time.monotonic() + MAX_FLUSH_S
+        while any(p.delayed for _, p in self._publishers) and time.monotonic() < deadline:
+            self.retry()
 
     def check(self, now: float) -> None:
         """Warn if publishing took a large fraction of the time since the last check.

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 import zlib
+from collections import deque
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -33,8 +35,8 @@ from cam_rig.runner.node_table import STAY
 from cam_rig.runner.resources import parse_namespace
 from cam_rig.schema.load import MAX_BYTES
 
-#: Longest time (s, wall clock) for which `RigPublisher.publish` repeats a message whose writer is
-#: blocked by a reliable subscriber with a full queue. One attempt of DDS ends after 0.1 s.
+#: Longest time (s, wall clock) for which a reliable subscriber with a full queue may block a writer
+#: before the node fails.
 MAX_BLOCKED_S = 60.0
 #: Longest time (s, wall clock) for which a node processes messages in transit at the end of a run.
 #: It is well below 10 s, after which the runner kills a node.
@@ -50,35 +52,52 @@ INVALID_CONTENT = (
 
 
 class RigPublisher(Publisher):
-    """Publisher that waits for a blocked writer instead of losing the message.
+    """Publisher that delays a message instead of losing it if the writer is blocked.
 
     `Publisher.publish` is overridden because rclpy (Kilted) raises RCLError when a reliable writer
     is blocked for longer than 0.1 s, and does not send the message later. rclpy creates this class
     through the public argument `publisher_class` of `create_publisher`. The exception type has no
     public name: if a later rclpy moves it, this module cannot be imported.
+
+    No call blocks the executor for longer than one attempt of DDS (0.1 s). `PublishingMonitor`
+    calls `publish_delayed` periodically. At most four ticks are in flight, which bounds the number
+    of delayed messages.
     """
 
     #: Time (s, wall clock) spent in publishing.
     publishing_s = 0.0
+    #: Time (s, monotonic clock) at which the writer was first blocked.
+    blocked_since = 0.0
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        #: Messages that are not published yet, in their order.
+        self.delayed = deque[Any]()
 
     def publish(self, msg: Any) -> None:
-        """Publish a message.
+        """Publish a message, after the delayed messages if the writer is blocked."""
+        if not self.delayed and self.try_publish(msg):
+            return
+        if not self.delayed:
+            self.blocked_since = time.monotonic()
+        self.delayed.append(msg)
 
-        The call blocks the thread of the executor while the writer is blocked, which is intended:
-        the rig must not continue without the message.
+    def publish_delayed(self) -> None:
+        """Publish delayed messages until the writer is blocked again.
 
         Raises
         ------
         RunError
-            If the writer stays blocked for `MAX_BLOCKED_S`.
+            If the writer has been blocked for `MAX_BLOCKED_S`.
         """
-        deadline = time.monotonic() + MAX_BLOCKED_S
-        while not self.try_publish(msg):
-            if time.monotonic() > deadline:
-                raise RunError(
-                    f"{self.topic_name}: the writer has been blocked for {MAX_BLOCKED_S:g} s; "
-                    "check for a subscriber that does not take messages"
-                )
+        while self.delayed and self.try_publish(self.delayed[0]):
+            self.delayed.popleft()
+            self.blocked_since = time.monotonic()
+        if self.delayed and time.monotonic() - self.blocked_since > MAX_BLOCKED_S:
+            raise RunError(
+                f"{self.topic_name}: the writer has been blocked for {MAX_BLOCKED_S:g} s; "
+                "check for a subscriber that does not take messages"
+            )
 
     def try_publish(self, msg: Any) -> bool:
         """Publish a message and return True, or return False if the writer is blocked."""
@@ -197,20 +216,37 @@ class RigNode(Node):
         self.publishing_monitor.add(topic, publisher)
         return publisher
 
-    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
-        """Subscribe to a topic with a `callback` that takes the message."""
+    def subscribe(
+        self,
+        topic: Topic,
+        callback: Callable[[Any], None],
+        on_publishers: Callable[[int], None] | None = None,
+    ) -> Subscription:
+        """Subscribe to a topic with a `callback` that takes the message.
+
+        `on_publishers` is that of `subscribe_raw`.
+        """
         kind = message_class(topic)
-        return self.subscribe_raw(topic, lambda cdr: callback(deserialize_message(cdr, kind)))
+        return self.subscribe_raw(
+            topic,
+            lambda cdr: callback(deserialize_message(cdr, kind)),
+            on_publishers=on_publishers,
+        )
 
     def subscribe_raw(
-        self, topic: Topic, callback: Callable[..., None], histories: int = 1
+        self,
+        topic: Topic,
+        callback: Callable[..., None],
+        histories: int = 1,
+        on_publishers: Callable[[int], None] | None = None,
     ) -> Subscription:
         """Subscribe to a topic with a `callback` that takes the serialized message.
 
         The message is deserialized inside the guarded callback, because rclpy would propagate a
         deserialization error to the executor and end the process. If `needs_message_info` is set,
         `callback` takes the message info of rclpy as well. The queue has room for the histories of
-        `histories` publishers.
+        `histories` publishers. `on_publishers` is called with the number of connected publishers
+        when it changes (matched event of rclpy).
         """
         self._require_own_topic(topic)
 
@@ -225,11 +261,17 @@ class RigNode(Node):
             self.received += 1
 
         chosen = on_message_with_info if self.needs_message_info else on_message
+        events = None
+        if on_publishers is not None:
+            events = SubscriptionEventCallbacks(
+                matched=lambda event: on_publishers(event.current_count)
+            )
         return self.create_subscription(
             message_class(topic),
             topic.relative,
             self._guard(topic.relative, chosen),
             qos(topic, histories),
+            event_callbacks=events,
             raw=True,
         )
 

@@ -5,8 +5,9 @@ other nodes end when the drive has left, because late subscribers may request th
 until then. A node with ``on_finish: stay`` is created again in the same process when all publishers
 of the previous run have left.
 
-Lost nodes are detected by polling the endpoints that DDS discovery reports. The liveliness event of
-rclpy would report a lost drive without polling, but not which of two drives has left.
+A lost drive is detected by the matched event of the subscription to /rig/finished. This event does
+not report which of two drives has left. At the end of a run the nodes therefore poll the endpoints
+that DDS discovery reports.
 """
 
 from __future__ import annotations
@@ -97,18 +98,26 @@ class FinishedRun(NamedTuple):
 
 
 class LostDriveMonitor:
-    """Ends a node whose drive has left without publishing /rig/finished."""
+    """Ends a node whose drive has left without publishing /rig/finished.
+
+    The subscription to /rig/finished calls `on_drives` with the number of connected drives.
+    """
 
     def __init__(self, node: RigNode) -> None:
-        self._node, self._was_present, self._polls_without = node, False, 0
+        self._node = node
+        self._timer = node.create_wall_timer(DRIVE_LOST_S, self._on_lost)
+        self._timer.cancel()
 
-    def poll(self) -> None:
-        """Check every `POLL_S` whether the drive is present."""
-        if self._node.count_publishers(topics.FINISHED.relative) > 0:
-            self._was_present, self._polls_without = True, 0
-        elif self._was_present:
-            self._polls_without += 1
-        if self._polls_without * POLL_S < DRIVE_LOST_S or self._node.done.done():
+    def on_drives(self, count: int) -> None:
+        """Start the countdown when no drive is left, and stop it when a drive appears."""
+        if count == 0:
+            self._timer.reset()
+        else:
+            self._timer.cancel()
+
+    def _on_lost(self) -> None:
+        self._timer.cancel()
+        if self._node.done.done():
             return
         self._node.get_logger().warning(
             f"the drive has left without publishing /rig/finished; ending after {DRIVE_LOST_S:g} s"
@@ -122,10 +131,10 @@ class RunEndMonitor:
 
     def __init__(self, node: RigNode) -> None:
         self._node, self._drives = node, Endpoints()
-        self._lost_drive = LostDriveMonitor(node)
         if node.settings["on_finish"] != WAIT:
-            node.subscribe(topics.FINISHED, self._on_finished)
-            node.create_wall_timer(POLL_S, self._poll)
+            node.subscribe(topics.FINISHED, self._on_finished, LostDriveMonitor(node).on_drives)
+            self._poll_timer = node.create_wall_timer(POLL_S, self._poll)
+            self._poll_timer.cancel()
 
     def _on_finished(self, message: DiagnosticStatus) -> None:
         FinishedRun.from_message(message)  # rejects invalid content
@@ -133,9 +142,8 @@ class RunEndMonitor:
             self._node.remember_endpoints()
             name = self._node.resolve_topic_name(topics.FINISHED.relative)
             self._drives = find_endpoints(self._node, name)
+            self._poll_timer.reset()
 
     def _poll(self) -> None:
-        if not self._drives:
-            self._lost_drive.poll()
-        elif have_left(self._node, self._drives):
+        if have_left(self._node, self._drives):
             self._node.finish()

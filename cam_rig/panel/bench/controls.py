@@ -26,9 +26,10 @@ ANSWER_S = 5.0
 
 
 class NodeLink:
-    """Server of the connection to the panel's node, of which there is only one.
+    """Server of the socket connection to the panel's ROS node.
 
-    `on_message` receives each message that is not an answer to a command.
+    This node passes commands to the other nodes, and their messages back. `on_message` receives
+    each message that is not an answer to a command.
     """
 
     def __init__(self, path: Path, on_message: Callable[[dict[str, Any]], None]) -> None:
@@ -101,7 +102,7 @@ class NodeLink:
 
 #: Node and specification of each parameter that a page may set during a run, by parameter name.
 SETTINGS = {name: (node, spec) for node, specs in LIVE.items() for name, spec in specs.items()}
-#: Services of the drive that a page may call.
+#: Names of the services of the drive that a page may call.
 SERVICES = ABOUT["cam_drive"].services
 #: Name of the service that stops the drive until it is reset.
 EMERGENCY_STOP = "emergency_stop"
@@ -169,9 +170,9 @@ class BenchControls:
         self._runner.set_up(setup, settings, keep)
 
     def next_drawn_name(self) -> str:
-        """Return a cam name that the bench has not used yet.
+        """Return a name for a drawn cam that the bench has not used yet.
 
-        No node accepts another law under a name that it knows.
+        A new name is necessary, because no node accepts another law under a name that it knows.
         """
         return f"drawn_{len(list(self._runner.cams.glob('drawn_*.yaml'))) + 1}"
 

@@ -28,18 +28,18 @@ from cam_rig.schema.load import Library, config_root, load_cam
 from cam_rig.show.looks import DECIMALS, MM, millimetres
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
-#: Smallest step of the cam angle (rad) between the samples that are sent to a page. A page draws no
-#: finer than one degree.
+#: Smallest step of the cam angle (rad) between the samples that are sent to a page. Smaller steps
+#: are not visible on the page, which draws no finer than one degree.
 SAMPLE_STEP = math.radians(1.0)
 #: Largest number of cam states that are stored until the follower's samples of the same time
 #: arrive.
 MAX_STATES = 64
-#: First bytes of a message with blocks of motion, padded to 8 bytes so that the doubles after them
-#: are aligned.
+#: First bytes of a message with the motion of one or more ticks. They are padded to 8 bytes, so
+#: that the doubles after them are aligned.
 MOTION = b"motion  "
-#: First bytes of a message with blocks of sound, padded to the length of `MOTION`.
+#: First bytes of a message with the sound of one or more ticks, padded to the length of `MOTION`.
 SOUND = b"sound   "
-#: Number of points of a contour and of the curves of a turn.
+#: Number of points per turn of the contours and the predicted curves that are sent to a page.
 CONTOUR_POINTS = 360
 #: Number of turns that are simulated to determine the sound level of a speed.
 LEVEL_TURNS = 4
@@ -64,7 +64,10 @@ class Cams:
 
 
 class LiveMotion:
-    """Encoder of the follower's samples, with the cam angle of each sample, per tick."""
+    """Converter of the follower's samples to bytes for a page, tick by tick.
+
+    The cam angle of each sample is added. It follows from the cam states.
+    """
 
     def __init__(self, cams: Cams) -> None:
         self._cams = cams
@@ -77,8 +80,8 @@ class LiveMotion:
     def block(self, rows: FloatArray) -> bytes | None:
         """Return the samples of a tick as bytes, or None if the tick has no cam state.
 
-        The bytes contain rig time (s), step (s) and number of samples as doubles, followed by the
-        float32 `turn_curves`.
+        `rows` contains the samples, shape (6, n). The bytes contain rig time (s), time step (s) and
+        number of samples as doubles, followed by the rows of `turn_curves` as float32.
         """
         time = rows[0]
         start_ns, newest_first = round(float(time[0]) * NS), reversed(self._states)
@@ -100,9 +103,10 @@ class LiveMotion:
 
 
 def cam_picture(cam: CamConfig, law: Law) -> dict[str, Any]:
-    """Return the cam in the frame of the cam, and its follower, in mm and rad.
+    """Return the geometry of a cam and its follower as JSON data, in mm and rad.
 
-    The origin of the follower is linear in the lift.
+    The coordinates are those of the cam's frame. Position and turn of the follower are given at
+    zero lift and per mm of lift, because they are linear in the lift.
     """
     shape, disc = follower_shape(cam, law), contours(cam.follower, law, CONTOUR_POINTS)[0]
     # Origin and turn are linear in lift, so two lifts (m) define them.
@@ -135,7 +139,7 @@ def _millimetres(length: float) -> float:
 
 
 def predict_turn(setup: Setup, law: Law, rig: RigConfig) -> dict[str, Any]:
-    """Return the steady turn of a set-up by the exact model.
+    """Return the steady turn of a set-up, computed by the exact model.
 
     The result contains the speed (rpm), `turn_curves` in base64, the level (dB), the least force
     (N), and the flags `contact_lost` and `is_steady` (the turn repeats).
@@ -169,11 +173,12 @@ def turn_curves(law: Law, angle: FloatArray, rows: FloatArray) -> NDArray[np.flo
 
 
 def jump_speeds(law: Law, rig: RigConfig, model: str) -> list[dict[str, Any]]:
-    """Return the jump speeds (rpm) of one rigid mass and of two elastic masses.
+    """Return the jump speeds (rpm), at which the follower first leaves the cam.
 
-    The entry of `model` comes first. A speed is None if contact is never lost. Two masses are left
-    out if the rig does not split its mass. A speed that cannot be computed is left out, such as
-    that of a desmodromic follower.
+    There is an entry for one rigid mass and one for two elastic masses. The entry of `model` comes
+    first. A speed is None if contact is never lost. Two masses are left out if the rig does not
+    split its mass. A speed that cannot be computed is left out, such as that of a desmodromic
+    follower.
     """
     speeds: dict[str, float] = {}
     with suppress(CamRigError):  # a desmodromic follower has no jump speed

@@ -24,18 +24,19 @@ from cam_rig.nodes.parameters import LIVE
 from cam_rig.panel.bench.runner import Setup
 from cam_rig.units import NS, TURN, FloatArray
 
-# The meter: speed and level of each tick, and the mean level of a steady speed.
+# Sound-level meter of the bench: speed and level of each tick, and the mean level at a steady
+# speed.
 
 #: Shortest rig time (s) over which a noted level is averaged. The time is rounded up to whole
 #: turns.
 MEAN_S = 1.0
-#: Time at the present speed before the averaged turns, in time constants of the meter. After 8 time
-#: constants the earlier reading has decayed by 35 dB.
+#: Shortest time at the present speed before the averaged turns, in time constants of the
+#: sound-level meter. After 8 time constants the earlier reading has decayed by 35 dB.
 SETTLING_TIME_CONSTANTS = 8.0
 #: Largest relative difference of two speeds (rpm) that count as equal (rounding).
 SPEED_RTOL = 1e-6
-#: Largest number of ticks that the meter stores: the ticks of 1.1 min at 300 rpm and 12 ticks per
-#: turn.
+#: Largest number of ticks whose sound levels are stored: those of 1.1 min at 300 rpm and 12 ticks
+#: per turn.
 MAX_TICKS = 4096
 #: Largest number of readings that a bench notes. The limit bounds the memory.
 MAX_READINGS = 10_000
@@ -147,15 +148,15 @@ def to_csv(readings: list[NotedReading]) -> str:
     return out.getvalue()
 
 
-#: Name of the drive's state while the cam turns.
+#: State of the drive while the cam turns.
 TURNING = "turning"
-#: Name of the drive's state after a stop.
+#: State of the drive after a stop.
 STOPPED = "stopped"
-#: Name of the drive's state after an emergency stop.
+#: State of the drive after an emergency stop.
 EMERGENCY = "emergency"
-#: Name of the follower's contact state in a tick in which it left the cam.
+#: Contact state of the follower in a tick in which it left the cam.
 LOST = "contact lost"
-#: Name of the follower's contact state in a tick without loss of contact.
+#: Contact state of the follower in a tick without loss of contact.
 IN_CONTACT = "in contact"
 #: Level of a diagnostic message without a fault, as in diagnostic_msgs.
 OK = 0
@@ -168,7 +169,7 @@ MAX_LINES = 6
 
 @dataclass
 class LiveState:
-    """State of the bench.
+    """State of the bench that its browser pages display.
 
     Each field is sent to the pages under its name.
     """
@@ -182,7 +183,7 @@ class LiveState:
     domain: int = 0
     #: State of the drive: turning, stopped or emergency.
     drive: str = STOPPED
-    #: Names of the nodes that the drive waits for, as text.
+    #: Names of the nodes for whose messages the drive waits, as text.
     waits_for: str = ""
     #: Parameter values by node.
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -194,7 +195,7 @@ class LiveState:
     is_late: bool = False
     #: Paths of the bags that were kept.
     kept_bags: list[str] = field(default_factory=list)
-    #: Last lines of the graph's log.
+    #: Newest lines that the node graph has logged, at most `MAX_LINES`.
     log: list[str] = field(default_factory=list)
     readings: list[NotedReading] = field(default_factory=list)
     #: Address of the page that shows the rig in Rerun, empty without such a page.
@@ -209,7 +210,11 @@ class LiveState:
         self._ticks_in_flight = 0
 
     def on_runner_event(self, event: dict[str, Any]) -> None:
-        """Update the state of the bench from an event of the runner."""
+        """Update the state of the bench from an event of its runner.
+
+        The runner starts, monitors and ends the nodes. An event contains the keys to update, such
+        as ``graph`` or ``log``.
+        """
         if "graph" in event:
             self.graph, self.failure = event["graph"], event.get("failure", "")
             self.domain = event.get("domain", self.domain)
@@ -287,9 +292,10 @@ class LiveState:
         return {key: value for key, value in current.items() if value}
 
     def node_settings(self) -> dict[str, dict[str, Any]]:
-        """Return the other live parameters of each node, for the next set-up.
+        """Return the parameters of each node that can be set during a run, by node.
 
-        Cam and speed are left out.
+        They are applied to the nodes of the next set-up. Cam and speed are left out, because they
+        are part of the set-up.
         """
         return {
             node: {key: values[key] for key in live if key in values and key not in ("cam", "rpm")}
@@ -350,7 +356,7 @@ FULL_SCALE_PA = 20.0
 class PageSound:
     """Renderer of the contact force of each tick as sound for a page.
 
-    The sound is 32-bit and has full scale.
+    A sample is a 32-bit float. The value 1 corresponds to `FULL_SCALE_PA`.
     """
 
     def __init__(self, radiation: RadiationParameters, sample_rate: int) -> None:

@@ -30,21 +30,21 @@ from cam_rig.units import NS, FloatArray
 
 # One page of the bench, with the motion that it displays and the sound that it plays.
 
-#: Largest number of blocks of motion, and of sound, that are queued for a page. The oldest blocks
-#: are dropped.
+#: Largest number of ticks whose motion, and whose sound, are queued for a page. The oldest are
+#: dropped.
 MAX_BLOCKS = 64
-#: Period (s, wall clock) of the messages with blocks. Blocks are joined, because a message costs
-#: more than its content.
+#: Period (s, wall clock) of the messages with motion or sound. The data of several ticks are
+#: joined, because a message costs more than its content.
 STREAM_EVERY_S = 0.04
-#: Shortest time (s, wall clock) between two messages with only a new level. A reader needs no
-#: faster display.
+#: Shortest time (s, wall clock) between two messages with only a new sound level. A person cannot
+#: read a faster display.
 LEVEL_EVERY_S = 0.2
 
 
 class BenchPage(LivePage):
-    """Open page of the bench, which may display the motion and play the sound.
+    """Open browser page of the bench, which may display the motion and play the sound.
 
-    `page_data` returns all values that the page may receive.
+    `page_data` returns all values that the page may receive. Only those that have changed are sent.
     """
 
     def __init__(self, socket: WebSocket, page_data: Callable[[BenchPage], Message]) -> None:
@@ -56,9 +56,10 @@ class BenchPage(LivePage):
         self._has_blocks = asyncio.Event()
 
     def queue_changes(self, soon: bool = True) -> None:
-        """Send the changed values to the page.
+        """Queue the changed values for the page.
 
-        Unless `soon` is True, they may wait for those of a later tick.
+        If `soon` is False, this is done only if `LEVEL_EVERY_S` has passed since the last time. The
+        values are then queued with those of a later tick.
         """
         if soon or time.monotonic() - self._queued_s >= LEVEL_EVERY_S:
             self._queued_s = time.monotonic()
@@ -74,9 +75,9 @@ class BenchPage(LivePage):
         return new and {"type": "live"} | new
 
     def queue_block(self, kind: bytes, block: bytes) -> None:
-        """Queue a block of a tick's data for the page.
+        """Queue the motion or the sound of one tick for the page.
 
-        Blocks of the same kind are sent in order.
+        `kind` is `MOTION` or `SOUND`. Data of the same kind are sent in order.
         """
         self._blocks[kind].append(block)
         self._has_blocks.set()
@@ -100,7 +101,7 @@ class BenchPage(LivePage):
             await asyncio.sleep(STREAM_EVERY_S)
 
 
-#: Lowest and highest speed of the knob, rpm.
+#: Lowest and highest speed of the speed knob on the page, rpm.
 KNOB = (20.0, 1000.0)
 #: Colours of the cams in the chart. The markers of the cams differ in shape too.
 CAM_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN, colours.BLACK)
@@ -173,9 +174,9 @@ class BenchPages(PanelPages):
         }
 
     async def _expected(self, changes: Message) -> Message:
-        """Return the steady turn of a set-up at its speed, and its jump speeds.
+        """Return the predicted steady turn of a set-up at its speed, and its jump speeds.
 
-        The set-up is the current one with some changes.
+        The set-up is the current one with the changes that the page has sent.
         """
         setup = self._controls.current_setup(changes)
         law, rig = self._cams(setup.cam)[1], setup.rig(self._runner.rig)
@@ -183,7 +184,10 @@ class BenchPages(PanelPages):
         return await asyncio.to_thread(drawing.predict_turn, setup, law, rig) | {"jumps": jumps}
 
     async def _mount(self, body: Message) -> Message:
-        """Mount the law with the ordinates from the board, and start the nodes if needed."""
+        """Mount the law whose ordinates were drawn on the board.
+
+        If the nodes are not running, they are started with this cam.
+        """
         cam = self._board.cam_of(self._controls.next_drawn_name(), body.get("ordinates"))
         await self._controls.mount(cam)
         return {"cam": cam.name}

@@ -31,12 +31,12 @@ from cam_rig.viewer.rerun_page import serve
 TWO_MASS = "two_mass"
 #: Names of the models that a bench can run if the rig has their parameters.
 MODELS = ("one_mass", TWO_MASS, "kinetostatic", "elastic_stem", "torsional")
-#: Highest speed of a bench's scene, rpm, unless the knob starts at a higher speed. It sets the
-#: range of the viewer's axes.
+#: Highest speed of the scene that the bench runs, rpm, unless the speed knob starts at a higher
+#: speed. It sets the range of the viewer's axes.
 AXIS_RPM = 600.0
-#: Text of the source of the speeds in a bench's scene.
+#: Text that the scene of the bench contains as the source of its speeds.
 SPEEDS_SOURCE = "the knob's first, and what the axes have room for"
-#: Speed (rpm) at which the knob starts.
+#: Initial speed of the speed knob, rpm.
 START_RPM = 200.0
 #: Number of ticks per turn. A command takes effect at the next tick, at most 17 ms later at 300
 #: rpm.
@@ -123,9 +123,10 @@ class Setup:
             raise RefusedError(str(error)) from None
 
     def write(self, folder: Path, base: RigConfig) -> Path:
-        """Write scene and rig files of the set-up to a folder, and return the scene.
+        """Write the scene and rig files of the set-up, and return the path of the scene.
 
-        The result is the path of the scene file. The folder contains the `cams`.
+        `base` is the rig whose numbers the set-up changes. The cam files must be in the subfolder
+        ``cams`` of `folder`.
         """
         speeds = [self.rpm] if self.rpm >= AXIS_RPM else [self.rpm, AXIS_RPM]
         rig = self.rig(base).model_dump(exclude_none=True, mode="json") | {"name": "bench"}
@@ -195,11 +196,10 @@ EventCallback = Callable[[dict[str, Any]], object]
 
 
 class BenchRunner:
-    """Runner of the bench's set-ups.
+    """Runner of the node graph of the bench, which is restarted for each set-up.
 
-    Its files are in `folder`, and bags that are kept in `out`.
-
-    Only the main thread may call `run`. `set_up` may be called from any thread.
+    Its files are in `folder`, and bags that are kept in `out`. `rerun` is False if the viewer may
+    not be opened. Only the main thread may call `run`. `set_up` may be called from any thread.
     """
 
     def __init__(self, rig: RigConfig, folder: Path, out: Path, rerun: bool = True) -> None:
@@ -231,7 +231,10 @@ class BenchRunner:
         self._setups.put((setup, values))
 
     def request_rerun(self) -> None:
-        """Show the next runs in Rerun, too."""
+        """Display the next runs in the Rerun viewer, too.
+
+        Raises RefusedError if the viewer is disabled.
+        """
         if not self.has_rerun:
             raise RefusedError("rerun: disabled by --no-rerun; start the panel without it")
         self._wants_rerun = not self.rerun_address
@@ -270,7 +273,7 @@ class BenchRunner:
     def on_drive_time(self, rig_time: float) -> None:
         """Report the present rig time (s) of the drive.
 
-        The delay of the picture is measured by it.
+        The delay of the picture in the Rerun viewer is measured from it.
         """
         if self._page is not None:
             self._page.record_drive(rig_time)

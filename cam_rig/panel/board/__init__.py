@@ -1,1 +1,1 @@
-"""Drawing board: a motion law with movable ordinates, and its evaluation."""
+"""Drawing board: a motion law whose curve a person changes, and its evaluation."""

@@ -1,4 +1,8 @@
-"""State of the drawing board: cam, rig, ordinates, speed and data of its page."""
+"""State of the drawing board: cam, rig, ordinates, speed and data of its page.
+
+The ordinates are the control values of the Bézier or B-spline segments of the law, as fractions of
+the lift. A person moves them on the curve.
+"""
 
 from __future__ import annotations
 
@@ -37,14 +41,16 @@ MIN_RPM = 1.0
 MAX_RPM = 1e5
 #: Cam speed at which the board starts, rpm.
 START_RPM = 300.0
-#: Largest absolute value of an ordinate, in lifts, as in a cam file.
+#: Largest absolute value of an ordinate of a law, as a multiple of the lift. It is the limit of cam
+#: files.
 MAX_ORDINATE = 100.0
 
 
 class Board:
     """Drawing board of a cam on a rig, whose law has movable ordinates.
 
-    `rig_name` is the rig's name in commands. Files are written to `out`.
+    The ordinates are the control values of the segments. `rig_name` is the rig's name in commands.
+    Files are written to `out`.
     """
 
     def __init__(
@@ -76,14 +82,14 @@ class Board:
 
     @property
     def cam(self) -> CamConfig:
-        """Cam on which the ordinates are drawn.
+        """Cam whose ordinates are changed on the board.
 
         Its follower, spans and dwells are fixed.
         """
         return self.drawn.start.cam
 
     def law(self, ordinates: FloatArray | None = None) -> Law:
-        """Return the law with some ordinates ``(m,)`` (default: those of the board)."""
+        """Return the law with the given ordinates ``(m,)`` (default: those of the board)."""
         return self.drawn.law(self.ordinates if ordinates is None else ordinates, self.cam.name)
 
     def update(self, ordinates: Any, rpm: Any) -> None:
@@ -109,16 +115,18 @@ class Board:
         return ordinates
 
     def evaluate_fast(self) -> dict[str, Any]:
-        """Return the results for the board's law that are computed fast.
+        """Return those results for the board's law that are computed in milliseconds.
 
-        `drawable.evaluate_fast` describes them.
+        They are the contours, their faults and the jump speed, see `drawable.evaluate_fast`, and
+        the version of the board.
         """
         return {"version": self.version} | evaluate_fast(self.cam, self.law(), self.rig)
 
     def page_data(self) -> dict[str, Any]:
         """Return the data of the board that a page needs once.
 
-        They contain names, numbers of the rig, handles, and the motion's table.
+        They contain names, numbers of the rig, the movable ordinates, and the linear map from the
+        ordinates to the motion.
         """
         start, table, cam = self.drawn.start, self.drawn.table, self.cam
         follower = FollowerParameters.from_rig(self.rig)
@@ -165,16 +173,16 @@ class Board:
         return {"name": name, "motion": drawn_law.motion_in_base64(law)}
 
     def save(self, name: Any, ordinates: Any) -> Path:
-        """Write a cam file with some ordinates, and return its path.
+        """Write a cam file with the given ordinates, and return its path.
 
-        The file of a law that cannot be made contains the reason.
+        If a cam with this law cannot be made, the file contains the reason.
         """
         path = self.out / f"{require_name(name)}.yaml"
         write_new(self.out, {path.name: self._file_text(path.stem, ordinates)})
         return path
 
     def cam_of(self, name: str, ordinates: Any) -> CamConfig:
-        """Return the cam with some ordinates, without writing a file."""
+        """Return the cam with a name and the given ordinates, without writing a file."""
         return CamConfig.model_validate(parse_yaml(self._file_text(name, ordinates)))
 
     def _file_text(self, name: str, ordinates: Any) -> str:
@@ -183,9 +191,10 @@ class Board:
         return cam_text(name, self.cam, self.file, valid, reason)
 
     def save_for_page(self, name: Any, ordinates: Any) -> dict[str, Any]:
-        """Write ordinates as a cam file, and return data on the file for the page.
+        """Write a cam file with the given ordinates, and return data on the file.
 
-        The data are the path, the design command, and the reason if the cam cannot be made.
+        The data are the path, the command that optimises the cam (cam-rig design), and the reason
+        if the cam cannot be made.
         """
         path = self.save(name, ordinates)
         arguments = ["cam-rig", "design", str(path), "--maximise", GOAL, "--limit", LIMIT]
@@ -197,7 +206,7 @@ class Board:
         }
 
     def dxf(self, ordinates: Any) -> str:
-        """Return the contour of a cam with some ordinates, as the text of a DXF file.
+        """Return the contour of the cam with the given ordinates as text of a DXF file.
 
         Lengths are in mm. `cam-rig profile --out` writes the same file. Raises ProfileError if the
         cam cannot be made.
@@ -219,9 +228,9 @@ class Board:
 
 #: Largest distance of the DXF's chords from the contour, m.
 CHORD_ERROR = 1e-6
-#: Quantity that a design that starts from the board maximises.
+#: Quantity that is maximised when a drawn cam is optimised with `cam-rig design`.
 GOAL = "jump_speed"
-#: Limit of a design that starts from the board.
+#: Limit of that optimisation: the peak acceleration must not exceed that of the drawn cam.
 LIMIT = "peak_acceleration<=start"
 
 
@@ -235,9 +244,10 @@ def require_name(name: Any) -> str:
 def cam_text(
     name: str, cam: CamConfig, file: CamConfig, ordinates: FloatArray, reason: str | None
 ) -> str:
-    """Return the text of a drawn cam's file with other ordinates ``(m,)``.
+    """Return the text of a cam file with the ordinates ``(m,)`` that were drawn.
 
-    `reason` is the reason why the cam cannot be made, None if it can be made.
+    `cam` has the drawn segments, and `file` is the cam from which the drawing started. `reason` is
+    the reason why the cam cannot be made, None if it can be made.
     """
     data = load.file_data(cam) | {"name": name, "title": f"{file.title}, drawn"}
     data.pop("cannot_be_made", None)
@@ -258,5 +268,5 @@ def cam_text(
 
 
 def designed_path(start: Path) -> Path:
-    """Return the path to which a design from a saved cam is written."""
+    """Return the path to which the optimised cam of a drawn cam is written."""
     return start.with_name(f"{start.stem}_designed.yaml")

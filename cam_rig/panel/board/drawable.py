@@ -1,8 +1,9 @@
-"""Cams whose ordinates can be drawn: Bézier and B-spline segments, and dwells.
+"""Cams whose law can be drawn: Bézier and B-spline segments, and dwells.
 
-A cam that consists of these segments has ordinates in its file. Any other cam is converted to
-B-splines in its events. The conversion is exact if the law consists of polynomials. Otherwise it is
-the nearest B-spline in s and s''.
+A cam that consists of these segments has ordinates (control values) in its file. Of any other cam,
+each event is converted to a B-spline. An event is the part of the turn between two dwells. The
+conversion is exact if the law consists of polynomials. Otherwise the result is the nearest B-spline
+in s and s''.
 """
 
 from __future__ import annotations
@@ -38,16 +39,18 @@ from cam_rig.studies.simulate.motion import simulate
 from cam_rig.studies.simulate.sound import sound_level
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: Smallest number of pieces per event of a law that can be drawn.
+#: Smallest number of polynomial pieces of the B-spline of an event, the part of the turn between
+#: two dwells.
 MIN_PIECES = 16
-#: Largest span of a piece of a law that can be drawn, rad: 12°.
+#: Largest cam angle of a polynomial piece of a B-spline that can be drawn, rad: 12°.
 MAX_PIECE_SPAN = TURN / 30
-#: Smallest degree of the pieces. At this degree s''' has no step at a knot between the joints of
-#: the law, whichever ordinate is moved.
+#: Smallest degree of the polynomial pieces. At this degree s''' stays continuous at the knots
+#: between the joints of the law when any ordinate is moved.
 MIN_DEGREE = 5
 #: Highest derivative that stays continuous at a joint between segments when ordinates are moved.
 MAX_KEPT_CONTINUITY = 3
-#: Number of Gauss points per piece at which the drawn law is compared with the law of the cam file.
+#: Number of Gauss points per polynomial piece at which the drawn law is compared with the law of
+#: the cam file.
 GAUSS_POINTS = 16
 #: Weight of an error of s (in lifts) relative to an error of s'' (in its r.m.s. value). With s''
 #: alone the error of a law of arcs, whose s'' has steps, is an eighth of the lift. With s alone the
@@ -66,10 +69,10 @@ DrawableSegment = Bezier | BSpline
 
 @dataclass(frozen=True, eq=False)
 class DrawableCam:
-    """Cam whose ordinates can be drawn, with its law.
+    """Cam whose ordinates (control values) can be moved, with its law.
 
-    If `has_file_ordinates` is true, the ordinates are those of the file. Otherwise they are those
-    of B-splines whose largest distance from the file's law is `distance` (m).
+    If `has_file_ordinates` is True, the ordinates are those of the cam file. Otherwise they are
+    those of B-splines whose largest distance from the file's law is `distance` (m).
     """
 
     cam: CamConfig
@@ -84,9 +87,10 @@ class DrawableCam:
 
 
 def with_file_ordinates(cam: CamConfig) -> DrawableCam | None:
-    """Return a cam with the ordinates of its file, or None if it has none.
+    """Return a cam whose file contains ordinates that can be moved.
 
-    All segments must be drawable or dwells.
+    Returns None unless all segments are Bézier curves, B-splines or dwells, and at least one is not
+    a dwell.
     """
     kinds = {type(segment) for segment in cam.segments if segment.law != "dwell"}
     if not kinds or not kinds <= set(DRAWABLE_SEGMENTS):
@@ -95,9 +99,10 @@ def with_file_ordinates(cam: CamConfig) -> DrawableCam | None:
 
 
 def to_b_splines(cam: CamConfig) -> DrawableCam:
-    """Convert a cam to a cam with B-splines in its events.
+    """Convert a cam to a cam with one B-spline per event.
 
-    They are exact if the law consists of polynomials, else the nearest B-splines.
+    An event is the part of the turn between two dwells. The B-splines are exact if the law consists
+    of polynomials. Otherwise they are the nearest B-splines.
     """
     law = build_law(cam)
     law_events = events(law, 0)
@@ -122,11 +127,11 @@ def to_b_splines(cam: CamConfig) -> DrawableCam:
 
 
 def _nearest(law: Law, event: LawEvent) -> Spline:
-    """Return the B-spline nearest to the law in an event, in lifts over [0, 1].
+    """Return the B-spline nearest to the law in one event.
 
-    It is a least-squares fit of s and s''. The derivatives at both ends are those of the law.
-
-    Raises ConfigError if the event needs more ordinates than a cam file may contain.
+    An event is the part of the turn between two dwells. The B-spline is in lifts over [0, 1]. It is
+    a least-squares fit of s and s''. The derivatives at both ends are those of the law. Raises
+    ConfigError if the event needs more ordinates than a cam file may contain.
     """
     degree = law.degree if MIN_DEGREE <= law.degree <= MAX_B_SPLINE_DEGREE else MIN_DEGREE
     knots, smooth = _knots(law, event, degree)
@@ -156,9 +161,10 @@ def _nearest(law: Law, event: LawEvent) -> Spline:
 
 
 def _knots(law: Law, event: LawEvent, degree: int) -> tuple[FloatArray, list[int]]:
-    """Return the knots of an event's B-spline over [0, 1], and its ends' continuity.
+    """Return the knots of the B-spline of an event, and the continuity at its ends.
 
-    The knots contain the joints of the law and further knots between them.
+    The knots are in [0, 1]. They contain the joints of the law, and further knots between them. The
+    continuity of an end is the order of the highest derivative that must stay continuous there.
     """
     continuity = {joint.angle: joint.continuity for joint in joints(law)}
     ends = [np.argmin(np.abs(law.breaks - event.start - u * event.span)) for u in (0, 1)]
@@ -179,10 +185,11 @@ def _knots(law: Law, event: LawEvent, degree: int) -> tuple[FloatArray, list[int
 
 
 def _end_derivatives(law: Law, event: LawEvent, end: int, count: int) -> list[float]:
-    """Return s and its derivatives just outside one end of an event.
+    """Return the lift s and its derivatives just outside one end of an event.
 
-    They are in lifts over the span. `end` is 0 for the start and 1 for the end. `count` is the
-    number of derivatives, including s.
+    An event is the part of the turn between two dwells. The unit of a derivative is
+    lift/span^order, with the span of the event. `end` is 0 for the start and 1 for the end. `count`
+    is the number of results, including s.
     """
     angle = event.start + end * event.span
     break_index = int(np.argmin(np.abs(law.breaks - angle)))
@@ -205,12 +212,11 @@ PageValue = dict[str, float | str]
 
 
 def evaluate_fast(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
-    """Return the results for a drawn law that are computed fast.
+    """Return those results for a drawn law that are computed in about 3 ms.
 
     They are the contours, their faults, and the jump speed (rpm) of one rigid mass. The contours
     are checked only at the drawn points. `evaluate_full` runs all checks. A law that cannot be made
-    has `faults`. A law that can be made but violates a limit has `warnings`. The evaluation takes 3
-    ms.
+    has `faults`. A law that can be made but violates a limit has `warnings`.
     """
     jump = _page_value(lambda: rigid_jump_speed(law, FollowerParameters.from_rig(rig)) / RPM)
     try:
@@ -245,11 +251,11 @@ def evaluate_fast(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
 
 
 def evaluate_full(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[str, Any]:
-    """Return the results for a drawn law that take longer to compute.
+    """Return those results for a drawn law that take about 0.2 s.
 
     They are the jump speed, the residual vibration, the sound level and all failed checks. The jump
-    speed is that of the rig's follower. The residual vibration is in µm and the level in dB, at the
-    cam speed `rpm`. The evaluation takes 0.2 s.
+    speed is that of the rig's follower. The residual vibration is in µm and the level in dB, both
+    at the cam speed `rpm`.
     """
 
     def residual() -> float:
@@ -267,9 +273,10 @@ def evaluate_full(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[
 
 
 def failed_checks(cam: CamConfig, law: Law) -> tuple[list[str], list[str]]:
-    """Return the fatal failed checks of a cam with a law, and all its failed checks.
+    """Return the failed checks of a cam with a law, as texts.
 
-    They are texts. A cam with a fatal failed check cannot exist.
+    The first result contains the fatal ones, which mean that the cam cannot exist. The second
+    contains all failed checks.
     """
     try:
         failed = [check for check in check_cam(cam, law) if not check.passed]

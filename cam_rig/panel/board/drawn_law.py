@@ -1,9 +1,10 @@
 """Motion law of the drawing board, as a linear function of its ordinates.
 
-Every piece of the law is a Bézier curve whose ordinates are those of its segment times a fixed
-matrix. s to s''' at fixed angles are therefore linear in the ordinates too, so a page computes them
-by one multiplication. The ends of segments are fixed, up to the derivative in which the start joins
-there.
+The ordinates are the control values of the Bézier and B-spline segments. Each polynomial piece of
+the law is a Bézier curve. Its ordinates are those of its segment, multiplied by a fixed matrix. s
+to s''' at fixed angles are therefore linear in the ordinates too, and a page computes them by one
+multiplication. The ordinates at the ends of a segment are fixed, so that the derivatives that were
+continuous there stay continuous.
 """
 
 from __future__ import annotations
@@ -60,19 +61,19 @@ class MotionTable:
 
 @dataclass(frozen=True, eq=False)
 class DrawnLaw:
-    """Law of a cam's segments for any ordinates.
+    """Motion law of a cam for any values of its ordinates.
 
-    The ordinates are fractions of the lift.
+    `start` is the cam before it is changed. The ordinates are fractions of the lift.
     """
 
     start: DrawableCam
 
     @classmethod
     def of(cls, cam: CamConfig) -> DrawnLaw:
-        """Return the drawn law of a cam.
+        """Return the law of a cam, for drawing.
 
-        It uses the ordinates of the cam's file if some of them may be moved, else those of
-        B-splines.
+        Its ordinates are those of the cam's file if some of them may be moved. Otherwise the cam is
+        converted to B-splines.
         """
         start = drawable.with_file_ordinates(cam)
         law = None if start is None else cls(start)
@@ -80,7 +81,7 @@ class DrawnLaw:
 
     @cached_property
     def ordinates(self) -> FloatArray:
-        """Ordinates of the start law, segment by segment, shape ``(m,)``."""
+        """Ordinates of the law before it is changed, segment by segment, shape ``(m,)``."""
         segments = (s for s in self.start.cam.segments if isinstance(s, DRAWABLE_SEGMENTS))
         return np.array([x for segment in segments for x in segment.ordinates.numbers])
 
@@ -108,10 +109,10 @@ class DrawnLaw:
 
     @cached_property
     def _pieces(self) -> list[tuple[int, FloatArray]]:
-        """First ordinate and matrix of each piece of the law.
+        """Index of the first ordinate, and matrix, of each polynomial piece of the law.
 
-        The ordinate is given by its index, and the matrix ``(p + 1, k)`` (m) takes k ordinates of
-        the segment to those of the piece.
+        The matrix ``(p + 1, k)`` (m) converts k successive ordinates of the segment to the p + 1
+        ordinates of the piece in Bernstein form.
         """
         degree, lift, pieces, index = self.start.law.degree, self.start.cam.lift.si, [], 0
         for segment in self.start.cam.segments:
@@ -130,7 +131,7 @@ class DrawnLaw:
         return pieces
 
     def law(self, ordinates: FloatArray, name: str) -> Law:
-        """Return the law with some ordinates ``(m,)``."""
+        """Return the law with the given ordinates ``(m,)``, under the given name."""
         start = self.start.law
         columns = [
             matrix @ ordinates[first : first + matrix.shape[1]]
@@ -142,9 +143,9 @@ class DrawnLaw:
 
     @cached_property
     def table(self) -> MotionTable:
-        """Linear map from the ordinates to s to s''' at equal steps of a turn.
+        """Linear map from the ordinates to s to s''' at equally spaced cam angles.
 
-        At joints the values are right limits.
+        At joints of the law the values are right limits.
         """
         law = self.start.law
         angle = table_angles()

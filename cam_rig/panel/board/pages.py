@@ -25,7 +25,8 @@ from cam_rig.panel.server import LivePage, PanelPages, get, page_file, post
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.show import looks as colours
 
-#: Time (s, wall clock) since the last change after which the slow results of a law are computed.
+#: Time (s, wall clock) without a change of the law after which the results that take longer to
+#: compute are requested.
 PAUSE_S = 0.15
 #: Colours of the page's curves, as in the rig's other figures.
 COLOURS = {
@@ -61,7 +62,10 @@ class BoardPages(PanelPages):
 
     @asynccontextmanager
     async def alive(self) -> AsyncIterator[None]:
-        """Compute the slow results of the board while the context is active."""
+        """Compute the slow results for the law of the board while the context is active.
+
+        They are computed in a worker process, after each pause in the changes.
+        """
         answering = asyncio.create_task(self._answer_pauses())
         try:
             yield
@@ -109,7 +113,10 @@ class BoardPages(PanelPages):
             page.queue(message["type"], lambda: message)
 
     async def _answer_pauses(self) -> None:
-        """Compute the slow results for the latest law after each pause in the changes."""
+        """Send the slow results for the latest law to the pages, after each pause.
+
+        A pause is the time `PAUSE_S` without a change of the law.
+        """
         board = self.board
         while True:
             drawn = board.drawn
@@ -157,7 +164,10 @@ class WorkerLostError(CamRigError):
 
 @asynccontextmanager
 async def worker_process(request: dict[str, Any], *arguments: str) -> AsyncIterator[Process]:
-    """Start a worker process, send it a first request, and end it with the context."""
+    """Start a worker process, and end it when the context ends.
+
+    `request` is its first line of input, and `arguments` are its command-line arguments.
+    """
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", WORKER, *arguments),
         stdin=asyncio.subprocess.PIPE,
@@ -178,7 +188,8 @@ async def worker_process(request: dict[str, Any], *arguments: str) -> AsyncItera
 async def request_results(process: Process, law: Law, rpm: float) -> dict[str, Any]:
     """Request the slow results for a law at a speed (rpm) from a worker process.
 
-    `drawable.evaluate_full` describes them. Raises WorkerLostError if the process has ended.
+    They are the results of `drawable.evaluate_full`. Raises WorkerLostError if the process has
+    ended.
     """
     request = {"breaks": law.breaks.tolist(), "ordinates": law.ordinates.tolist(), "rpm": rpm}
     assert process.stdout is not None
@@ -199,9 +210,9 @@ def _send(process: Process, data: dict[str, Any]) -> None:
 
 
 class Designs:
-    """Runner of designs from the cams that a board saved, one at a time.
+    """Runner of optimisations (designs) of the cams that a board has saved.
 
-    `broadcast` sends a message to all pages.
+    Only one of them runs at a time. `broadcast` sends a message to all pages.
     """
 
     def __init__(self, board: Board, broadcast: Callable[[dict[str, Any]], None]) -> None:
@@ -213,7 +224,7 @@ class Designs:
         )
 
     async def stop(self) -> None:
-        """Stop the running design, so that it does not outlive the server."""
+        """Stop the running optimisation, so that it does not outlive the server."""
         if self._running is not None:
             self._running.cancel()
             with suppress(asyncio.CancelledError):
@@ -236,7 +247,10 @@ class Designs:
         return JSONResponse({})
 
     async def _run(self, cam: CamConfig, out: Path) -> None:
-        """Run a design, send each better law to the pages, and write the last to a file."""
+        """Optimise a cam, send each better law to the pages, and write the last to a file.
+
+        `out` is the path of the new cam file.
+        """
         rig, result = self._board.rig.model_dump(), dict[str, Any]()
         request = {"cam": cam.model_dump(), "rig": rig, "name": out.stem}
         async with worker_process(request, DESIGN) as process:

@@ -1,4 +1,4 @@
-"""Worker process for results that take longer to compute than a page may wait.
+"""Worker process for results that take too long to compute in the panel server.
 
 It reads lines of JSON from standard input and writes lines of JSON. With the argument ``design`` it
 makes one design. Otherwise it returns the slow results of each law (`drawable.evaluate_full`) until
@@ -25,7 +25,10 @@ def _send(message: dict[str, Any]) -> None:
 
 
 def answer_laws(_: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
-    """Read laws from standard input, and write their slow results, one line per law."""
+    """Read laws from standard input, and write the results of each as one line.
+
+    They are the slow results, those of `drawable.evaluate_full`.
+    """
     for line in sys.stdin:
         request = json.loads(line)
         law = Law(cam.name, np.array(request["breaks"]), np.array(request["ordinates"]))
@@ -33,7 +36,10 @@ def answer_laws(_: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
 
 
 def design(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
-    """Run a design, and write each better jump speed, then the law or an error."""
+    """Optimise a cam law, and write the progress and the result to standard output.
+
+    A line is written for each better jump speed, then one line with the law or with an error.
+    """
     from cam_rig.panel.board.board import GOAL, LIMIT
     from cam_rig.panel.board.drawn_law import motion_in_base64
     from cam_rig.studies.design.request import DesignRequest

@@ -48,18 +48,19 @@ from cam_rig.units import NS, RPM, RPM_PER_RAD_S, TURN, FloatArray
 RATE_HZ = MIN_RATE_HZ
 #: Number of points of a turn that is displayed.
 TURN_POINTS = 720
-#: Resolution of the force sensor, N.
+#: Resolution of the simulated force sensor of a lab, N.
 RESOLUTION_N = 0.1
-#: Lowest speed of the knob, as a fraction of the lowest expected jump speed.
+#: Lowest speed of the speed knob, as a fraction of the lowest expected jump speed.
 KNOB_FROM = 0.5
-#: Highest speed of the knob, as a multiple of the highest expected jump speed.
+#: Highest speed of the speed knob, as a multiple of the highest expected jump speed.
 KNOB_TO = 1.25
 
 
 def observe(law: Law, follower: AnyFollower, radiation: RadiationParameters, rpm: float) -> LabTurn:
-    """Return the observed turn of a follower at a speed (rpm): force (N) and sound.
+    """Return the turn at a speed (rpm) as the sensors of a lab observe it.
 
-    The observation is that of the sensors of a lab.
+    The result contains the contact force (N) over the turn, the sound, and whether contact was
+    lost.
     """
     speed = rpm * RPM
     blocks = _turns(law, follower, speed)
@@ -112,10 +113,10 @@ def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
 
 
 #: Largest relative differences between the numbers of the hidden rig and those on the sheet, in
-#: labs that do not ask for the stem.
+#: labs whose question does not concern the stem.
 TOLERANCES = {"spring_stiffness": 0.08, "mass": 0.04, "preload": 0.15, "damping": 0.25}
 
-# The jump speed of springs, masses and preloads.
+# Lab of the jump speed for several springs, masses and preloads.
 
 #: Unit of the y axis of the plot of squared speeds, rpm²: 400 rpm is plotted at 160.
 SQUARE_RPM = 1000.0
@@ -142,10 +143,12 @@ class JumpSheet(LabSheet):
         return _jump_rpm(self.law, follower_of(self.true_rig(setup, self.seed)))
 
     def turn(self, setup: LabSetup, rpm: float, number: int) -> LabTurn:
-        """Return the observed turn, by the model of two masses if the rig splits its mass.
+        """Return the observed turn at a speed (rpm).
 
-        The lamp stays on above a speed at which contact was lost. Between two resonances of the
-        stem the follower may stay in contact again, but on the way up it has left the cam before.
+        The model has two masses if the rig splits its mass. The field `was_lost` switches on the
+        lamp of the page, also at speeds above one at which contact was lost. Between two resonances
+        of the stem the follower may be in contact again, but on the way up to this speed it has
+        left the cam before.
         """
         rig = self.true_rig(setup, self.seed)
         radiation = RadiationParameters.from_rig(rig)
@@ -154,7 +157,10 @@ class JumpSheet(LabSheet):
 
     @cached_property
     def knob(self) -> Span:
-        """Range of the knob (rpm), by one rigid mass with the numbers on the sheet."""
+        """Range of the speed knob, rpm.
+
+        It follows from the jump speeds of one rigid mass with the numbers on the sheet.
+        """
         if not self.rig.follower.preload.si:
             raise ConfigError(
                 f"lab {self.name!r}: rig {self.rig.name!r} has a preload of 0 N; allowed: above 0, "
@@ -203,7 +209,11 @@ def _rigid_rpm(law: Law, rig: RigConfig) -> float:
 
 
 def _knob_range(sheet: LabSheet, speeds: list[float], max_factor: float) -> Span:
-    """Return the range of a knob (rpm) for some jump speeds (rpm)."""
+    """Return the range of the speed knob (rpm) for given jump speeds (rpm).
+
+    It is from `KNOB_FROM` times the lowest to `max_factor` times the highest speed, rounded
+    outwards to 10 rpm. Raises ConfigError if a cam has no jump speed.
+    """
     if not (min(speeds) > 1.0 and math.isfinite(max(speeds))):
         cams = " and ".join(map(repr, sheet.cams))
         raise ConfigError(
@@ -222,9 +232,9 @@ def _jump_rpm(law: Law, follower: AnyFollower) -> float:
     return find_jump(law, follower, None).rpm
 
 
-# The natural frequency of the stem, from the residual vibration over speed.
+# Lab of the natural frequency of the stem, from the residual vibration over speed.
 
-#: Resolution of the sensor on the stem, µm.
+#: Resolution of the simulated sensor on the stem, µm.
 RESOLUTION_UM = 0.1
 #: Largest number of periods of the stem per turn at the highest speed of the knob. The speeds of
 #: neighbouring peaks then differ by at least 1/60.
@@ -267,7 +277,10 @@ class VibrationSheet(LabSheet):
 
     @cached_property
     def knob(self) -> Span:
-        """Range of the knob (rpm) in which contact is kept, by the numbers on the sheet."""
+        """Range of the speed knob, rpm, in which contact is kept.
+
+        It is computed from the numbers on the sheet.
+        """
         followers = [self._follower(setup, None) for setup in self.setups]
         # the stem of the hidden rig may be softer, and its periods must fit in a turn too
         limit = 0.8 * min(map(find_max_rpm, followers))
@@ -323,12 +336,12 @@ def _stem_frequency(follower: FollowerParameters) -> float:
     return math.sqrt((follower.spring_stiffness + follower.stem) / follower.mass) / TURN
 
 
-# The speed at which two cams are equally loud.
+# Lab of the speed at which two cams are equally loud.
 
 #: Standard deviation of a reading of the sound-level meter, dB. It is assumed, because no source
 #: states it.
 SCATTER_DB = 0.3
-#: Resolution of the meter, dB.
+#: Resolution of the simulated sound-level meter, dB.
 RESOLUTION_DB = 0.1
 #: Number of speeds over the range of the knob at which the levels are compared to locate a
 #: crossing.
@@ -407,9 +420,9 @@ class NoiseSheet(LabSheet):
 
     @cached_property
     def knob(self) -> Span:
-        """Range of the knob (rpm), from half the lower to the higher jump speed.
+        """Range of the speed knob (rpm), from half the lower to the higher jump speed.
 
-        The jump speeds are those of the numbers on the sheet.
+        The jump speeds are those of one rigid mass with the numbers on the sheet.
         """
         return _knob_range(self, [_rigid_rpm(law, self.rig) for law in self.laws.values()], 1.0)
 

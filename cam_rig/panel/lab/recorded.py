@@ -26,7 +26,7 @@ TITLE = "cam_rig lab sheet"
 HEADER_KEYS = ("cam", "rig", "title", "seed", "student", "date")
 #: Keys of header lines that may be missing.
 OPTIONAL_KEYS = ("seed", "student")
-#: Names of the columns whose numbers must be above 0.
+#: Names of the columns of a sheet's file whose numbers must be above 0.
 POSITIVE_COLUMNS = ("reading", "speed_rpm", *(lab.answer for lab in LABS.values() if lab.answer))
 #: Largest size of a sheet's file, bytes.
 MAX_BYTES = MIB
@@ -227,7 +227,7 @@ class Notebook:
         self.recorded = stored
 
     def setup(self, data: dict[str, Any], ignored: tuple[str, ...] = ()) -> LabSetup:
-        """Return the set-up that a page's data define, by the numbers on the sheet.
+        """Return the set-up that the data of a page select.
 
         The fields in `ignored` are None. Raises RefusedError if a value is not an option of the
         sheet.

@@ -58,10 +58,11 @@ class LabReading:
 class LabTurn:
     """Observed turn of the follower in steady state at one speed.
 
-    `curve` has the resolution of its sensor, at equal steps of the cam angle from 0. `sound` is of
-    full scale and is played in a loop. `measured` is the reading of the lab's instrument.
-    `was_lost` is true if contact was lost on the way up to this speed. The arrays are empty if the
-    turn cannot be observed.
+    `contact_lost` is True if the follower leaves the cam, and `was_lost` if it has done so on the
+    way up to this speed. `curve` is what the sensor of the lab displays, in steps of its
+    resolution, at equal steps of the cam angle from 0. `sound` contains samples of full scale and
+    is played in a loop. `measured` is the reading of the lab's instrument, None without one. The
+    arrays are empty if the turn cannot be observed.
     """
 
     contact_lost: bool
@@ -71,7 +72,7 @@ class LabTurn:
     measured: float | None = None
 
 
-#: Lowest and highest value of a knob or an axis.
+#: Lowest and highest value of a speed knob (rpm), or of an axis of the plot.
 Span = tuple[float, float]
 
 
@@ -98,7 +99,8 @@ def hidden_factor(lab: str, seed: str, number: str, tolerance: float) -> float:
 class LabSheet(ABC):
     """Base class of the sheets of a lab, with one or two cams and a rig.
 
-    `seed` selects the hidden rig that is measured. Without a seed, the sheet's rig is measured.
+    `seed` selects a hidden rig, whose numbers differ from those on the sheet and which is measured.
+    Without a seed, the rig on the sheet is measured.
     """
 
     name: ClassVar[str]
@@ -161,7 +163,10 @@ class LabSheet(ABC):
 
     @cached_property
     def options(self) -> dict[str, list[Any]]:
-        """Options for each field of `LabSetup`, rounded to three digits as in a catalogue."""
+        """Options for each field of `LabSetup` that a student can choose.
+
+        They are rounded to three digits, as in a catalogue.
+        """
         options: dict[str, list[Any]] = {}
         for name, multiples in self.multiples.items():
             unit = 1.0 if name == "added_mass" else getattr(self.rig.follower, name).si
@@ -226,7 +231,7 @@ class LabSheet(ABC):
     @property
     @abstractmethod
     def knob(self) -> Span:
-        """Range of the speed knob (rpm), by the numbers on the sheet."""
+        """Range of the speed knob (rpm), computed from the numbers on the sheet."""
 
     @abstractmethod
     def true(self, setup: LabSetup) -> float:
@@ -234,7 +239,11 @@ class LabSheet(ABC):
 
     @abstractmethod
     def turn(self, setup: LabSetup, rpm: float, number: int) -> LabTurn:
-        """Return the observed turn of a set-up at a speed (rpm) for a reading's number."""
+        """Return the observed turn of a set-up at a speed (rpm).
+
+        `number` is the number of the reading on the sheet, on which the scatter of an instrument
+        depends.
+        """
 
     @property
     @abstractmethod

@@ -33,6 +33,10 @@ MAX_NOISE_SQUARES = 1.5
 #: Largest excess of the sum of squares over the best trial at which a restitution is likely: the 95
 #: % quantile of χ² with one degree of freedom.
 CHI_SQUARED_95 = 3.84
+#: Smallest logarithm of the likelihood ratio by which a free restitution must improve a fit. The
+#: tolerance of the search alone reaches 1e-7 if no landing depends on the restitution. A gain of
+#: 1e-4 corresponds to a change by 0.014 standard errors.
+MIN_LOG_RATIO = 1e-4
 
 
 def search_restitution(fit: Candidate, fixed: dict[str, float]) -> FitSolution:
@@ -57,13 +61,17 @@ def free_restitution(fixed: FitSolution, free: tuple[str, ...]) -> FitSolution:
     """Repeat a fit with the restitution as an additional free parameter.
 
     ``fixed`` is the fit without it, ``free`` the names of all free parameters. The new fit is
-    returned if it is at least as likely and keeps all steady-speed segments. Otherwise the old fit
-    is returned, with the restitution free at its old value, and with the derivatives by it. This
-    happens if bounces are lower than the noise of the lift: no derivative then identifies the
-    restitution, and the search drifts (``test_error_of_restitution``, seeds 27, 61 and 151).
+    returned if its log likelihood is higher by `MIN_LOG_RATIO` and it keeps all steady-speed
+    segments. Otherwise the old fit is returned, with the restitution free at its old value, and
+    with the derivatives by it. This happens if bounces are lower than the noise of the lift: no
+    derivative then identifies the restitution, and the search drifts
+    (``test_error_of_restitution``, seeds 27, 61 and 151).
     """
     released = search(continue_from(fixed, free, fixed.values))
-    if len(released.segments) == len(fixed.segments) and log_ratio_of_all(released, fixed) >= 0.0:
+    if (
+        len(released.segments) == len(fixed.segments)
+        and log_ratio_of_all(released, fixed) >= MIN_LOG_RATIO
+    ):
         return released
     start = continue_from(fixed, free, fixed.values)
     masks = [fixed.likelihood.force_masks[i] for i in fixed.steady]
