@@ -25,7 +25,8 @@ FINE_RESTITUTION_STEPS = 16
 #: Number of Gauss-Newton steps that fit the phase (cam angle minus encoder angle) of a steady-speed
 #: segment in a trial of a restitution.
 PHASE_STEPS = 4
-#: Step of the phase (rad) for the difference quotients of these Gauss-Newton steps.
+#: Step of a segment's phase (rad) for the difference quotients of the Gauss-Newton steps that fit
+#: the phase in a trial of a restitution.
 PHASE_DERIVATIVE_STEP = 1e-6
 #: Largest mean squared residual, in squared standard deviations, that is attributed to noise. It is
 #: above 1 because of samples next to landings.
