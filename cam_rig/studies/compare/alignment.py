@@ -1,4 +1,4 @@
-"""Least-squares identification of the encoder's zero and the sensors' clock."""
+"""Least-squares identification of the encoder's zero and the sensors' clock from the lift."""
 
 from __future__ import annotations
 
@@ -13,43 +13,45 @@ from cam_rig.simulation.instruments import Signal
 from cam_rig.studies.compare.model_run import ModelRun, SteadyStretch
 from cam_rig.units import TURN, FloatArray, correlation_length, rms
 
-#: Number of orders of the cam by which the readings of a turn are compared with the model.
+#: Number of harmonics of the rotation by which the lift readings of a turn are compared with the
+#: model.
 ORDERS = 24
-#: Smallest number of readings of a turn that is compared with the model.
+#: Smallest number of lift readings in a turn that is compared with the model.
 MIN_READINGS = 12
-#: Number of angles per turn that are tried as the first offset.
+#: Number of equally spaced cam angles that are tried as the offset of a turn in the first estimate.
 SEARCH_ANGLES = 2048
-#: Smallest ratio of a fitted number to its standard error at which it is significant.
+#: Smallest ratio of an alignment parameter to its standard error at which it is significant.
 MIN_SIGNIFICANCE = 5.0
-#: Smallest shift of the cam angle (rad) by a clock error that is identified.
+#: Smallest shift of the cam angle (rad) by a clock error at which the error is corrected.
 MIN_CLOCK_SHIFT = 1e-3
-#: Smallest shift of the cam angle by a clock error that is identified, in counts of the encoder. It
-#: is the accuracy of the motion at a varying speed.
+#: Smallest shift of the cam angle by a clock error at which the error is corrected, in counts of
+#: the encoder. The fitted cam motion at a varying speed is accurate to this fraction of a count.
 MIN_CLOCK_COUNTS = 0.5
-#: Distance from the mean within which nine of ten normal readings are, in standard deviations.
+#: Distance from the mean within which 90 % of normally distributed values are, in standard
+#: deviations.
 SIGMAS_OF_90_PERCENT = 1.645
-#: Lower limit of the standard deviation of the residuals, as a fraction of the lift range.
+#: Lower limit of the standard deviation of the lift residuals, as a fraction of the lift range.
 MIN_SPREAD = 1e-6
-#: Largest residual of a reading that is used in the fit, in standard deviations. The residuals at
-#: landings are larger.
+#: Largest residual of a lift reading that is used in the fit, in standard deviations. The residuals
+#: at landings are larger.
 CLIP_SIGMAS = 4.0
-#: Smallest velocity of the follower at which its direction is determined, relative to the largest
-#: velocity.
+#: Smallest velocity of the follower, relative to the largest, at which the direction of its motion
+#: is taken as rising or falling. Below it the lag has no effect.
 MIN_VELOCITY_RATIO = 0.05
-#: Largest ratio of the scatter of all speeds to that of the speeds without flights at which all
-#: speeds are used.
+#: Largest ratio of the lift residual over all speeds to that over the speeds without flights at
+#: which all speeds are used for the alignment.
 MAX_SCATTER_RATIO = 1.2
-#: Largest number of Gauss-Newton steps.
+#: Largest number of Gauss-Newton steps of the alignment.
 MAX_STEPS = 4
-#: Change of the cam angle (rad) by a step below which the iteration has converged.
+#: Change of the cam angle (rad) by a Gauss-Newton step below which the alignment has converged.
 STEP_ATOL = 1e-6
-#: Names of the fitted numbers, in the order of their errors.
+#: Names of the alignment parameters, in the order of their errors.
 NAMES = ("offset", "zero", "lag", "delay", "drift")
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """Relation between the sensors' readings and the cam angle.
+    """Parameters that relate the sensors' readings to the cam angle.
 
     Attributes
     ----------
@@ -61,15 +63,15 @@ class Alignment:
         Rate of the cam angle's clock minus that of the sensors' clock, s/s. It is positive if the
         sensors' clock is slow.
     zero
-        Reading of the gauge at no lift, m.
+        Reading of the gauge at zero lift, m.
     lag
         Half of the width of the lift's hysteresis, m. It is negative if the gauge lags, as with
         backlash.
     scatter
         R.m.s. residual of the lift, m.
     errors
-        Standard errors of the numbers in the order of `NAMES`. They are 0 for numbers that were not
-        fitted.
+        Standard errors of the parameters in the order of `NAMES`. They are 0 for parameters that
+        were not fitted.
     """
 
     offset: float = 0.0
@@ -81,19 +83,20 @@ class Alignment:
     errors: tuple[float, ...] = (0.0,) * len(NAMES)
 
     def on_cam_clock(self, time: FloatArray) -> FloatArray:
-        """Convert a sensor's times (s) to times (s) of the cam angle's clock."""
+        """Convert times (s) of the sensors' clock to times of the cam angle's clock."""
         return time + self.delay + self.drift * time
 
     def is_significant(self, name: str) -> bool:
         """Return True if an alignment parameter clearly exceeds its standard error.
 
-        ``name`` is in `NAMES`.
+        ``name`` is an element of `NAMES`. The limit is `MIN_SIGNIFICANCE` standard errors.
         """
         error = self.errors[NAMES.index(name)]
         return error > 0.0 and abs(float(getattr(self, name))) > MIN_SIGNIFICANCE * error
 
 
-#: Function that returns the model over a stretch at an offset (rad) of the cam angle.
+#: Function that drives the model with the cam motion of a stretch. Its second argument is the
+#: offset (rad) of the cam angle from the encoder's angle.
 Drive = Callable[[SteadyStretch, float], ModelRun]
 
 
@@ -106,15 +109,16 @@ def find_alignment(
 ) -> Alignment:
     """Identify the offset of the cam angle, the gauge's zero, and clock errors.
 
-    Delay and drift of the clock are identified only if they are significant. Speeds at which the
-    model never leaves the cam are used if there are any, because a flight contains the errors of
-    the follower. A lag between rise and return is estimated too, because it would otherwise change
-    the offset. The lag is not subtracted from the readings.
+    Delay and drift of the clock are identified only if they are significant. If there are speeds at
+    which the model keeps contact, these are used, because a flight contains the errors of the
+    model's follower. All speeds are used if they fit nearly as well. A lag between rise and return
+    is estimated too, because it would otherwise change the offset. The lag is not subtracted from
+    the readings.
 
     Parameters
     ----------
     stretches : sequence of SteadyStretch
-        The steady turns.
+        The measured cam motions at steady speeds.
     lift : Signal
         The measured lift.
     drive : Drive
@@ -142,9 +146,9 @@ def find_alignment(
 
 
 def _max_speed(stretches: Sequence[SteadyStretch]) -> tuple[float, bool]:
-    """Return the highest speed of stretches (rad/s).
+    """Return the highest speed of the stretches (rad/s), and True if speeds differ.
 
-    The second result is True if the stretches have several speeds.
+    They differ if the highest is more than 5 % above the lowest.
     """
     speeds = [stretch.mean_speed for stretch in stretches]
     return max(speeds), max(speeds) > 1.05 * min(speeds)
@@ -158,10 +162,10 @@ def _fit(
     is_fixed: bool,
     min_shift: float,
 ) -> Alignment:
-    """Fit all numbers of the alignment, then again without insignificant numbers.
+    """Fit the alignment parameters, and again without insignificant clock errors.
 
-    These are a delay or a drift. `min_shift` (rad) is the smallest shift of the cam angle by which
-    a delay or drift is kept. `is_fixed` is True if the offset is given.
+    The clock errors are delay and drift. Each is kept if it is significant and shifts the cam angle
+    by more than `min_shift` (rad). `is_fixed` is True if the offset is given.
     """
     fastest, several = _max_speed(stretches)
     names = {"zero", "lag", "drift"} | (set() if is_fixed else {"offset"})
@@ -183,7 +187,8 @@ def _fit(
 def _estimate(runs: Sequence[ModelRun], offset_guess: float, lift: Signal) -> Alignment | None:
     """Estimate offset, delay and drift of the alignment from the shift of each turn.
 
-    Returns None if there are too few readings.
+    The shift is the offset at which the harmonics of the measured lift match those of the model
+    best. Returns None if there are too few readings.
     """
     orders = np.arange(1.0, ORDERS + 1.0)
     _, several = _max_speed([run.stretch for run in runs])
@@ -232,9 +237,9 @@ def _iterate(
     drive: Drive,
     names: set[str],
 ) -> Alignment:
-    """Repeat Gauss-Newton steps on the alignment until the cam angle changes no more.
+    """Repeat Gauss-Newton steps on the alignment until the cam angle is constant.
 
-    `names` are the numbers that are fitted.
+    `names` are the parameters that are fitted. There are at most `MAX_STEPS` steps.
     """
     for _ in range(MAX_STEPS):
         before = alignment
@@ -251,7 +256,11 @@ def _iterate(
 def _sample_model(
     time: FloatArray, runs: Sequence[ModelRun]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return lift, its velocity and the cam speed of the model at times (s), NaN between runs."""
+    """Return lift (m), its velocity (m/s) and the cam speed (rad/s) of the model.
+
+    `time` is in s, ``(n,)``, as is each result. Values at times outside the settled turns of all
+    runs are NaN.
+    """
     modelled, velocity, speed = (np.full_like(time, np.nan) for _ in range(3))
     for run in runs:
         inside = (time >= run.start) & (time <= run.rows[0, -1])
@@ -264,10 +273,10 @@ def _sample_model(
 def _gauss_newton_step(
     alignment: Alignment, runs: Sequence[ModelRun], lift: Signal, names: set[str]
 ) -> Alignment:
-    """Improve an alignment by one Gauss-Newton step on the lift residual.
+    """Improve an alignment by one Gauss-Newton step on the residuals of the lift.
 
-    `names` are the numbers that are fitted. Readings beyond `CLIP_SIGMAS` standard deviations, such
-    as landings, are left out.
+    `names` are the parameters that are fitted. Readings whose residual exceeds `CLIP_SIGMAS`
+    standard deviations, such as those at landings, are left out.
     """
     modelled, velocity, speed = _sample_model(alignment.on_cam_clock(lift.time), runs)
     has_model = np.isfinite(modelled)
@@ -285,7 +294,8 @@ def _gauss_newton_step(
     chosen = [name for name in NAMES if name in names]
     matrix = np.column_stack([by_name[name] for name in chosen])
     residual = difference - alignment.zero - alignment.lag * sign
-    # On a long dwell most readings do not depend on the angle.
+    # The 90 % quantile is used instead of the median: with a long dwell, most readings do not
+    # depend on the angle, and their small residuals would determine the median.
     deviation = np.abs(residual - np.median(residual))
     spread = float(np.percentile(deviation, 90.0)) / SIGMAS_OF_90_PERCENT
     spread = max(spread, MIN_SPREAD * float(np.ptp(modelled[has_model])))
@@ -296,8 +306,8 @@ def _gauss_newton_step(
     if rank < len(chosen):
         return alignment
     error = difference[is_used] - scaled @ step
-    # Correlated residuals count as fewer, otherwise a clock error would be significant in any of
-    # them.
+    # Correlated residuals count as fewer independent readings. Otherwise any clock error would be
+    # significant.
     variance = correlation_length(error) * float(error @ error) / max(error.size - len(chosen), 1)
     inverse = np.linalg.inv(scaled.T @ scaled)
     errors = dict(zip(chosen, np.sqrt(variance * np.diag(inverse)) / scale, strict=True))

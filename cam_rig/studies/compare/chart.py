@@ -1,4 +1,4 @@
-"""Run and model as a Rerun recording over the cam angle, one time step per speed."""
+"""Measured run and model as a Rerun recording over the cam angle, one time step per speed."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from cam_rig.show.looks import EQUAL, is_rounding, reach, title_of
 from cam_rig.studies.compare.comparison import QUANTITIES, SpeedDeparture, group_by_cam
 from cam_rig.studies.compare.study import RunComparison
 
-#: Names of the charts of each quantity.
+#: Names of the charts of each quantity, in this order.
 CHARTS = ("measured", "model", "difference")
-#: Radius of a curve in screen points, negative as in Rerun.
+#: Line width of a curve as a radius in screen points. Rerun uses negative values for screen units.
 STROKE = -1.4
-#: Width of a chart in scene units.
+#: Width of a chart in units of the Rerun view, in which curves are drawn.
 WIDTH = 160.0
-#: Height of a chart in scene units.
+#: Height of a chart in units of the Rerun view, in which curves are drawn.
 HEIGHT = 120.0
-#: Height of the labels above their mark, as a fraction of the chart.
+#: Height of an axis label above its tick, as a fraction of the chart.
 RAISED = 0.06
-#: Marks of the cam angle in degrees.
+#: Ticks of the cam angle axis: label by angle in degrees.
 DEGREES = {float(angle): f"{angle}°" for angle in range(0, 361, 90)}
-#: Free space right of a chart for half of the last label, as a fraction of its width.
+#: Free space at the right of a chart, as a fraction of its width. It is for half of the last label.
 RIGHT_MARGIN = 0.1
-#: Free space below a chart for its labels, as a fraction of its height.
+#: Free space below a chart for its axis labels, as a fraction of its height.
 BOTTOM_MARGIN = 0.16
 
 
 def save_real_run(comparison: RunComparison, path: Path) -> None:
-    """Write the last turn of each speed as a Rerun recording (``.rrd``).
+    """Write the last turn at each speed as a Rerun recording (``.rrd``).
 
-    Its time line is the cam speed.
+    It contains run and model. The time line of the recording is the cam speed.
     """
     tabs = real_run_tabs(comparison)
     title = f"Measured and model: {', '.join(str(tab.name) for tab in tabs)}"
@@ -47,9 +47,9 @@ def save_real_run(comparison: RunComparison, path: Path) -> None:
 
 
 def real_run_tabs(comparison: RunComparison) -> list[rrb.Vertical]:
-    """Return the tabs of a Rerun recording, one per cam.
+    """Return the tabs of the Rerun recording, one per cam.
 
-    A tab has one row of charts per measured quantity.
+    A tab has one row of charts (measured, model, difference) per measured quantity.
     """
     tabs = []
     for rows in group_by_cam(comparison.speeds):
@@ -63,7 +63,7 @@ def real_run_tabs(comparison: RunComparison) -> list[rrb.Vertical]:
 
 
 def real_run_entity(cam: str, quantity: str, chart: str) -> str:
-    """Return the entity path of a chart of one quantity of a cam.
+    """Return the Rerun entity path of a chart of one quantity of a cam.
 
     `chart` is "measured", "model" or "difference".
     """
@@ -73,6 +73,7 @@ def real_run_entity(cam: str, quantity: str, chart: str) -> str:
 def _view(
     rows: Sequence[SpeedDeparture], quantity: str, chart: str, axes: Axes
 ) -> rrb.Spatial2DView:
+    """Return the Rerun view of one chart, with its title."""
     text, unit, _, difference_unit, *_ = QUANTITIES[quantity]
     title = f"{text} [{unit}]: {chart}"
     if chart == "difference":
@@ -85,9 +86,9 @@ def _view(
 
 
 def _axes(rows: Sequence[SpeedDeparture], quantity: str) -> dict[str, Axes]:
-    """Return the axes of a quantity by chart, equal for measurement and model.
+    """Return the axes of each chart of a quantity by chart name.
 
-    The result is empty if the quantity was not measured.
+    Measured and model have equal axes. The result is empty if the quantity was not measured.
     """
     turns = [row.drawn[quantity] for row in rows if quantity in row.drawn]
     if not turns:
@@ -104,7 +105,10 @@ def _axes(rows: Sequence[SpeedDeparture], quantity: str) -> dict[str, Axes]:
 
 
 def _largest(rows: Sequence[SpeedDeparture], quantity: str) -> float:
-    """Return the largest difference of a quantity, in the display unit of differences."""
+    """Return the largest difference of a quantity over all speeds of a cam.
+
+    It is in the displayed unit of differences, and 0 if the quantity was not measured.
+    """
     turns = [row.drawn[quantity] for row in rows if quantity in row.drawn]
     differences = [float(np.abs(turn.difference).max()) for turn in turns]
     return QUANTITIES[quantity].difference_factor * max(differences, default=0.0)
@@ -113,6 +117,7 @@ def _largest(rows: Sequence[SpeedDeparture], quantity: str) -> float:
 def _draw(
     stream: rr.RecordingStream, rows: Sequence[SpeedDeparture], quantity: str, axes: dict[str, Axes]
 ) -> None:
+    """Draw the axes and the curves of a quantity at all speeds of a cam."""
     _, unit, factor, difference_unit, difference_factor, colour = QUANTITIES[quantity]
     for chart, chart_axes in axes.items():
         view = real_run_entity(rows[0].cam, quantity, chart)

@@ -1,4 +1,4 @@
-"""Command ``cam-rig compare``: a recorded run next to its model."""
+"""Command ``cam-rig compare``: comparison of a recorded run with its model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Deviation of a run from its model, for each speed and over all speeds."""
+"""Deviation of a measured run from its model, for each speed and over all speeds."""
 
 from __future__ import annotations
 
@@ -23,28 +23,30 @@ from cam_rig.studies.compare.deviation import (
 from cam_rig.studies.compare.pairs import MeasuredPairs
 from cam_rig.units import TURN
 
-# Dominant frequency of a difference. It may be a resonance of a sensor or its mounting.
-
-#: Largest number of readings in each segment of a signal whose spectra are averaged.
+# Dominant frequency of the difference between measurement and model. It may be a resonance of a
+# sensor or its mount.
+#: Largest number of readings in each of the segments into which a signal is divided to average
+#: their power spectra (Welch's method).
 MAX_SEGMENT_READINGS = 1024
-#: Smallest number of segments of a signal whose spectra are averaged.
+#: Smallest number of segments of a signal whose power spectra are averaged (Welch's method).
 MIN_SEGMENTS = 4
-#: Smallest ratio of a peak's power to the median power at which the peak is reported.
+#: Smallest ratio of a spectral peak's power to the median power at which the peak is reported.
 MIN_PEAK_RATIO = 30.0
-#: Largest relative difference of frequencies that count as equal.
+#: Largest relative difference of peak frequencies at two speeds that count as equal.
 FREQUENCY_RTOL = 0.05
-#: Smallest relative range of the cam speeds at which a frequency that is common to all speeds is
-#: identifiable.
+#: Smallest relative range of the cam speeds at which a peak at one frequency is attributed to a
+#: resonance. With nearly equal speeds, a fixed multiple of the speed looks the same.
 MIN_SPEED_RANGE = 0.15
-#: Smallest order of the cam at which a common frequency is reported as a resonance. Errors of mass,
-#: spring and damping cause differences at lower orders.
+#: Smallest multiple of the rotation frequency of the cam at which a common peak is reported as a
+#: resonance. Errors of mass, spring and damping cause differences at lower multiples.
 MIN_RESONANCE_ORDER = 8.0
 
 
 def peak_frequency(pair: PairedSignal) -> float | None:
-    """Return the frequency (Hz) at which a difference signal has most power.
+    """Return the frequency (Hz) at which measurement minus model has most power.
 
-    Returns None if no frequency has more than `MIN_PEAK_RATIO` times the median power.
+    Returns None if no frequency has more than `MIN_PEAK_RATIO` times the median power, or if there
+    are too few readings.
     """
     from scipy.signal import welch
 
@@ -84,7 +86,10 @@ def common_frequency(speeds: Sequence[float], peaks: Sequence[float | None]) -> 
 
 
 class DrawnQuantity(NamedTuple):
-    """Title, units, factors from SI, and colour of a quantity in figures."""
+    """Properties of a quantity in figures.
+
+    They are title, unit and factor from SI for values, unit and factor for differences, and colour.
+    """
 
     title: str
     unit: str
@@ -94,30 +99,30 @@ class DrawnQuantity(NamedTuple):
     colour: int
 
 
-#: Labels, units and colours of the quantities in the figures.
+#: Labels, units and colours of lift and force in the figures.
 QUANTITIES = {
     "lift": DrawnQuantity("lift", "mm", 1e3, "µm", 1e6, looks.LIFT),
     "force": DrawnQuantity("contact force", "N", 1.0, "N", 1.0, looks.FORCE),
 }
-#: Largest plausible noise of an instrument, as a fraction of the model's range, by quantity. The
-#: noise of gauges and load cells is less than a tenth of this limit.
+#: Largest noise that is attributed to an instrument, as a fraction of the model's range, by
+#: quantity. The noise of gauges and load cells is less than a tenth of this limit.
 MAX_NOISE = {"lift": 0.1, "force": 0.5}
-#: Smallest number of readings of a drawn turn. If the last turn has fewer readings, readings of
-#: earlier turns are added.
+#: Smallest number of readings in the drawn turn of a figure. If the last turn has fewer, readings
+#: of earlier turns are added.
 MIN_DRAWN_READINGS = 300
-#: Largest number of readings of a drawn turn.
+#: Largest number of readings in the drawn turn of a figure.
 MAX_DRAWN_READINGS = 1500
 
 
 @dataclass(frozen=True, eq=False)
 class SpeedDeparture:
-    """Deviation of the run from the model, for one cam at one speed.
+    """Deviation of a measured run from the model, for one cam at one speed.
 
-    A value is None if the quantity was not measured. `turns` is the number of settled turns.
-    `contact` contains the number of lift-offs per turn, and their times. `measured_db` and
-    `model_db` are sound levels in dB re 20 µPa. `peak_hz` is the dominant frequency of the force's
-    difference, or None without a distinct peak. `drawn` contains the last turn of each of
-    `QUANTITIES` for figures.
+    A value is None if the quantity was not measured. `turns` is the number of settled turns. `lift`
+    and `force` are the deviations of these quantities. `contact` contains the number of lift-offs
+    per turn, and the delay of events. `measured_db` and `model_db` are sound levels in dB re 20
+    µPa. `peak_hz` is the dominant frequency of the force's difference, or None without a distinct
+    peak. `drawn` contains the last turn of each of `QUANTITIES` for figures.
     """
 
     cam: str
@@ -140,33 +145,41 @@ class SpeedDeparture:
 
     @property
     def exact(self) -> bool:
-        """True if the model was driven sample by sample with the recorded cam states."""
+        """True if the model was driven with exact recorded cam states.
+
+        The comparison is then sample by sample, as for a bag of the rig.
+        """
         return any(part is not None and part.exact for part in (self.lift, self.force))
 
     @property
     def agrees(self) -> bool:
         """True if measured and modelled lift and force agree within their noise.
 
-        Without noise they must agree within rounding.
+        If the model was driven with exact cam states, they must agree within rounding.
         """
         return all(part is None or part.within for part in (self.lift, self.force))
 
     @property
     def later(self) -> float | None:
-        """Delay of the measured events as cam angle (rad), or None without common events."""
+        """Delay of measured lift-offs and landings as cam angle (rad).
+
+        It is None if run and model have no events in common.
+        """
         degrees = None if self.contact is None else self.contact.degrees
         return None if degrees is None else float(np.radians(degrees))
 
 
 def compare_steps(steps: Iterable[PairedStep], laws: dict[str, Law]) -> list[SpeedDeparture]:
-    """Compare each step of a run with the model, and return one row per step.
+    """Compare a run with the model, and return one result per step of the run.
 
-    A step is one cam at one speed. Only one step is in memory at a time.
+    A step is one cam at one speed. `laws` are the laws by cam name. Only one step is in memory at a
+    time.
     """
     return [_speed_departure(step, laws[step.cam]) for step in steps]
 
 
 def _speed_departure(step: PairedStep, law: Law) -> SpeedDeparture:
+    """Return the deviation of one step (a cam at one speed) from the model."""
     pairs = {"lift": step.lift, "force": step.force}
     lift, force = (
         None if pair is None else departure(pair, step.exact, MAX_NOISE[name])
@@ -188,7 +201,7 @@ def _speed_departure(step: PairedStep, law: Law) -> SpeedDeparture:
 
 
 def group_by_cam(rows: Iterable[SpeedDeparture]) -> list[list[SpeedDeparture]]:
-    """Group rows by cam, in the order of their first appearance."""
+    """Group the deviations by cam, in the order in which the cams first appear."""
     rows_by_cam = dict[str, list[SpeedDeparture]]()
     for row in rows:
         rows_by_cam.setdefault(row.cam, []).append(row)
@@ -196,9 +209,9 @@ def group_by_cam(rows: Iterable[SpeedDeparture]) -> list[list[SpeedDeparture]]:
 
 
 def _last_turn(pair: PairedSignal) -> PairedSignal:
-    """Return the readings of the last turn in the order of the angle.
+    """Return the readings of the last turn for a figure, in the order of the angle.
 
-    If it has fewer than `MIN_DRAWN_READINGS` readings, earlier readings are added.
+    If the turn has fewer than `MIN_DRAWN_READINGS` readings, earlier readings are added.
     """
     count = int(np.count_nonzero(pair.angle > pair.angle[-1] - TURN))
     last = pair.select(slice(-min(pair.angle.size, max(count, MIN_DRAWN_READINGS)), None))
@@ -208,17 +221,17 @@ def _last_turn(pair: PairedSignal) -> PairedSignal:
     return last.select(order)
 
 
-# Largest deviation of each quantity, and the alignment of the readings with the cam.
+# Summary over all speeds: largest deviations, and the alignment of the readings with the cam.
 
 
 @dataclass(frozen=True)
 class LargestDeviation:
     """Largest deviation (measured minus model) of one quantity over all speeds, SI.
 
-    `angle` is the cam angle in the turn (rad), or None for a quantity of a whole speed. `relative`
-    is the deviation as a fraction of the model's range. `agreeing` is the number of speeds at which
-    noise or rounding explains the deviation. `speeds` is the number of speeds at which the quantity
-    was measured.
+    `value` is the deviation with its sign, and `rpm` the speed at which it occurs. `angle` is the
+    cam angle within the turn (rad), or None for a quantity with one value per speed. `relative` is
+    the deviation as a fraction of the model's range. `agreeing` is the number of speeds at which
+    noise or rounding explains the deviation, of the `speeds` at which the quantity was measured.
     """
 
     quantity: str
@@ -232,7 +245,10 @@ class LargestDeviation:
 
 
 def largest_deviations(rows: Sequence[SpeedDeparture]) -> list[LargestDeviation]:
-    """Return the largest deviation of each quantity that was measured."""
+    """Return the largest deviation of each quantity that was measured.
+
+    `rows` are the deviations, one per cam and speed.
+    """
     deviations = []
     for name, unit in (("lift", "m"), ("force", "N")):
         parts = [(part, row.rpm) for row in rows if (part := getattr(row, name)) is not None]
@@ -261,7 +277,7 @@ def largest_deviations(rows: Sequence[SpeedDeparture]) -> list[LargestDeviation]
 
 
 class Origin(Enum):
-    """Origin of a number that aligns the sensors' readings with the cam."""
+    """Origin of a parameter that aligns the sensors' readings with the cam."""
 
     GIVEN = "given"
     FROM_LIFT = "from the lift"
@@ -271,9 +287,9 @@ class Origin(Enum):
 
 @dataclass(frozen=True)
 class AlignmentNumber:
-    """Number by which the sensors' readings were aligned with the cam, SI.
+    """Parameter by which the sensors' readings were aligned with the cam, SI.
 
-    `value` is None if the number was not determined.
+    `quantity` is its name. `value` is None if it was not determined.
     """
 
     quantity: str
@@ -283,7 +299,10 @@ class AlignmentNumber:
 
 
 def alignment_numbers(pairs: MeasuredPairs) -> list[AlignmentNumber]:
-    """Return the parameters by which a bench's readings were aligned with the cam."""
+    """Return the parameters by which the readings were aligned with the cam.
+
+    They are those of a run on a test bench.
+    """
     fit, from_lift = pairs.alignment, Origin.FROM_LIFT
     is_identified = fit.is_significant("offset") or fit.errors[0] > 0.0
     origin = (
@@ -307,8 +326,8 @@ def alignment_numbers(pairs: MeasuredPairs) -> list[AlignmentNumber]:
         AlignmentNumber(
             "lift_zero", fit.zero if fit.is_significant("zero") else None, "m", from_lift
         ),
-        # Hysteresis is twice the lag. A negative value means that the lift trails its motion, as
-        # with backlash.
+        # The hysteresis is twice the lag. A negative value means that the measured lift follows the
+        # motion late, as with backlash.
         AlignmentNumber(
             "lift_hysteresis", 2.0 * fit.lag if fit.is_significant("lag") else None, "m", from_lift
         ),
@@ -316,7 +335,11 @@ def alignment_numbers(pairs: MeasuredPairs) -> list[AlignmentNumber]:
 
 
 def turn_warnings(rows: Iterable[SpeedDeparture]) -> list[str]:
-    """Return a warning for the speed at which a quantity differs most from turn to turn."""
+    """Return a warning if the turns at one speed differ by more than noise.
+
+    It names the speed and the quantity with the largest difference. The result is empty if there is
+    none.
+    """
     parts = [
         (part.noise / part.scale, row.rpm, name)
         for row in rows
@@ -332,16 +355,16 @@ def turn_warnings(rows: Iterable[SpeedDeparture]) -> list[str]:
     ]
 
 
-#: Largest plausible drift between two clocks, s/s. Quartz clocks differ by less than a fifth of
-#: this limit.
+#: Largest relative drift between two clocks without a warning, s/s. Quartz clocks differ by less
+#: than a fifth of this limit.
 MAX_CLOCK_DRIFT = 1e-3
-#: Largest ratio between the measured and the modelled lift range, in either direction, without a
-#: warning about cam or unit.
+#: Largest ratio between the measured and the modelled range of the lift, in either direction,
+#: without a warning about the cam or the unit.
 MAX_RANGE_RATIO = 2.0
 
 
 def warnings_of(pairs: MeasuredPairs) -> Iterator[str]:
-    """Yield a warning for each sign of a wrong topic mapping, sign, unit or cam."""
+    """Yield a warning for each sign of a wrong topic, sign, unit, offset or cam."""
     origin = alignment_numbers(pairs)[0].origin
     if origin is Origin.ASSUMED:
         reason = "was not measured" if pairs.run.lift is None else "has too few readings"

@@ -1,4 +1,4 @@
-"""Deviation of a measured quantity from the model, compared with its noise."""
+"""Deviation of a measured quantity from the model, in comparison with its noise."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from cam_rig.simulation.by_speed import MIN_GAP_RATIO
 from cam_rig.simulation.scatter import BINS, off_neighbours, scatter
 from cam_rig.units import RPM, TURN, FloatArray, rms
 
-# Measured and modelled values at the same instants.
+# Pairs of measured and modelled values at the same instants.
 
 
 @dataclass(frozen=True, eq=False)
 class PairedSignal:
     """Measured and modelled values of one quantity at the same instants.
 
-    `time` is in s and `angle` in rad. `near_jump` marks readings near a jump of the model.
+    All arrays have the shape ``(n,)``. `time` is in s and `angle` (cam angle) in rad. `near_jump`
+    marks readings near a jump of the model's force, None if no reading is marked.
     """
 
     time: FloatArray
@@ -32,16 +33,16 @@ class PairedSignal:
 
     @property
     def away_from_jumps(self) -> NDArray[np.bool_]:
-        """Mask of the readings that are not near a jump of the model, ``(n,)``."""
+        """Mask of the readings that are not near a jump of the model's force, ``(n,)``."""
         return np.ones(self.time.size, dtype=bool) if self.near_jump is None else ~self.near_jump
 
     @property
     def degrees(self) -> FloatArray:
-        """Cam angle of the readings within the turn, °."""
+        """Cam angles of the readings within the turn in degrees, ``(n,)``."""
         return np.degrees(np.remainder(self.angle, TURN))
 
     def select(self, which: slice | NDArray[np.bool_ | np.intp]) -> PairedSignal:
-        """Return the readings that a slice, a mask or indices select."""
+        """Return the pairs that a slice, a boolean mask or an index array selects."""
         time, angle, measured, model = (
             array[which] for array in (self.time, self.angle, self.measured, self.model)
         )
@@ -49,7 +50,7 @@ class PairedSignal:
 
     @property
     def difference(self) -> FloatArray:
-        """Measured minus modelled values, SI."""
+        """Measured minus modelled values in SI, ``(n,)``."""
         return self.measured - self.model
 
 
@@ -57,8 +58,9 @@ class PairedSignal:
 class PairedStep:
     """Settled turns of one cam at one speed, as pairs of measured and modelled values.
 
-    `levels` are the measured and the modelled sound level (dB). `exact` is True if the model was
-    driven sample by sample.
+    `lift` and `force` are None if not measured. `levels` are the measured and the modelled sound
+    level (dB). `exact` is True if the model was driven with exact recorded cam states, so that it
+    can be compared sample by sample.
     """
 
     cam: str
@@ -70,32 +72,34 @@ class PairedStep:
     exact: bool = False
 
 
-#: Largest systematic deviation that is attributed to the noise, as a fraction of the noise. The
-#: noise is an estimate.
+#: Largest systematic deviation from the model that is still accepted as agreement, as a fraction of
+#: the noise. It is not 0, because the noise is only estimated.
 SYSTEMATIC_NOISE_FRACTION = 0.5
-#: Two standard errors of the squared systematic deviation, times √n for n readings, relative to the
-#: squared noise.
+#: Two standard errors of the squared systematic deviation, relative to the squared noise, are this
+#: factor divided by √n for n readings.
 NOISE_ERROR_FACTOR = 5.4
-#: Largest deviation that a test bench cannot show, as a fraction of the model's range.
+#: Deviation that counts as agreement on a test bench even without noise, as a fraction of the
+#: model's range.
 RANGE_RTOL = 2e-4
-#: Largest difference between turns of the model that count as equal, as a fraction of the model's
-#: range.
+#: Largest difference between successive turns of the model that count as equal, as a fraction of
+#: the model's range.
 TURN_RTOL = 0.02
-#: Largest deviation from an exactly driven model that counts as rounding, relative to the model's
-#: range.
+#: Largest deviation that counts as rounding if the model was driven with exact recorded cam states,
+#: as a fraction of the model's range.
 ROUNDING_RTOL = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Departure:
-    """Deviation of one quantity (measured minus model) over the turns of a speed.
+    """Deviation of one quantity (measured minus model) at one speed.
 
     `rms` is the r.m.s. deviation. `noise` is the r.m.s. scatter from turn to turn, or 0 if the
-    model was driven exactly. `largest` is the largest deviation with its sign. If there is noise it
-    is that of the mean over the turns, per 2° of the turn. `degrees` is its cam angle in the turn.
-    `scale` is the range of the model. `turn_variation` is the difference between the model's turns
-    that 5 % of the readings exceed. `exact` is that of `PairedStep`. `max_noise` is the largest
-    noise that can be that of an instrument, as a fraction of `scale`.
+    model was driven exactly. `largest` is the largest deviation with its sign. With noise it is
+    that of the mean over the turns, in intervals of 2° of the turn. `degrees` is its cam angle in
+    the turn. `scale` is the range of the model. `turn_variation` is the difference between the
+    model's turns that 5 % of the readings exceed. `exact` is that of `PairedStep`. `readings` is
+    the number of readings. `max_noise` is the largest noise that an instrument can have, as a
+    fraction of `scale`.
     """
 
     rms: float
@@ -110,22 +114,22 @@ class Departure:
 
     @property
     def turns_differ(self) -> bool:
-        """True if the readings differ from turn to turn by more than the noise of an instrument.
+        """True if the readings differ between turns by more than an instrument's noise.
 
-        The cam angle is wrong then, or its number of counts per turn.
+        The measured cam angle is wrong then, or its number of counts per turn.
         """
         return not self.varies_by_turn and self.noise > self.max_noise * self.scale
 
     @property
     def systematic(self) -> float:
-        """R.m.s. deviation after the noise is subtracted."""
+        """R.m.s. deviation after the noise has been subtracted in quadrature."""
         return math.sqrt(max(self.rms**2 - self.noise**2, 0.0))
 
     @property
     def within(self) -> bool:
         """True if the noise explains the deviation.
 
-        If the model was driven exactly, rounding must explain it.
+        If the model was driven with exact cam states, rounding must explain it.
         """
         if self.exact:
             return abs(self.largest) <= ROUNDING_RTOL * self.scale
@@ -137,7 +141,7 @@ class Departure:
 
     @property
     def varies_by_turn(self) -> bool:
-        """True if the model's turns differ from each other, because it bounces.
+        """True if the model's turns differ from each other, because the follower bounces.
 
         The curves of single turns are then not comparable.
         """
@@ -150,10 +154,10 @@ class Departure:
 
 
 def departure(pair: PairedSignal, exact: bool, max_noise: float = math.inf) -> Departure:
-    """Return the deviation of a signal from the model.
+    """Return the deviation of a measured signal from the model.
 
-    Readings near a jump are left out. `exact` is True if the model was driven sample by sample.
-    `max_noise` is that of `Departure`.
+    Readings near a jump of the force are left out. `exact` is True if the model was driven with
+    exact recorded cam states. `max_noise` is that of `Departure`.
     """
     pair = pair.select(pair.away_from_jumps)
     difference = pair.difference
@@ -171,10 +175,10 @@ def departure(pair: PairedSignal, exact: bool, max_noise: float = math.inf) -> D
 
 
 def mean_over_turns(angle: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the mean of a value over all turns, at equally spaced cam angles.
+    """Return the mean of a value over all turns, in equal intervals of the cam angle.
 
-    The first result are the cam angles in the turn (°), the second the means. Parts of the turn
-    without a reading are left out.
+    The first result are the middles of the intervals (°), the second the means, both of shape (k,).
+    `angle` is in rad. Intervals without a reading are left out.
     """
     bin_index = np.floor(np.remainder(angle, TURN) * (BINS / TURN)).astype(np.intp) % BINS
     count = np.bincount(bin_index, minlength=BINS)
@@ -184,19 +188,20 @@ def mean_over_turns(angle: FloatArray, value: FloatArray) -> tuple[FloatArray, F
     return degrees, total[occupied] / count[occupied]
 
 
-# Lift-offs and landings of the readings, by the same rule for run and model.
-
-#: Threshold of a loss of contact, in standard deviations of the noise.
+# Lift-offs and landings in the measured and the modelled values, by the same rule.
+#: Force, or gap between follower and cam, at which contact counts as lost, in standard deviations
+#: of the noise.
 FORCE_SIGMAS = 4.0
-#: Smallest threshold of a loss of contact, as a fraction of the mean force. It allows for the zero
-#: offset of a load cell.
+#: Smallest force below which contact counts as lost, as a fraction of the mean force. It allows for
+#: the zero offset of a load cell.
 MEAN_FORCE_FRACTION = 0.02
-#: Smallest gap that counts as a loss of contact without a measured force, as a fraction of the
-#: lift.
+#: Smallest gap between follower and cam that counts as a loss of contact, as a fraction of the
+#: lift. It is used if no force was measured.
 LIFT_FRACTION = 2e-3
-#: Number of adjacent readings of which the mean distinguishes a loss of contact from noise.
+#: Number of adjacent readings whose mean is used to distinguish a loss of contact from noise.
 NEIGHBOURS = 5
-#: Largest distance (rad) between a measured and a modelled event that are paired.
+#: Largest distance (rad) between a measured and a modelled lift-off or landing that are taken as
+#: the same event.
 MAX_EVENT_SHIFT = TURN / 12.0
 
 
@@ -205,8 +210,9 @@ class LostContact:
     """Lift-offs per turn at one speed, and the delay of the measured events.
 
     `measured` and `model` are the numbers of lift-offs per turn. `shift` is the median delay in s
-    over the events that run and model have in common, or None without such events. `degrees` is the
-    same as cam angle in °. `rule` is the rule for lost contact as text.
+    of the measured lift-offs and landings relative to the model, over the events that both have. It
+    is None without such events. `degrees` is the same as cam angle in °. `rule` is the criterion
+    for lost contact as text.
     """
 
     measured: float
@@ -217,9 +223,9 @@ class LostContact:
 
 
 def lost_contact(step: PairedStep, law: Law) -> LostContact | None:
-    """Return the lift-offs of a step in the run and the model.
+    """Return the measured and modelled lift-offs of a cam at one speed.
 
-    Returns None if neither force nor lift was measured. The same rule is used for run and model.
+    The same criterion is used for both. Returns None if neither force nor lift was measured.
     """
     clear = 0.0
     if step.force is not None and step.lift is not None and step.exact:
@@ -250,19 +256,20 @@ def lost_contact(step: PairedStep, law: Law) -> LostContact | None:
 
 
 def _exact_force(force: FloatArray, lift: FloatArray, angle: FloatArray, law: Law) -> FloatArray:
-    """Return the contact force, with 1 N for 0 while the follower is on the cam.
+    """Return the contact force (N), with 0 replaced by 1 N where contact is kept.
 
-    A force of 0 on a dwell is not a lost contact. The follower has left the cam if it is off the
-    cam by more than `MIN_GAP_RATIO` of the lift.
+    A force of 0 on a dwell is then not taken as a lost contact. The follower has left the cam only
+    if the gap exceeds `MIN_GAP_RATIO` of the lift.
     """
     is_off = lift - law(np.remainder(angle, TURN)) > MIN_GAP_RATIO * law.lift
     return np.where((force <= 0.0) & ~is_off, 1.0, force)
 
 
 def _force_limits(pair: PairedSignal) -> tuple[float, float]:
-    """Return the two limits (N) of the force below which contact is lost.
+    """Return the two forces (N) below which contact counts as lost.
 
-    The first is that of a single reading, and the second that of the mean of adjacent readings.
+    The first is the limit for a single reading, the second the limit for the mean of adjacent
+    readings.
     """
     degrees, means = mean_over_turns(pair.angle, pair.measured)
     lowest = degrees[np.argsort(means)[: max(1, means.size // 20)]]
@@ -276,14 +283,14 @@ def _force_limits(pair: PairedSignal) -> tuple[float, float]:
 def _contact_events(
     time: FloatArray, margin: FloatArray, exact: bool, clear: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the times (s) of lift-offs and of landings in a run.
+    """Return the times (s) of lift-offs and of landings in a signal.
 
-    Contact is lost while `margin` is not positive. If the readings have noise, the mean of adjacent
-    readings must also be `-clear` or less, because a small force on a dwell may fall below the
-    limit at random.
+    Contact is lost while `margin` (the force or gap relative to its limit) is not positive. With
+    noise, the mean of adjacent readings must also be `-clear` or less, because a small force on a
+    dwell may fall below the limit at random.
     """
     lost = margin <= 0.0
-    if not exact:  # majority vote of each reading and its two neighbours
+    if not exact:  # a reading follows the majority of itself and its two neighbours
         padded = np.pad(lost.astype(np.intp), 1, mode="edge")
         lost = padded[:-2] + padded[1:-1] + padded[2:] >= 2
     edges = np.r_[0, np.flatnonzero(np.diff(lost)) + 1, lost.size]
@@ -306,6 +313,11 @@ def _contact_events(
 def _median_shift(
     measured: tuple[FloatArray, FloatArray], model: tuple[FloatArray, FloatArray], max_shift: float
 ) -> float | None:
+    """Return the median delay (s) of measured events relative to the model.
+
+    Both are times of lift-offs and of landings. Events farther apart than `max_shift` (s) are not
+    paired. The result is None without pairs.
+    """
     shifts: list[float] = []
     for measured_times, model_times in zip(measured, model, strict=True):
         if not model_times.size:

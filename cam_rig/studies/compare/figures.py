@@ -1,4 +1,4 @@
-"""Figure of a run and its model over one turn, with their difference below."""
+"""Figure of a measured run and its model over one turn, with their difference below."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from cam_rig.studies.compare.comparison import QUANTITIES, SpeedDeparture, group
 from cam_rig.studies.compare.deviation import PairedSignal
 from cam_rig.studies.compare.study import RunComparison
 
-#: Largest number of readings per turn that are drawn as points. If there are more, a line is drawn.
+#: Largest number of readings per turn that are drawn as points. More readings are drawn as a line.
 MAX_POINTS = 600
-#: Legend of the readings near a jump of the force, which are grey points.
+#: Legend of the readings near a jump of the model's force. They are drawn as grey points.
 NEAR_JUMP_LABEL = "near a jump of the force: not counted"
 
 
 def _choose_speeds(rows: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
-    """Choose up to three rows of a cam for a figure.
+    """Choose up to three speeds of a cam for the figure, in rising order.
 
-    They are the lowest speed, the first speed with lift-offs, and the highest speed.
+    They are the lowest speed, the first speed with lift-offs, and the highest speed. ``rows`` are
+    the deviations of the cam, one per speed.
     """
     rows = sorted(rows, key=lambda row: row.rpm)
     with_lift_offs = [row for row in rows if row.contact and row.contact.measured >= 0.5]
@@ -35,9 +36,10 @@ def _choose_speeds(rows: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
 
 @styled
 def figure(comparison: RunComparison) -> Figure:
-    """Draw measured and modelled curves above their difference.
+    """Draw measured and modelled lift and force over one turn, with differences below.
 
-    The figure has one column per chosen speed of each cam.
+    The figure has one column per chosen speed of each cam. It is empty if neither lift nor force
+    was measured.
     """
     rows, titles = comparison.speeds, comparison.loaded.titles
     cams = [_choose_speeds(cam_rows) for cam_rows in group_by_cam(row for row in rows if row.drawn)]
@@ -75,6 +77,10 @@ def figure(comparison: RunComparison) -> Figure:
 def _block(
     panels: Any, title: str, columns: Sequence[SpeedDeparture], quantities: Sequence[str]
 ) -> None:
+    """Draw all quantities of one cam, in one column per speed.
+
+    ``panels`` are the axes of the cam, two rows per quantity: curves and difference.
+    """
     for j, row in enumerate(columns):
         panels[0, j].set_title(f"{title}\n{row.rpm:.6g} rpm")
     for i, name in enumerate(quantities):
@@ -85,7 +91,7 @@ def _block(
             _difference(panels[2 * i + 1, j], turn, difference_factor)
         panels[2 * i, 0].set_ylabel(f"{text} [{unit}]")
         panels[2 * i + 1, 0].set_ylabel(f"difference [{difference_unit}]")
-        # The differences near a landing do not set the scale.
+        # The scale is set by the differences away from landings, which are much smaller.
         largest = [np.abs(t.difference[t.away_from_jumps]).max(initial=0.0) for t in turns.values()]
         limit = difference_factor * max(largest, default=0.0)
         panels[2 * i + 1, 0].set_ylim(-reach(limit), reach(limit))

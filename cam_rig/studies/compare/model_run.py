@@ -1,4 +1,7 @@
-"""Model of a scene, driven along a steady stretch of a real cam's motion."""
+"""Model of a scene, driven with the measured cam motion at a steady speed.
+
+A stretch is a time in which the real cam turns at a steady speed.
+"""
 
 from __future__ import annotations
 
@@ -14,45 +17,46 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
 from cam_rig.units import NS, TURN, FloatArray, to_rpm
 
-# Motion of the cam through the counts of an encoder: steady stretches, and cam states along them.
-
-#: Largest relative difference between the mean speeds of turns that count as one speed.
+# Motion of the cam from the readings of an encoder: stretches of steady speed, and cam states.
+#: Largest relative difference between the mean speeds of successive turns that count as one steady
+#: speed.
 SPEED_RTOL = 0.02
-#: Lower limit, in counts per turn, of the largest difference between mean speeds that count as one
-#: speed. It applies to coarse encoders.
+#: Largest difference between the mean speeds of successive turns that count as one steady speed, in
+#: encoder counts per turn. It replaces `SPEED_RTOL` for coarse encoders, for which it is larger.
 SPEED_COUNTS = 4.0
-#: Largest cam angle (rad) that the cam may turn in a gap within a stretch. A larger angle ends the
-#: stretch.
+#: Largest cam angle (rad) by which the cam may turn during a gap in the readings. A larger angle
+#: ends the stretch of steady speed.
 MAX_GAP_ANGLE = TURN / 8.0
-#: Number of knots per turn of the curve through a motion with varying speed.
+#: Number of knots per turn of the spline that is fitted to a cam motion with varying speed.
 KNOTS_PER_TURN = 8
-#: Smallest number of readings between two knots of the curve through a motion with varying speed.
+#: Smallest number of readings per polynomial piece of the spline that is fitted to a cam motion
+#: with varying speed.
 READINGS_PER_PIECE = 6
-#: Number of successive readings of which the angles must be equal if the cam is stopped.
+#: Number of successive readings whose angles must be equal for the cam to count as stopped.
 STILL_READINGS = 16
-#: Largest range (rad) of angles that count as equal.
+#: Largest range (rad) of cam angles that count as equal when the cam is stopped.
 STILL_ANGLE = 1e-3
-#: Largest ratio of the scatter about the curve to that about a straight line at which the curve is
-#: used.
+#: Largest ratio of the r.m.s. distance of the readings from the spline to that from a straight line
+#: at which the spline is used.
 MAX_CURVE_SCATTER = 0.9
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyStretch:
-    """Turns of the cam at one speed, as a quadratic spline of the cam angle θ.
+    """Time of steady cam speed, with the cam angle θ as a quadratic spline.
 
     Attributes
     ----------
     knots
         Times of the knots in s, shape (k,).
     angle
-        θ with all turns at the knots in rad, shape (k,).
+        θ at the knots in rad, not reduced to one turn, shape (k,).
     speed
         Speed at the knots in rad/s, shape (k,).
     scatter
-        R.m.s. distance of the readings from the motion, rad.
+        R.m.s. distance of the readings from the spline, rad.
     largest
-        Largest distance of the readings from the motion, rad.
+        Largest distance of the readings from the spline, rad.
     is_uniform
         True if the speed is constant.
     """
@@ -66,28 +70,34 @@ class SteadyStretch:
 
     @property
     def mean_speed(self) -> float:
-        """Mean cam speed, rad/s."""
+        """Mean cam speed of the stretch, rad/s."""
         return float((self.angle[-1] - self.angle[0]) / (self.knots[-1] - self.knots[0]))
 
     @property
     def rpm(self) -> float:
-        """Mean cam speed in rpm."""
+        """Mean cam speed of the stretch in rpm."""
         return to_rpm(self.mean_speed)
 
     @property
     def turns(self) -> float:
-        """Number of turns of the stretch."""
+        """Number of turns in the stretch, not necessarily an integer."""
         return float((self.angle[-1] - self.angle[0]) / TURN)
 
     def angle_at(self, time: FloatArray) -> FloatArray:
-        """Return the cam angle θ (rad, with all turns) at times in s, shape (n,)."""
+        """Return the cam angle θ (rad) at times in s, shape (n,).
+
+        It is not reduced to one turn.
+        """
         i = np.clip(np.searchsorted(self.knots, time, side="right") - 1, 0, self.knots.size - 2)
         since, length = time - self.knots[i], self.knots[i + 1] - self.knots[i]
         acceleration = (self.speed[i + 1] - self.speed[i]) / length
         return np.asarray(self.angle[i] + since * (self.speed[i] + 0.5 * acceleration * since))
 
     def states(self, cam: str, offset: float) -> Iterator[CamState]:
-        """Yield the cam states at the knots, for a cam that is `offset` (rad) ahead of θ."""
+        """Yield the cam states at the knots of the spline.
+
+        ``cam`` is the name of the cam. The cam angle of a state is θ plus `offset` (rad).
+        """
         for time, angle, speed in zip(self.knots, self.angle, self.speed, strict=True):
             ns = round(float(time) * NS)
             cam_angle = float(angle + offset + speed * (ns / NS - time))
@@ -95,10 +105,10 @@ class SteadyStretch:
 
 
 def steady_stretches(angle: Signal, min_turns: float) -> list[SteadyStretch]:
-    """Return the stretches in which the cam turns steadily for `min_turns` or more.
+    """Return the times in which the cam turns steadily for `min_turns` or more.
 
-    A gap in the readings ends a stretch, because the motion of the cam in the gap is unknown. A gap
-    in which it turned by `MAX_GAP_ANGLE` or less does not.
+    ``angle`` is the encoder's signal. A gap in the readings ends a stretch if the cam turns by more
+    than `MAX_GAP_ANGLE` during the gap, because its motion there is unknown.
     """
     count = encoder_count(angle.value)
     gaps = angle.gaps()
@@ -117,9 +127,10 @@ def steady_stretches(angle: Signal, min_turns: float) -> list[SteadyStretch]:
 
 
 def standstills(angle: Signal) -> FloatArray:
-    """Return the times (s) between which the cam is stopped, shape (k, 2).
+    """Return the start and end times (s) of the cam's stops, shape (k, 2).
 
-    Short stops are left out.
+    Stops of fewer than `STILL_READINGS` readings are left out. A longer stop can consist of several
+    rows.
     """
     limit = max(STILL_ANGLE, 1.5 * encoder_count(angle.value))
     first = np.arange(0, angle.time.size, STILL_READINGS)
@@ -136,12 +147,15 @@ def standstills(angle: Signal) -> FloatArray:
 def _uniform_parts(
     time: FloatArray, angle: FloatArray, count: float
 ) -> Iterator[tuple[float, float]]:
-    """Yield start and end times (s) of successive turns at one speed."""
+    """Yield start and end times (s) of successive turns at one steady speed.
+
+    ``count`` is the resolution of the encoder, rad.
+    """
     rising = np.maximum.accumulate(angle)
     marks = np.arange(rising[0] + 0.5 * count, rising[-1], TURN)
     if marks.size < 2:
         return
-    # The last reading of a plateau is where the count changes.
+    # Among equal readings of the angle, the encoder's count changes after the last.
     crossings = np.interp(marks, rising, time)
     speeds = TURN / np.diff(crossings)
     tolerance = max(SPEED_RTOL, SPEED_COUNTS * count / TURN)
@@ -156,11 +170,12 @@ def _uniform_parts(
 
 
 def _fit_motion(time: FloatArray, angle: FloatArray, count: float) -> SteadyStretch | None:
-    """Fit the motion of the cam to angle readings by a line, or by a curve if needed.
+    """Fit the motion of the cam to angle readings by a line, or by a spline if needed.
 
-    The curve is used if the line is off by more than a count and the curve reduces the scatter to
-    less than `MAX_CURVE_SCATTER`. A difference of counts would be a speed that jumps by whole
-    counts per reading. Returns None if the cam does not turn forwards.
+    The spline is used if the line is off by more than a count of the encoder (``count``, rad), and
+    the spline reduces the scatter to less than `MAX_CURVE_SCATTER` of that of the line. Differences
+    of single readings are not used, because they would give a speed that jumps by whole counts per
+    reading. Returns None if the cam does not turn forwards.
     """
     if time.size < 4:
         return None
@@ -184,7 +199,8 @@ def _fit_motion(time: FloatArray, angle: FloatArray, count: float) -> SteadyStre
 def _fit_curve(time: FloatArray, angle: FloatArray, turns: int) -> SteadyStretch | None:
     """Fit a quadratic spline to angle readings by least squares.
 
-    Returns None for too few readings. The acceleration is constant from knot to knot.
+    The acceleration is constant between knots. Returns None if there are too few readings, or if
+    the speed is not positive everywhere.
     """
     from scipy.interpolate import make_lsq_spline
 
@@ -207,16 +223,16 @@ def _fit_curve(time: FloatArray, angle: FloatArray, turns: int) -> SteadyStretch
 
 @dataclass(frozen=True, eq=False)
 class ModelRun:
-    """Samples of the follower from the time at which it is placed on its cam.
+    """Samples of the model's follower, from the time at which it is placed on its cam.
 
     Attributes
     ----------
     stretch
-        The motion of the cam.
+        The motion of the cam at a steady speed.
     start
         Time in s from which the follower is settled.
     rows
-        Samples, with rows as in `COLUMNS`.
+        Samples of the follower, with rows as in `COLUMNS`.
     sound
         End (s), mean square pressure (Pa²) and number of samples of each tick, shape (3, n). It is
         empty if the rig has no sound parameters.
@@ -234,11 +250,14 @@ class ModelRun:
 
     @property
     def loses_contact(self) -> bool:
-        """True if the model loses contact in the settled turns."""
+        """True if the model's follower loses contact in the settled turns."""
         return bool((self.settled[4] <= 0.0).any())
 
     def level(self) -> float | None:
-        """Return the sound level of the settled turns, dB re 20 µPa, None without sound."""
+        """Return the sound level of the settled turns in dB re 20 µPa.
+
+        It is None if the rig has no sound parameters.
+        """
         if not self.sound.size:
             return None
         settled = self.sound[:, self.sound[0] > self.start + 1.0 / NS]
@@ -247,9 +266,9 @@ class ModelRun:
 
 
 def drive(loaded: LoadedScene, cam: str, stretch: SteadyStretch, offset: float) -> ModelRun:
-    """Drive the scene's model with the motion of a measured stretch, on one cam.
+    """Drive the scene's model with the measured cam motion of a stretch.
 
-    The cam is `offset` (rad) ahead of the angle of the stretch.
+    ``cam`` is the name of the cam. The cam is `offset` (rad) ahead of the angle of the stretch.
     """
     follower, blocks, sound = FollowerSimulator.of(loaded), [], []
     microphone = None if loaded.missing_for_sound else MicrophoneSimulator.of(loaded)

@@ -1,4 +1,4 @@
-"""Pairs of measured and modelled signals, for bags of the rig and of test benches."""
+"""Pairs of measured and modelled signals, from bags of the rig or of a test bench."""
 
 from __future__ import annotations
 
@@ -32,8 +32,9 @@ from cam_rig.studies.compare.model_run import (
 )
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-#: Tick of the model, its sound pressure (Pa), and the state at which the follower was last placed
-#: on the cam after missing states.
+#: Samples of the model in one tick, their r.m.s. sound pressure (Pa) or None, and the cam state at
+#: which the model's follower was last restarted on the cam because recorded states were missing
+#: (None if never).
 ModelTick = tuple[TickSamples, float | None, CamState | None]
 
 
@@ -41,18 +42,20 @@ ModelTick = tuple[TickSamples, float | None, CamState | None]
 class _StepParts:
     """Samples of one cam at one speed, collected tick by tick.
 
-    Each array in `rows` has the rows time, angle, lift, modelled lift, force, modelled force.
-    `turned` is the cam angle (rad) of the ticks.
+    Each array in `rows` has the rows time (s), angle (rad), lift (m), modelled lift, force (N),
+    modelled force. `speed` is the cam speed (rad/s). `turned` is the cam angle (rad) by which the
+    cam turned in the collected ticks.
     """
 
     cam: str
     speed: float
     rows: list[FloatArray] = field(default_factory=list)
     turned: float = 0.0
-    #: Sums over the samples of both squared pressures (Pa²), and the number of samples.
+    #: Sums of the measured and of the modelled squared pressure (Pa²), and number of samples.
     energy: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def step(self) -> PairedStep:
+        """Return the collected samples as pairs of measured and modelled values."""
         time, angle, lift, model_lift, force, model_force = np.hstack(self.rows)
         levels: tuple[float | None, float | None] = (None, None)
         if self.energy[2]:
@@ -73,8 +76,8 @@ class _StepParts:
 class RecordedPairs:
     """Pairs of recorded and modelled values, from a recording of the rig.
 
-    The pairs are of all cams, or only of `cam`. `lost` is the number of ticks without samples. It
-    is valid after all steps were read.
+    The pairs are those of all cams, or only of `cam`. `lost` is the number of ticks of the model
+    without samples in the bag. It is valid after `steps` is exhausted.
     """
 
     loaded: LoadedScene
@@ -86,8 +89,8 @@ class RecordedPairs:
     ) -> Iterator[PairedStep]:
         """Yield the settled turns of each cam and speed as pairs.
 
-        `ticks` and `states` are those of the bag in their order. `pressures` is the measured r.m.s.
-        pressure (Pa) by the stamp (ns) of the tick's end.
+        The values are measured and modelled. `ticks` and `states` are those of the bag in their
+        order. `pressures` is the measured r.m.s. pressure (Pa) by the stamp (ns) of the tick's end.
         """
         settle = self.loaded.scene.schedule.transient_turns.si
         settling, parts = TransientFilter(settle), None
@@ -109,6 +112,10 @@ class RecordedPairs:
     def _match_ticks(
         self, ticks: Iterable[TickSamples], states: Iterable[CamState]
     ) -> Iterator[tuple[TickSamples, ModelTick]]:
+        """Yield each recorded tick with the tick of the model that has the same start.
+
+        Ticks without a counterpart are skipped. `lost` counts those of the model.
+        """
         ticks = iter(ticks)
         first = next(ticks, None)
         if first is None:
@@ -125,9 +132,10 @@ class RecordedPairs:
                 yield tick, current
 
     def _drive_model(self, states: Iterable[CamState], rate: int) -> Iterator[ModelTick]:
-        """Yield the ticks of the scene's model, driven with the recorded states.
+        """Yield the ticks of the scene's model, driven with the recorded cam states.
 
-        If states are missing, the follower is placed on the cam again.
+        If states are missing, the follower is restarted on the cam. ``rate`` is the sample rate in
+        Hz.
         """
         follower = FollowerSimulator.of(self.loaded)
         microphone = None
@@ -151,17 +159,17 @@ class RecordedPairs:
                     pressure = microphone.listen(block.rows, block.interval.mean_speed)
                 yield TickSamples(start, block.interval, block.rows), pressure, placed
             start = state
-            if not self._is_compared(state.cam):  # the state ends the last tick of the other cam
+            if not self._is_compared(state.cam):  # this state only ends the previous cam's tick
                 start = None
                 follower.continue_from()
 
     def _is_compared(self, cam: str) -> bool:
-        """Return True if a cam is selected for the comparison.
+        """Return True if a cam of the bag is part of the comparison.
 
         Raises
         ------
         ConfigError
-            If the scene does not have that cam.
+            If it is, and the scene does not have that cam.
         """
         if self.cam is not None and cam != self.cam:
             return False
@@ -175,9 +183,9 @@ class RecordedPairs:
 
 
 def _is_continuous(start: CamState, end: CamState) -> bool:
-    """Return True if a constant speed or one ramp leads from one state to another.
+    """Return True if a constant speed or one ramp leads from one cam state to another.
 
-    Otherwise states between them are missing.
+    Otherwise states between them are missing in the bag.
     """
     interval = start.until(end)
     deviation = interval.angle_at(interval.duration) - interval.angle - end.since(start)
@@ -187,10 +195,10 @@ def _is_continuous(start: CamState, end: CamState) -> bool:
 def _add_tick(
     parts: _StepParts, tick: TickSamples, model: ModelTick, pressures: dict[int, float]
 ) -> None:
-    """Add the samples of a tick that recording and model have in common.
+    """Add the samples that a recorded tick and a tick of the model have in common.
 
-    `pressures` are the recorded r.m.s. pressures (Pa) by stamp (ns). If the end of a tick is lost,
-    the bag has several ticks for one tick of the model.
+    `pressures` are the recorded r.m.s. pressures (Pa) by stamp (ns). A recorded tick may contain
+    only a part of the samples of the model's tick, if the message of a tick's end is lost.
     """
     samples, pressure, _ = model
     step = 1.0 if tick.time.size < 2 else float(np.diff(tick.time).mean())
@@ -205,19 +213,19 @@ def _add_tick(
         parts.energy += np.array([measured**2, pressure**2, 1.0]) * samples.time.size
 
 
-# Pairs of any test bench: the cam's motion is fitted through the readings of its angle.
-
-#: Smallest number of settled turns per speed that are compared.
+# Pairs from a test bench: the motion of the cam is fitted to the readings of its angle.
+#: Smallest number of settled turns at a speed that is compared.
 MIN_TURNS = 2.0
-#: Smallest number of readings of a quantity per speed that are compared.
+#: Smallest number of readings of a quantity at a speed that is compared.
 MIN_READINGS = 32
-#: Change of the force within `JUMP_ANGLE` above which it is a jump, as a fraction of the force's
-#: range.
+#: Change of the model's force within `JUMP_ANGLE` of a reading above which it is a jump, as a
+#: fraction of the force's range.
 JUMP_FRACTION = 0.1
-#: Cam angle (rad) before and after a reading in which a jump affects it.
+#: Cam angle (rad) before and after a reading within which a jump of the model's force excludes the
+#: reading from the comparison.
 JUMP_ANGLE = np.radians(0.5)
-#: Scatter of the angle, in counts, above which its readings are rounded to counts. Rounding alone
-#: gives 0.29.
+#: R.m.s. distance of the angle readings from the fitted motion, in encoder counts, above which they
+#: are taken as rounded to counts. Rounding alone gives 0.29.
 MIN_ROUNDING_COUNTS = 0.1
 
 
@@ -225,7 +233,8 @@ MIN_ROUNDING_COUNTS = 0.1
 class MeasuredPairs:
     """Pairs of measured and modelled values, from a run on a test bench.
 
-    `is_offset_given` is True if the encoder's zero was given.
+    `stretches` are the times of steady cam speed. `is_offset_given` is True if the encoder's zero
+    was given by the user.
     """
 
     run: MeasuredRun
@@ -239,7 +248,7 @@ class MeasuredPairs:
     def count(self) -> float:
         """Resolution of the encoder (rad).
 
-        It is 0 if the motion passes through all readings.
+        It is 0 if the fitted motion passes through all readings, so that rounding is not visible.
         """
         count = encoder_count(self.run.angle.value)
         is_rounded = any(part.scatter > MIN_ROUNDING_COUNTS * count for part in self.stretches)
@@ -247,10 +256,10 @@ class MeasuredPairs:
 
     @property
     def excluded(self) -> float:
-        """Fraction of the time without steady turns, which is not compared.
+        """Fraction of the time that is not compared because the speed is not steady.
 
-        Pauses are not part of the time. A pause is a gap in the readings, or a time in which the
-        cam is stopped.
+        Pauses do not count as time. A pause is a gap in the readings, or a time in which the cam is
+        stopped.
         """
         angle = self.run.angle
         pauses = sum(float(stop - start) for start, stop in (*angle.gaps(), *standstills(angle)))
@@ -259,7 +268,7 @@ class MeasuredPairs:
         return max(0.0, 1.0 - compared / duration)
 
     def steps(self) -> Iterator[PairedStep]:
-        """Yield the settled turns of each steady stretch as pairs, the slowest first."""
+        """Yield the settled turns at each steady speed as pairs, the slowest first."""
         settle = self.loaded.scene.schedule.transient_turns.si
         for stretch in sorted(self.stretches, key=lambda stretch: stretch.mean_speed):
             model = drive(self.loaded, self.cam, stretch, self.alignment.offset)
@@ -276,6 +285,12 @@ class MeasuredPairs:
     def _pair(
         self, signal: Signal | None, model: ModelRun, row: int, zero: float = 0.0
     ) -> PairedSignal | None:
+        """Return a measured signal with the model's values at the same times.
+
+        Only settled turns are included. ``row`` is the row of the quantity in the model's samples,
+        ``zero`` is subtracted from the readings. The result is None if there are fewer than
+        `MIN_READINGS`.
+        """
         if signal is None:
             return None
         time = self.alignment.on_cam_clock(signal.time)
@@ -289,6 +304,10 @@ class MeasuredPairs:
         return PairedSignal(time, angle, signal.value[inside] - zero, modelled)
 
     def _measured_level(self, model: ModelRun) -> float | None:
+        """Return the measured sound level (dB) of the settled turns as an energy mean.
+
+        It is None if the level was not measured.
+        """
         if self.run.level is None:
             return None
         time = self.alignment.on_cam_clock(self.run.level.time)
@@ -301,9 +320,11 @@ class MeasuredPairs:
 
 
 def _mark_jumps(pair: PairedSignal, model: ModelRun) -> PairedSignal:
-    """Return a force signal with a mark on readings near a jump of the model's force.
+    """Return a force signal in which readings near a jump of the model are marked.
 
-    There the force depends on the times of the events.
+    Near a jump, a small error in the time of a landing changes the force completely. The marked
+    readings are left out of the comparison. The signal is returned unmarked if too few readings
+    would remain.
     """
     width = max(JUMP_ANGLE / model.stretch.mean_speed, 2.0 * float(np.diff(model.rows[0, :2])[0]))
     around = [
@@ -319,7 +340,7 @@ def _mark_jumps(pair: PairedSignal, model: ModelRun) -> PairedSignal:
 def pair_measured(
     run: MeasuredRun, loaded: LoadedScene, cam: str, offset: float | None = None
 ) -> MeasuredPairs:
-    """Find the steady turns of a run and align its readings with the cam.
+    """Find the steady turns of a run, and align its readings with the cam.
 
     Parameters
     ----------
@@ -335,7 +356,7 @@ def pair_measured(
     Raises
     ------
     BagError
-        If the run has no steady turns after those that settle.
+        If the run has no steady turns after the turns that are needed to settle.
     """
     loaded.law_of(cam)
     settle = loaded.scene.schedule.transient_turns.si

@@ -1,4 +1,4 @@
-"""Comparison of a recorded run with the model of a scene."""
+"""Comparison of a recorded run with the model of a scene: function and result."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from cam_rig.studies.compare.pairs import RecordedPairs, pair_measured
 
 
 def _departure_columns(name: str, unit: str) -> tuple[Column, ...]:
-    """Return the table columns of one quantity, lift or force.
+    """Return the table columns of one quantity: lift or force.
 
     They are the r.m.s. difference, the noise if there is any, the largest difference with its
     angle, and a mark if run and model agree.
@@ -59,7 +59,7 @@ def _departure_columns(name: str, unit: str) -> tuple[Column, ...]:
     )
 
 
-#: Notes below the table of lift and force.
+#: Footnotes of the table of lift and force. Each is shown only if its condition is true for a row.
 NOTES = (
     Footnote(
         "R.m.s. of all readings. Noise: scatter of the readings from turn to turn. Largest: of the "
@@ -82,7 +82,8 @@ NOTES = (
         lambda row: any(part is not None and part.varies_by_turn for part in (row.lift, row.force)),
     ),
 )
-#: Displayed unit of each quantity in tables with one unit per row. Other quantities have SI units.
+#: Displayed unit of each quantity in tables in which every row has its own unit. Other quantities
+#: are displayed in SI units.
 DISPLAY_UNITS = {
     "lift": "µm",
     "lift_zero": "mm",
@@ -98,10 +99,16 @@ DISPLAY_UNITS = {
 
 
 def _display_unit(row: LargestDeviation | AlignmentNumber) -> str:
+    """Return the unit in which the quantity of a table row is displayed."""
     return DISPLAY_UNITS.get(row.quantity, row.unit)
 
 
 def _value_cell(digits: str) -> Callable[[Any], Cell]:
+    """Return a function that formats the value of a table row in its displayed unit.
+
+    ``digits`` is a format such as ``.3g``. The function returns None for a missing value.
+    """
+
     def cell(row: Any) -> Cell:
         if row.value is None:
             return None
@@ -112,7 +119,7 @@ def _value_cell(digits: str) -> Callable[[Any], Cell]:
     return cell
 
 
-#: Note below the table of events.
+#: Footnote of the table of events that explains the delay.
 LATER = Footnote(
     "Events later by: median of the lift-offs and landings that run and model have in common.",
     lambda row: row.contact is not None and row.contact.shift is not None,
@@ -126,16 +133,16 @@ class RunComparison(Result):
     Attributes
     ----------
     source
-        The bag.
+        The bag of the run.
     loaded
         The scene whose model was driven with the recorded cam angle.
     speeds
-        One row per cam and speed.
+        The differences, one element per cam and speed.
     notes
-        One sentence each on the reading of the bag, and warnings.
+        Sentences on how the bag was read, and warnings.
     alignment
-        Numbers by which the readings of a test bench were aligned with the cam. It is empty for a
-        bag of the rig.
+        Parameters by which the readings of a test bench were aligned with the cam. It is empty for
+        a bag of the rig.
     counts
         Readings and skipped messages of each quantity. It is empty for a bag of the rig.
     """
@@ -206,13 +213,20 @@ class RunComparison(Result):
 
     @property
     def force_ringing(self) -> float | None:
-        """Frequency (Hz) at which the force deviates at several speeds, or None."""
+        """Frequency (Hz) at which the force deviates from the model at several speeds.
+
+        It is None if there is no such frequency. It may be a resonance of the sensor or its mount.
+        """
         return common_frequency(
             [row.rpm for row in self.speeds], [row.peak_hz for row in self.speeds]
         )
 
     def tables(self) -> list[Records]:
-        """Return the tables: lift and force, events and levels, alignment, and the run."""
+        """Return the tables of the comparison.
+
+        They contain lift and force, events and sound levels, the largest deviations, the alignment,
+        the readings, and the run.
+        """
         caption = f"{self.loaded.scene.title}: measured less model"
         relative = Footnote(
             RELATIVE_NOTE, lambda row: not self.loaded.calibrated and row.measured_db is not None
@@ -229,7 +243,7 @@ class RunComparison(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return the notes, the number of speeds that agree, and the ringing of the force."""
+        """Return the notes, the number of speeds that agree, and any ringing of the force."""
         agreeing = sum(row.agrees for row in self.speeds)
         lines = [*self.notes, f"lift and force agree at {agreeing} of {len(self.speeds)} speeds"]
         if self.force_ringing is not None:
@@ -304,6 +318,7 @@ def compare(
 def _compare_recording(
     bag: Path, loaded: LoadedScene, cam: str | None, namespace: str | None
 ) -> RunComparison:
+    """Compare a bag of the rig, which contains the exact states of the cam."""
     with friendly_import_errors():
         from cam_rig.bag.measured_run import own_namespace, read_pressures, read_states
         from cam_rig.bag.partial_reader import recovery_notes
@@ -329,6 +344,7 @@ def _compare_recording(
 def _compare_bench(
     bag: Path, loaded: LoadedScene, topics: str, cam: str | None, offset_deg: float | None
 ) -> RunComparison:
+    """Compare a bag of another program, whose cam angle is measured by an encoder."""
     with friendly_import_errors():
         from cam_rig.bag.foreign.topic_line import parse_topics
         from cam_rig.bag.measured_run import read_measured

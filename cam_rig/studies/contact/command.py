@@ -1,4 +1,4 @@
-"""cam-rig contact: Hertz pressure and sliding of cams."""
+"""Command ``cam-rig contact``: Hertz pressure and sliding of cams."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ MinRadius = Annotated[
 
 #: Default largest pressure angle of the nomogram, degrees.
 MAX_PRESSURE_ANGLE = 30.0
-#: Default sum of roller radius and least radius of curvature in the nomogram, in lifts.
+#: Default sum of roller radius and smallest radius of curvature of the contour in the nomogram, in
+#: lifts.
 MIN_RADIUS = 2.0
 
 

@@ -1,4 +1,4 @@
-"""Figures of Hertz pressure and sliding, and the nomogram of event angles."""
+"""Figures of Hertz pressure and sliding, and nomogram of base radius over event angle."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from cam_rig.studies.contact.study import CamContact, ContactResult
 from cam_rig.studies.contact.surfaces import Measure, measured, peak_pressure, peak_sliding
 from cam_rig.units import FloatArray
 
-#: Number of cam angles of a curve over the turn.
+#: Number of cam angles of a curve over one turn.
 CURVE_POINTS = 1440
-#: Number of base radii of a curve over the base radius.
+#: Number of base radii at which a curve over the base radius is computed.
 RADII = 36
-#: Smallest base radius of a curve, relative to that of the cam.
+#: Smallest base radius of a curve over the base radius, relative to that of the cam.
 MIN_RATIO = 0.25
-#: Largest base radius of a curve, relative to that of the cam.
+#: Largest base radius of a curve over the base radius, relative to that of the cam.
 MAX_RATIO = 3.0
-#: Largest number of letters of a label in a legend with three columns. With longer labels the
-#: legend has two columns.
+#: Largest number of letters of a legend entry with which the legend has three columns. With longer
+#: entries it has two.
 LETTERS = 32
-#: Event angles of the nomogram, degrees.
+#: Event angles (spans of a rise) of the nomogram, degrees.
 EVENTS = np.linspace(30.0, 180.0, 151)
 
 
@@ -36,7 +36,7 @@ EVENTS = np.linspace(30.0, 180.0, 151)
 def figure(result: ContactResult) -> Figure:
     """Draw pressure and sliding over the turn, and their maxima over the base radius.
 
-    Dashed lines are the permissible values.
+    The base radius of each cam is marked. Dashed lines are the permissible values.
     """
     rows = result.rows
     fig = empty(5.6)
@@ -73,6 +73,7 @@ def figure(result: ContactResult) -> Figure:
 
 
 def _over_turn(panels: FloatArray, row: CamContact, style: dict[str, Any]) -> None:
+    """Draw pressure (MPa) and sliding speed (m/s) of a cam over the turn."""
     motion_touch = row.case.at(turn_angles(CURVE_POINTS))
     surfaces, degrees = row.case.surfaces, np.degrees(motion_touch[0].angle)
     name = f"{short(row.case.cam.title)} ({row.case.cam.follower.type.replace('_', ' ')})"
@@ -83,6 +84,10 @@ def _over_turn(panels: FloatArray, row: CamContact, style: dict[str, Any]) -> No
 def _over_base(
     axes: Axes, row: CamContact, style: dict[str, Any], measure: Measure, factor: float
 ) -> None:
+    """Draw the largest value of a quantity over the base radius, and mark the cam's.
+
+    ``measure`` returns the value in SI, ``factor`` converts it to the displayed unit.
+    """
     cam_radius = row.case.cam.follower.base_radius.si
     base = cam_radius * np.geomspace(MIN_RATIO, MAX_RATIO, RADII)
     values = [measured(row.case, measure, float(radius)) for radius in base]
@@ -94,6 +99,7 @@ def _over_base(
 
 
 def _limit(axes: Axes, values: set[float], name: str, unit: str) -> None:
+    """Draw permissible values as dashed lines, with a legend."""
     for value in sorted(values):
         axes.axhline(value, color=web(LIMIT), ls="--", label=f"{name}, {value:g} {unit}")
     axes.legend(loc="best")
@@ -101,10 +107,10 @@ def _limit(axes: Axes, values: set[float], name: str, unit: str) -> None:
 
 @styled
 def events_figure(most: float, radius: float) -> Figure:
-    """Draw the nomogram: least radii in lifts over the event angle, by law.
+    """Draw the nomogram: smallest radii in lifts over the event angle, by law.
 
-    ``most`` is the largest pressure angle in rad. ``radius`` is the sum of roller radius and least
-    radius of curvature of the contour, in lifts.
+    ``most`` is the largest pressure angle in rad. ``radius`` is the sum of roller radius and
+    smallest radius of curvature of the contour, in lifts.
     """
     event = np.radians(EVENTS)
     fig = empty(3.6)

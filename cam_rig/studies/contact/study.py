@@ -1,4 +1,4 @@
-"""Contact of cams at one speed: pressure, sliding and bounds on the base radius."""
+"""Contact of cams at one speed: Hertz pressure, sliding, and bounds on the base radius."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from cam_rig.studies.contact.surfaces import (
 )
 from cam_rig.units import RPM, RPM_PER_RAD_S, TURN
 
-#: Event angles in the tables of the nomogram, degrees.
+#: Event angles (spans of a rise) in the tables of the nomogram, degrees.
 EVENTS = (60.0, 90.0, 120.0, 150.0, 180.0)
 
 
 @dataclass(frozen=True, eq=False)
 class CamContact:
-    """Contact of one cam over the turn.
+    """Largest pressure and sliding of one cam over the turn, and base radius bounds.
 
     Parameters
     ----------
@@ -51,8 +51,8 @@ class CamContact:
     load, width : float
         Normal force in N and width of the contact in m at the largest pressure.
     relative_radius : float
-        Relative radius 1/κ of the pair in m at the largest pressure. It is the radius of the
-        follower if the cam is straight there.
+        Relative radius of curvature 1/κ of cam and follower in m at the largest pressure. It is the
+        radius of the follower if the cam is straight there.
     sliding : Extreme
         Largest sliding speed in m/s and its cam angle.
     lost : bool
@@ -72,18 +72,21 @@ class CamContact:
 
     @property
     def cam(self) -> CamConfig:
-        """Cam with its follower."""
+        """Cam file with the follower."""
         return self.case.cam
 
     @property
     def roller_rpm(self) -> float | None:
-        """Greatest speed (rpm) of a roller about its pin, or None without a roller."""
+        """Largest speed (rpm) of a roller about its pin, or None without a roller."""
         surfaces = self.case.surfaces
         return self.sliding.value / surfaces.radius * RPM_PER_RAD_S if surfaces.rolls else None
 
     @property
     def result(self) -> str:
-        """Comparison of the cam's base radius with the bounds, as text."""
+        """Position of the cam's base radius relative to the bounds, as text.
+
+        It is "within", "outside", or a text if no base radius satisfies all bounds.
+        """
         lower, upper = self.bounds.least, self.bounds.sliding
         if lower is None or upper is None or lower > upper:
             return "no base radius meets all"
@@ -92,7 +95,10 @@ class CamContact:
 
 
 def contact_row(case: ContactCase) -> CamContact:
-    """Compute pressure, sliding, loss of contact and base radius bounds of one cam."""
+    """Compute pressure, sliding, loss of contact and base radius bounds of one cam.
+
+    ``case`` is the cam on a rig at a speed.
+    """
     surfaces, scan = case.surfaces, case.scan
     pressure = scan.greatest_of(surfaces.pressure)
     min_force = -scan.greatest_of(lambda *motion: -surfaces.normal_force(*motion)).value
@@ -113,16 +119,23 @@ def contact_row(case: ContactCase) -> CamContact:
 
 
 def _values(values: Iterable[float]) -> str:
+    """Return the distinct values in rising order as text."""
     return ", ".join(f"{value:g}" for value in sorted(set(values)))
 
 
 def _follower(row: CamContact) -> str:
+    """Return the type of the follower and its radius in mm as text."""
     radius = row.case.surfaces.radius
     kind = row.cam.follower.type.replace("_", " ")
     return kind + (f", R {1e3 * radius:.3g} mm" if math.isfinite(radius) else "")
 
 
 def _bound_column(key: str, heading: str) -> Column:
+    """Return the table column of a bound on the base radius.
+
+    ``key`` is a field of `BaseBounds`.
+    """
+
     def cell(row: CamContact) -> Cell:
         value = getattr(row.bounds, key)
         if value is None:
@@ -144,7 +157,7 @@ RADII = (
 
 @dataclass(frozen=True, repr=False)
 class ContactResult(Result):
-    """Contact of cams on a rig at one speed.
+    """Hertz pressure, sliding and base radius bounds of cams on a rig at one speed.
 
     Parameters
     ----------
@@ -212,9 +225,9 @@ class ContactResult(Result):
     steepest: float | None = None
 
     def tables(self) -> list[Records]:
-        """Return the tables ``contact``, ``bounds``, ``assumed`` and of the nomogram.
+        """Return the tables ``contact``, ``bounds``, ``assumed`` and ``run``.
 
-        The tables of the nomogram are ``roller_radii`` and ``face_radii``.
+        With a nomogram, they include its tables ``roller_radii`` and ``face_radii``.
         """
         parts = [row.cam.parts for row in self.rows]
         contact = self.table(
@@ -250,6 +263,10 @@ class ContactResult(Result):
         return [contact, bounds, assumed, *self._nomogram(), run]
 
     def _nomogram(self) -> Iterator[Records]:
+        """Yield the two tables of the nomogram, if a largest pressure angle is given.
+
+        They contain the smallest radii over the event angle, for each law of a rise.
+        """
         if self.steepest is None:
             return
         event, note = np.radians(EVENTS), "The guide goes through the cam's axis."
@@ -263,12 +280,17 @@ class ContactResult(Result):
 
 
 def _quantity(quantity: Quantity) -> str:
+    """Return the value of a quantity with its unit as text."""
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     return f"{quantity.numbers[0]:g}{unit}"
 
 
 def compare_contacts(cam_set: CamSet, rpm: float, steepest: float | None = None) -> ContactResult:
-    """Return the contact of every cam of a set at one speed."""
+    """Return the contact of every cam of a set at one speed.
+
+    ``rpm`` is the speed of the cam. ``steepest`` (rad) is the largest pressure angle of the
+    nomogram, or None without a nomogram.
+    """
     rig = FollowerParameters.from_rig(cam_set.rig)
     rows = (
         contact_row(contact_case(cam, cam_set.laws[name], rig, rpm * RPM))
@@ -277,7 +299,7 @@ def compare_contacts(cam_set: CamSet, rpm: float, steepest: float | None = None)
     return ContactResult(cam_set.rig.name, rpm, tuple(rows), steepest)
 
 
-#: Default speed, rpm. It is below every jump speed of the paper's laws.
+#: Default speed of the cam, rpm. It is below every jump speed of the paper's laws.
 SPEED = 300.0
 
 

@@ -1,8 +1,9 @@
-"""Load, pressure and sliding of cam and follower, and bounds on the base radius.
+"""Force, Hertz pressure and sliding of cam and follower, and bounds on the base radius.
 
 The force F along the guide, or along the arc of the arm, is that of a rigid follower in contact.
-The normal force N follows from virtual work, N v·n = F ṡ, and is N = F / cos α in a guide. Friction
-is neglected. If the cam would have to pull, the force and the pressure are zero.
+The normal force N follows from virtual work, N v·n = F ṡ, with the velocity v of the follower and
+the contact normal n. In a guide N = F / cos α with the pressure angle α. Friction is neglected. If
+the cam would have to pull, the force and the pressure are zero.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from cam_rig.units import FloatArray
 
 
 def hertz_pressure(load: FloatArray, curvature: FloatArray, modulus: float) -> FloatArray:
-    """Return the largest pressure p₀ (Pa), at the middle of contact: √(F' E* κ / π).
+    """Return the largest Hertz pressure p₀ (Pa) of a line contact: √(F' E* κ / π).
 
     ``load`` is the force F' per face width in N/m. ``curvature`` is κ = 1/R₁ + 1/R₂ in 1/m, where a
     concave radius is negative. ``modulus`` is E* in Pa: 1/E* = (1 − ν₁²)/E₁ + (1 − ν₂²)/E₂.
@@ -40,7 +41,10 @@ def hertz_pressure(load: FloatArray, curvature: FloatArray, modulus: float) -> F
 
 
 def half_width(load: FloatArray, curvature: FloatArray, modulus: float) -> FloatArray:
-    """Return half the width of the contact b (m): √(4 F' / (π E* κ))."""
+    """Return half the width b of a Hertz line contact (m): √(4 F' / (π E* κ)).
+
+    The parameters are those of `hertz_pressure`.
+    """
     return np.sqrt(4.0 * load / (np.pi * modulus * curvature))
 
 
@@ -48,7 +52,7 @@ def half_width(load: FloatArray, curvature: FloatArray, modulus: float) -> Float
 class Surfaces:
     """Surfaces of a cam and its follower at one speed.
 
-    Arrays have the shape of the motion.
+    The results of its methods have the shape of the motion.
 
     Parameters
     ----------
@@ -74,18 +78,21 @@ class Surfaces:
     speed: float
 
     def normal_force(self, motion: Motion, touch: Touch) -> FloatArray:
-        """Return the force (N) along the common normal, 0 if the cam would have to pull."""
+        """Return the force (N) along the common normal of cam and follower.
+
+        It is 0 if the cam would have to pull.
+        """
         orders = np.stack([motion.s, motion.slope, motion.curvature])
         force = np.tensordot(force_weights(self.rig, self.speed), orders, axes=1) + self.rig.preload
         lever = (self.element.moves(touch.contact) * touch.normal.conj()).real
-        with np.errstate(divide="ignore"):  # a face touched at its pivot
+        with np.errstate(divide="ignore"):  # a flat face that is touched at its pivot
             normal = np.where(lever > 0.0, np.asarray(force) / lever, np.inf)
         return np.maximum(normal, 0.0)
 
     def curvature(self, touch: Touch) -> FloatArray:
-        """Return the curvature κ = 1/ρ + 1/R of the pair in 1/m.
+        """Return the relative curvature κ = 1/ρ + 1/R of cam and follower in 1/m.
 
-        It is infinite if the follower does not fit into the cam, or the cam is undercut.
+        It is infinite if the follower does not fit into the cam, or if the cam is undercut.
         """
         with np.errstate(divide="ignore"):
             curvature = 1.0 / touch.radius + 1.0 / self.radius
@@ -93,21 +100,24 @@ class Surfaces:
         return np.where(fits, curvature, np.inf)
 
     def pressure(self, motion: Motion, touch: Touch) -> FloatArray:
-        """Return the Hertz pressure p₀ (Pa), infinite if the curvature is infinite."""
+        """Return the largest Hertz pressure p₀ in the contact (Pa).
+
+        It is infinite if the curvature is infinite.
+        """
         load, curvature = self.normal_force(motion, touch), self.curvature(touch)
-        with np.errstate(invalid="ignore"):  # infinite curvature without load
+        with np.errstate(invalid="ignore"):  # infinite curvature times zero load
             value = hertz_pressure(load / self.parts.face_width.si, curvature, self.parts.modulus)
         return np.where(np.isinf(curvature), np.inf, value)
 
     def width(self, motion: Motion, touch: Touch) -> FloatArray:
-        """Return the width 2b of the contact (m)."""
+        """Return the full width 2b of the Hertz contact (m)."""
         load = self.normal_force(motion, touch) / self.parts.face_width.si
         return 2.0 * half_width(load, self.curvature(touch), self.parts.modulus)
 
     def sliding(self, motion: Motion, touch: Touch) -> FloatArray:
-        """Return the sliding speed (m/s).
+        """Return the sliding speed of cam on follower (m/s).
 
-        For a free roller it is the speed of its rim.
+        For a roller, which turns freely, it is the speed of its rim.
         """
         carried = motion.slope * self.element.moves(touch.contact)
         relative = 1j * touch.contact - carried
@@ -116,7 +126,7 @@ class Surfaces:
 
 @dataclass(frozen=True, eq=False)
 class ContactCase:
-    """Checked cam on a rig at a speed, with contact over the whole turn."""
+    """Cam with a checked profile on a rig at a speed."""
 
     cam: CamConfig
     law: Law
@@ -124,17 +134,17 @@ class ContactCase:
 
     @cached_property
     def scan(self) -> Scan:
-        """Contact over the whole turn."""
+        """Contact over the whole turn, in which extremes are searched for."""
         return Scan(self.law, self.surfaces.element)
 
     def at(self, angle: FloatArray) -> tuple[Motion, Touch]:
-        """Return motion and contact at cam angles (rad)."""
+        """Return motion and contact at cam angles (rad) of shape (n,)."""
         motion = Motion.at(self.law, angle)
         return motion, self.surfaces.element.touch(motion)
 
 
 def contact_case(cam: CamConfig, law: Law, rig: FollowerParameters, speed: float) -> ContactCase:
-    """Check a cam, and return its contact at a ``speed`` in rad/s.
+    """Check the profile of a cam, and return its contact at a ``speed`` in rad/s.
 
     Raises
     ------
@@ -161,10 +171,12 @@ def contact_case(cam: CamConfig, law: Law, rig: FollowerParameters, speed: float
 
 # Lower and upper bounds on the base radius.
 
-#: Function that computes the measure of a whole turn which a limit bounds.
+#: Function that returns the largest value of a quantity over a turn, such as the Hertz pressure,
+#: for comparison with its limit.
 Measure = Callable[[Surfaces, Scan], float]
 
-#: Limits that give a lower bound on the base radius: key and displayed name.
+#: Displayed names of the limits that give a lower bound on the base radius, by their key in
+#: `BaseBounds`.
 LOWER = {"curvature": "curvature", "pressure": "Hertz pressure", "pressure_angle": "pressure angle"}
 
 
@@ -172,19 +184,20 @@ LOWER = {"curvature": "curvature", "pressure": "Hertz pressure", "pressure_angle
 class BaseBounds:
     """Bounds on the base radius (m) of a cam at one speed.
 
-    The other numbers of the cam are fixed. A bound is None if no base radius satisfies the limit.
-    A lower bound is 0 if every base radius down to a hundredth of the cam's satisfies the limit.
+    The other dimensions of the cam are fixed. A bound is None if no base radius satisfies the
+    limit. A lower bound is 0 if every base radius down to a hundredth of the cam's satisfies the
+    limit.
 
     Parameters
     ----------
     curvature : float, optional
-        Least base radius without undercut and with the least radius of curvature.
+        Smallest base radius without undercut and with the required radius of curvature.
     pressure_angle : float, optional
-        Least base radius for the largest pressure angle.
+        Smallest base radius for the largest pressure angle.
     pressure : float, optional
-        Least base radius for the permissible Hertz pressure.
+        Smallest base radius for the permissible Hertz pressure.
     sliding : float, optional
-        Greatest base radius for the permissible sliding speed, infinite for a roller.
+        Largest base radius for the permissible sliding speed, infinite for a roller.
     """
 
     curvature: float | None
@@ -215,7 +228,7 @@ class BaseBounds:
 
 
 def base_bounds(case: ContactCase) -> BaseBounds:
-    """Return all bounds on the base radius of a cam."""
+    """Return all bounds on the base radius of a cam at one speed."""
     follower, limits = case.cam.follower, case.surfaces.parts
     radius = follower.base_radius.si
 
@@ -246,7 +259,8 @@ def peak_sliding(surfaces: Surfaces, scan: Scan) -> float:
 def measured(case: ContactCase, measure: Measure, base: float) -> float | None:
     """Return a measure of the cam with another base radius (m).
 
-    Returns None if the follower does not reach the cam.
+    ``measure`` is a function such as `peak_pressure`. Returns None if the follower does not reach
+    the cam.
     """
     plates = discs_on(case.cam.follower, case.law, base)
     if not plates:
@@ -258,7 +272,7 @@ def measured(case: ContactCase, measure: Measure, base: float) -> float | None:
 def _excess(
     case: ContactCase, measure: Measure, limit: float, base: float, missing: float
 ) -> float:
-    """Return measure/limit − 1, clipped to ±1 for the root finder.
+    """Return measure/limit − 1 at a base radius (m), clipped to ±1 for a root finder.
 
     ``missing`` replaces measure/limit if the follower does not reach the cam.
     """
@@ -267,9 +281,9 @@ def _excess(
 
 
 def _greatest(case: ContactCase, radius: float, limit: float) -> float | None:
-    """Return the greatest base radius (m) within the limit of the sliding speed.
+    """Return the largest base radius (m) within the limit of the sliding speed.
 
-    `limit` is in m/s and `radius` is the cam's base radius in m. Returns None if every base radius
+    `limit` is in m/s, and `radius` is the cam's base radius in m. Returns None if every base radius
     exceeds the limit. Returns infinity for a roller, and if no base radius that the follower
     reaches exceeds the limit.
     """
@@ -282,12 +296,12 @@ def _greatest(case: ContactCase, radius: float, limit: float) -> float | None:
     if bound == 0.0:
         return None
     reaches = bound is not None and measured(case, peak_sliding, bound * 1.001) is not None
-    return bound if reaches else np.inf  # the follower does not reach the bound
+    # If the follower does not reach the cam at the bound, the limit is not exceeded before.
+    return bound if reaches else np.inf
 
 
-# Nomogram of the cam handbooks: least base radius over the event angle, by law.
-
-#: Laws of the nomogram: every full rise with finite acceleration, each once.
+# Nomogram of the cam handbooks: smallest base radius over the event angle, by law.
+#: Names of the laws in the nomogram: every full rise with finite acceleration, without duplicates.
 RISES = (
     "simple_harmonic",
     "modified_trapezoid",
@@ -300,16 +314,18 @@ RISES = (
 
 assert set(RISES) <= set(NAMED_RISES)
 
-#: Number of bisections in the search for a radius. The accuracy is about 1e-12 of the lift.
+#: Number of bisections in the search for a radius of the nomogram. The accuracy is about 1e-12 of
+#: the lift.
 HALVINGS = 48
-#: Number of samples of each piece of a rise. The relative accuracy of a radius is 1e-5.
+#: Number of samples of each polynomial piece of a rise in the nomogram. The relative accuracy of a
+#: radius is 1e-5.
 SAMPLES = 1001
 
 
 def _scaled_rises(name: str, event: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return samples of s, s' and s'' of a rise over its lift, each of shape (m, n).
+    """Return samples of s/h, s'/h and s''/h of a rise of lift h, each of shape (m, n).
 
-    ``event`` are m event angles in rad. Each has n samples.
+    ``event`` are m event angles in rad. ``name`` is the law. There are n samples of each rise.
     """
     s, slope, second = _unit(name)
     beta = event[:, None]
@@ -320,7 +336,8 @@ def _scaled_rises(name: str, event: FloatArray) -> tuple[FloatArray, FloatArray,
 def _unit(name: str) -> FloatArray:
     """Return samples of s, s' and s'' of a rise of lift 1 over angle 1, shape (3, n).
 
-    They include the dwells before and after the rise. A joint has the values of both sides.
+    They include the dwells before and after the rise. A joint of two polynomials has the values of
+    both sides.
     """
     breaks, columns = unit_rise(name)
     ordinates, spans = join_pieces(columns), np.diff(breaks)
@@ -334,18 +351,21 @@ def _unit(name: str) -> FloatArray:
 
 
 def by_pressure_angle(name: str, event: FloatArray, most: float) -> FloatArray:
-    """Return the least prime radius over the lift h for a roller or point.
+    """Return the smallest prime radius over the lift h for a pressure angle, ``(m,)``.
 
-    It follows from tan α = s' / (R_p + s) with the largest pressure angle ``most`` = α in rad.
+    The follower is a roller or point. The prime radius R_p is base radius plus roller radius. It
+    follows from tan α = s' / (R_p + s) with the largest pressure angle ``most`` = α in rad.
+    ``event`` are m event angles in rad.
     """
     s, slope, _ = _scaled_rises(name, event)
     return np.asarray((np.abs(slope) / np.tan(most) - s).max(axis=1))
 
 
 def by_face(name: str, event: FloatArray) -> FloatArray:
-    """Return the least (R_b − ρ_min) / h of a flat follower, one per event angle.
+    """Return the smallest (R_b − ρ_min) / h of a flat follower, ``(m,)``.
 
-    It follows from ρ = R_b + s + s'' (eq. 2.42).
+    There is one value per event angle (rad). ρ_min is the required radius of curvature. The value
+    follows from ρ = R_b + s + s'' (eq. 2.42).
     """
     s, _, second = _scaled_rises(name, event)
     least = np.maximum(-(s + second).min(axis=1), 0.0)
@@ -353,10 +373,12 @@ def by_face(name: str, event: FloatArray) -> FloatArray:
 
 
 def by_curvature(name: str, event: FloatArray, radius: float) -> FloatArray:
-    """Return the least prime radius over h for a least radius of the pitch curve.
+    """Return the smallest prime radius over h for a limit of the curvature, ``(m,)``.
 
-    It follows from eq. 2.46 with ε = 0. ``radius`` is the sum of roller radius and least radius of
-    curvature of the contour, relative to h.
+    The prime radius is base radius plus roller radius. ``event`` are m event angles in rad.
+    ``radius`` is the smallest allowed radius of curvature of the pitch curve, relative to h: the
+    roller radius plus the smallest radius of curvature of the contour. The result follows from eq.
+    2.46 with the eccentricity ε = 0.
     """
     s, slope, second = _scaled_rises(name, event)
 
@@ -366,7 +388,8 @@ def by_curvature(name: str, event: FloatArray, radius: float) -> FloatArray:
         curvature_term = square + slope**2 - high * second
         return np.asarray((radius * curvature_term > square**1.5).any(axis=1))
 
-    low = np.full(event.shape, radius)  # the circle of the dwell has this radius
+    # In a dwell, the radius of curvature of the pitch curve is the prime radius itself.
+    low = np.full(event.shape, radius)
     high = low + 1.0
     while (rejected := too_sharp(high)).any():
         high = np.where(rejected, 2.0 * high, high)

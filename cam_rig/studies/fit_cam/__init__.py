@@ -1,1 +1,1 @@
-"""From gauge readings to a cam: a spline with exact dwells, or a contour of tangent arcs."""
+"""Fit of a cam to gauge readings: a spline with exact dwells, or tangent arcs."""

@@ -1,4 +1,4 @@
-"""Cam file of a fitted spline, its table of points, and parts of all cam files."""
+"""Cam file of a fitted spline with its table of points, and helpers for all cam files."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from cam_rig.studies.fit_cam.dwells import DEGREE_DECIMALS
 from cam_rig.studies.fit_cam.spline_fit import SplineFit
 from cam_rig.units import TURN
 
-#: Base radii (lifts) that are tried in this order. The first whose contour passes the checks is
-#: used.
+#: Base radii, in multiples of the lift, that are tried in this order if the base radius is unknown.
+#: The first whose contour passes all checks is used.
 BASE_RADII_IN_LIFTS = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0)
-#: Assumed roller radius, as a fraction of the base radius: a usual proportion.
+#: Assumed roller radius as a fraction of the base radius if it is unknown: a usual proportion.
 ROLLER_PART = 0.3
-#: Number of decimals of lengths in mm in a file: 1 nm, below the step of any gauge.
+#: Number of decimals of lengths in mm in a written file: 1 nm, below the step of any gauge.
 MILLIMETRE_DECIMALS = 6
-#: Text of the origin of an assumed radius in a cam file.
+#: Text in a cam file for the origin of an assumed radius.
 FREE_CHOICE = "a free choice, not identifiable from the readings: replace it with the cam's radius"
 
 
@@ -33,7 +33,7 @@ FREE_CHOICE = "a free choice, not identifiable from the readings: replace it wit
 class CamFiles:
     """Cam with its law, and the text of each of its files by file name.
 
-    `assumed` lists the assumptions that no reading supports.
+    `assumed` lists, as sentences, the assumptions that no reading supports.
     """
 
     cam: CamConfig
@@ -43,9 +43,10 @@ class CamFiles:
 
 
 class _Candidate(NamedTuple):
-    """Cam with one of the possible base radii (m), and the result of its checks.
+    """Cam with one of the possible base radii, and the result of its checks.
 
-    `passes` is True if it passes all checks.
+    ``radius`` is the base radius in m, ``data`` the content of the cam file. `passes` is True if
+    the cam passes all checks.
     """
 
     radius: float
@@ -62,13 +63,14 @@ def spline_cam(
     base_radius: float | None = None,
     roller_radius: float | None = None,
 ) -> CamFiles:
-    """Return the cam file of a spline, and the table of its points.
+    """Return the cam file of a fitted spline, and the table of its points.
 
-    `base_radius` is in m. The default is the first of `BASE_RADII_IN_LIFTS` that passes the checks.
-    `roller_radius` is in m. The default is the fraction `ROLLER_PART` of the base radius.
+    ``kind`` is the type of the follower. `base_radius` is in m. The default is the first of
+    `BASE_RADII_IN_LIFTS` that passes the checks. `roller_radius` is in m. The default is the
+    fraction `ROLLER_PART` of the base radius.
     """
     degrees = [float(f"{math.degrees(angle):.9g}") for angle in fit.readings.angles]
-    points = {  # as the table contains them, because it is not written yet
+    points = {  # rounded as in the table of points, which is not written yet
         "file": f"{name}.csv",
         "angles": tuple(angle * (TURN / 360.0) for angle in degrees),
         "lifts": tuple(1e-3 * to_mm(lift) for lift in fit.readings.lifts),
@@ -118,7 +120,10 @@ def _spline_data(name: str, fit: SplineFit, follower: dict[str, Any]) -> dict[st
 
 
 def _table_segment(file: str, fit: SplineFit) -> dict[str, Any]:
-    """Return the segment of a cam file with the table of points, its tolerance and dwells."""
+    """Return the segment of a cam file that refers to the table of points.
+
+    It also contains the tolerance of the spline and the dwells.
+    """
     allowed = float(f"{fit.tolerance * 1e3:.9g}")
     if fit.followed:
         tolerance = quantity_data("given", allowed, "mm", "the gauge's error, as requested")
@@ -149,7 +154,10 @@ def _table_segment(file: str, fit: SplineFit) -> dict[str, Any]:
 
 
 def _points_table(fit: SplineFit) -> str:
-    """Return the text of the table of points."""
+    """Return the text of the table of points: angles in deg and lifts in mm.
+
+    Comments list the subtracted zero, changes to the readings, and outliers.
+    """
     readings = fit.readings
     lines = [f"# {readings.name}, {to_mm(fit.zero):.6g} mm subtracted"]
     lines += [f"# {note}" for note in readings.notes]
@@ -165,18 +173,18 @@ def _points_table(fit: SplineFit) -> str:
 
 
 def _residual(fit: SplineFit) -> str:
-    """Return the residuals of a spline as text for a cam file."""
+    """Return r.m.s. and largest residual of a spline as text for a cam file."""
     smoothed = fit.smoothed
     return f"{to_mm(smoothed.rms):.3g} mm r.m.s., {to_mm(smoothed.largest):.3g} mm at most"
 
 
-# Parts of all cam files.
+# Helpers for all cam files.
 
 
 def cam_text(data: dict[str, Any], *header: str, assumed: list[str]) -> str:
     """Return the text of a cam file, with a header and the assumptions as comments.
 
-    Unprintable characters of the comments are removed.
+    ``header`` are the lines of the header. Unprintable characters of the comments are removed.
     """
     lines = [*header, *(f"assumed: {assumption}" for assumption in assumed)]
     comments = (f"# {''.join(c for c in line if c.isprintable())}\n" for line in lines)
@@ -188,14 +196,14 @@ def follower_data(
 ) -> dict[str, Any]:
     """Return the follower section of a cam file.
 
-    Only a roller has a roller radius.
+    ``base`` and ``roller`` are the radii as quantities. Only a roller has a roller radius.
     """
     data = {"type": kind, "base_radius": base}
     return {**data, "roller_radius": roller} if kind == "roller" else data
 
 
 def assumed_radii(follower: dict[str, Any]) -> list[str]:
-    """Return the assumed radii of a follower section as text."""
+    """Return the assumed radii of a follower section as texts with names and units."""
     return [
         f"{key.replace('_', ' ')} {value['assumed']:.4g} mm"
         for key, value in follower.items()
@@ -204,9 +212,9 @@ def assumed_radii(follower: dict[str, Any]) -> list[str]:
 
 
 def radius_quantity(radius: float, is_given: bool) -> dict[str, Any]:
-    """Return a radius (m) as a quantity of a cam file: given or assumed.
+    """Return a radius (m) as a quantity of a cam file, given or assumed.
 
-    It does not follow from the readings.
+    It is used for radii that do not follow from the readings.
     """
     if is_given:
         source = "an option of cam-rig, or stated in the table"

@@ -18,7 +18,10 @@ from cam_rig.show.terminal import say, show
 
 
 def _in_mm(help_text: str, least: float | None = None) -> Any:
-    """Return a typer option in mm, whose value the command receives in m."""
+    """Return a typer option in mm, whose value the command receives in m.
+
+    ``least`` is the smallest allowed value in mm.
+    """
     return typer.Option(
         metavar="MM", min=least, help=help_text, callback=lambda x: None if x is None else 1e-3 * x
     )
@@ -36,7 +39,7 @@ Shape = Annotated[
 
 
 class FollowerChoice(Enum):
-    """Kind of follower of the readings.
+    """Kind of follower with which the readings were taken.
 
     It is an enum because typer does not accept a list of literals.
     """
@@ -107,6 +110,7 @@ BaseRadius = Annotated[
 
 
 def _kinds(follower: list[FollowerChoice] | None) -> tuple[Any, ...]:
+    """Return the names of the follower kinds of an option."""
     return tuple(choice.value for choice in follower or ())
 
 

@@ -1,10 +1,11 @@
 """Detection of dwells in gauge readings: start, span and level.
 
-A run of readings within the scatter of one level is longer than its dwell, because a law leaves its
-dwell more slowly than a gauge can resolve. Each end is therefore computed from the readings beyond
-the run. They leave the level with the third to the fifth power of the angle. The end is the mean of
-all possible angles at which they can start to leave, weighted with their likelihood. The readings
-between the ends are a dwell if a parabola fits them no better than a constant level.
+A sequence of readings at one level, within the scatter, is longer than the dwell of the law,
+because a law leaves its dwell more slowly than a gauge can resolve. Each end of a dwell is
+therefore computed from the readings beyond the sequence. They leave the level with the third to the
+fifth power of the angle. The end is the mean of all angles at which they can start to leave,
+weighted with the likelihood of each. The readings between the ends are a dwell if a parabola fits
+them no better than a constant level.
 """
 
 from __future__ import annotations
@@ -22,34 +23,37 @@ from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.studies.fit_cam.outliers import exclude_outliers, max_outliers
 from cam_rig.units import TURN, FloatArray
 
-#: Smallest number of successive readings at one level that can be a dwell. A shorter run of
-#: readings is within the scatter by chance.
+#: Smallest number of successive readings at one level that can be a dwell. Fewer readings can be at
+#: one level by chance.
 MIN_RUN_READINGS = 5
-#: Smallest span (rad) of a dwell, and of a run of readings at one level from its first to its last
-#: reading. Over this span a harmonic law with a lift of 10 mm is 0.04 mm below its top, far more
-#: than the scatter of a gauge.
+#: Smallest span (rad) of a dwell, and of the readings at one level from the first to the last. At
+#: the top of a harmonic law with a lift of 10 mm, the lift changes by 0.04 mm over this span, far
+#: more than the scatter of a gauge.
 MIN_DWELL_SPAN = math.radians(15.0)
-#: Smallest number of readings between the computed ends of a dwell: the number of coefficients of
-#: the parabola that is compared with its level.
+#: Smallest number of readings between the computed ends of a dwell. It is the number of
+#: coefficients of the parabola that is compared with the constant level.
 MIN_DWELL_READINGS = 3
-#: Largest reduction of the sum of squares by a parabola at which a level is constant, in squares of
-#: the scatter. It is the 99.9 % quantile of the reduction by chance, with two degrees of freedom.
+#: Largest reduction of the sum of squares by a parabola at which a level counts as constant, in
+#: squares of the scatter. It is the 99.9 % quantile of χ² with two degrees of freedom, the
+#: reduction by chance.
 MAX_TREND = 13.8
-#: Largest difference of two levels that are treated as equal, in standard errors of the difference.
+#: Largest difference of two dwell levels that are treated as equal, in standard errors of the
+#: difference.
 SAME_LEVEL_ERRORS = 3.0
-#: Fraction of the event next to a run whose readings determine the end of the dwell. Beyond it, the
-#: powers of the angle no longer describe the law.
+#: Fraction of the rise or fall next to a dwell whose readings determine the end of the dwell.
+#: Farther from the dwell, the powers of the angle no longer describe the law.
 EVENT_FRACTION = 0.35
-#: Largest distance (rad) of the end of a dwell from the last reading of the run. A 4-5-6-7 law with
-#: a lift of 10 mm over 90 deg leaves a range of 0.4 mm, four scatters of a coarse gauge, within 17
-#: deg.
+#: Largest distance (rad) of the end of a dwell from the last reading at its level. A 4-5-6-7 law
+#: with a lift of 10 mm over 90 deg leaves a range of 0.4 mm, four scatters of a coarse gauge,
+#: within 17 deg.
 MAX_END_DISTANCE = math.radians(25.0)
-#: Number of angles that are tried as the end of a dwell and averaged by their likelihood.
+#: Number of cam angles that are tried as the end of a dwell. Their mean, weighted with the
+#: likelihood, is the end.
 END_ANGLES = 200
-#: Number of decimals of a dwell's start and span in degrees, as in a cam file.
+#: Number of decimals of a dwell's start and span in degrees, as in a written cam file.
 DEGREE_DECIMALS = 4
-#: Smallest distance (rad) between two dwells that are both kept: with a smaller distance the
-#: shorter dwell is dropped. A cam file allows half of this distance.
+#: Smallest distance (rad) between two dwells. If two are closer, the shorter is dropped. The
+#: distance is twice the limit of a cam file.
 MIN_EVENT_SPAN = math.radians(2.0 * MIN_EVENT_DEG)
 #: Powers of the angle with which a law may leave its dwell: a jump of the third, fourth or fifth
 #: derivative.
@@ -58,10 +62,10 @@ LEAVING_POWERS = (3, 4, 5)
 
 @dataclass(frozen=True)
 class FoundDwell:
-    """Dwell that was found in readings, with the number of readings and their scatter.
+    """Dwell that was found in gauge readings.
 
-    ``rest`` contains the start and span in rad and the level in m. ``scatter`` is the standard
-    deviation of the readings, m.
+    ``rest`` contains its start and span in rad and its level in m. ``count`` is the number of
+    readings in it, ``scatter`` their standard deviation in m.
     """
 
     rest: Rest
@@ -69,7 +73,7 @@ class FoundDwell:
     scatter: float
 
     def at_level(self, level: float) -> FoundDwell:
-        """Return the dwell with another level (m)."""
+        """Return a copy of the dwell with the given level (m)."""
         return replace(self, rest=self.rest._replace(level=level))
 
     def covers(self, start: float, span: float) -> bool:
@@ -79,9 +83,10 @@ class FoundDwell:
 
 @dataclass(frozen=True)
 class _RestingRun:
-    """Run of gauge readings within the scatter of one level.
+    """Sequence of gauge readings at one level, within the scatter.
 
-    The readings are ``first`` to ``first + count − 1``, modulo their number. ``level`` is in m.
+    The readings have the indices ``first`` to ``first + count − 1``, modulo the number of readings.
+    ``level`` is in m.
     """
 
     first: int
@@ -104,16 +109,18 @@ def find_dwells(readings: Readings, scatter: float) -> tuple[FoundDwell, ...]:
 def likely_range(count: int) -> float:
     """Return the likely range of `count` readings of one level, in scatters.
 
-    The range is the difference between the highest and the lowest reading. It is twice √(2 ln 2n),
-    which the largest of n normal errors seldom exceeds.
+    The range is the difference between the highest and the lowest reading, the scatter the standard
+    deviation of a reading. The result is 2 √(2 ln 2n), which n normally distributed errors seldom
+    exceed.
     """
     return 2.0 * math.sqrt(2.0 * math.log(2.0 * count))
 
 
 def _find_runs(readings: Readings, scatter: float) -> list[_RestingRun]:
-    """Return the runs of readings at one level, in the order of the cam angle.
+    """Return the sequences of readings at one level, in the order of the cam angle.
 
-    The runs do not overlap. ``scatter`` is that of the readings, m.
+    They do not overlap, and there are at most `MAX_DWELLS`. ``scatter`` is the standard deviation
+    of a reading, m.
     """
     lifts, count = readings.lifts, readings.lifts.size
     free = np.ones(count, dtype=np.bool_)
@@ -131,10 +138,10 @@ def _find_runs(readings: Readings, scatter: float) -> list[_RestingRun]:
 
 
 def _widest_run(readings: Readings, free: NDArray[np.bool_], limit: float) -> tuple[int, int]:
-    """Return the first reading and the number of readings of the widest run.
+    """Return the first index and the number of readings of the widest sequence.
 
-    The run contains only readings marked in ``free``, with lifts within ``limit`` (m) of each
-    other.
+    The sequence spans the largest angle. It contains only readings marked in ``free``, with lifts
+    within ``limit`` (m) of each other.
     """
     count = free.size
     lifts = np.tile(readings.lifts, 2)
@@ -165,19 +172,24 @@ def _widest_run(readings: Readings, free: NDArray[np.bool_], limit: float) -> tu
 
 
 def _span(readings: Readings, index: NDArray[np.int64]) -> float:
+    """Return the angle (rad) from the first to the last reading of a sequence."""
     return float(readings.angles[index[-1]] - readings.angles[index[0]]) % TURN
 
 
 def _contains_wide_gap(readings: Readings, index: NDArray[np.int64]) -> bool:
-    """Return True if a run contains a gap that is too wide for anything but a dwell."""
+    """Return True if a sequence of readings contains a gap that can only be a dwell.
+
+    See `Readings.has_wide_gap`. ``index`` are the indices of the sequence.
+    """
     start = int(np.argmin(np.abs(readings.angles - readings.gap[0])))
     return readings.has_wide_gap and start in index[:-1]
 
 
 def _is_dwell(readings: Readings, dwell: FoundDwell, scatter: float) -> bool:
-    """Return True if a dwell is long enough and a parabola does not fit it better.
+    """Return True if a candidate is a dwell: long enough, and at a constant level.
 
-    A dwell that covers the gap is always accepted if the gap is too wide for anything but a dwell.
+    The level is constant if a parabola does not fit it better. A candidate that covers a gap
+    without readings is always accepted if the gap is too wide for anything but a dwell.
     """
     if readings.has_wide_gap and dwell.covers(*readings.gap):
         return True
@@ -191,10 +203,10 @@ def _is_dwell(readings: Readings, dwell: FoundDwell, scatter: float) -> bool:
 
 
 def _pool_levels(dwells: list[FoundDwell], scatter: float) -> list[FoundDwell]:
-    """Return the dwells by increasing level, with equal levels pooled.
+    """Return the dwells by increasing level, with equal levels replaced by their mean.
 
-    Levels are equal if their difference can be due to chance. The common level is their mean,
-    weighted with the number of readings.
+    Levels are treated as equal if their difference can be due to chance. The mean is weighted with
+    the number of readings.
     """
     groups: list[list[FoundDwell]] = []
     for dwell in sorted(dwells, key=lambda dwell: dwell.rest.level):
@@ -213,14 +225,15 @@ def _pool_levels(dwells: list[FoundDwell], scatter: float) -> list[FoundDwell]:
 
 
 def _drop_close_dwells(dwells: list[FoundDwell]) -> tuple[FoundDwell, ...]:
-    """Remove the shorter of two dwells that are too close to each other.
+    """Return the dwells without the shorter of any two that are too close together.
 
-    No law has room for an event between them.
+    Between dwells closer than `MIN_EVENT_SPAN`, a cam file cannot contain a rise or fall.
     """
     for i, dwell in enumerate(dwells):
         after = dwells[(i + 1) % len(dwells)]
         between = (after.rest.start - dwell.rest.start - dwell.rest.span) % TURN
-        limit = TURN - dwell.rest.span - after.rest.span + MIN_EVENT_SPAN  # above it they overlap
+        # If the next dwell starts inside this one, the angle between them wraps to nearly a turn.
+        limit = TURN - dwell.rest.span - after.rest.span + MIN_EVENT_SPAN
         if len(dwells) > 1 and not MIN_EVENT_SPAN < between < limit:
             shorter = min(dwell, after, key=lambda dwell: dwell.rest.span)
             return _drop_close_dwells([dwell for dwell in dwells if dwell is not shorter])
@@ -228,9 +241,10 @@ def _drop_close_dwells(dwells: list[FoundDwell]) -> tuple[FoundDwell, ...]:
 
 
 def _fit_dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: float) -> FoundDwell:
-    """Return the dwell of the `i`-th run of readings at one level.
+    """Return the dwell that belongs to the `i`-th sequence of readings at one level.
 
-    Its ends are computed from the readings beyond the run. ``scatter`` is that of the readings, m.
+    Its ends are computed from the readings beyond the sequence. ``scatter`` is the standard
+    deviation of a reading, m.
     """
     run, count = runs[i], readings.angles.size
     before, after = runs[i - 1], runs[(i + 1) % len(runs)]
@@ -241,7 +255,8 @@ def _fit_dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: flo
     first = float(readings.angles[run.first])
     last = first + _span(readings, ahead[: run.count])
     min_end = min_start = 0.0
-    if _contains_wide_gap(readings, ahead[: run.count]):  # both ends are beyond the gap
+    # A dwell that covers a wide gap starts before the gap and ends after it.
+    if _contains_wide_gap(readings, ahead[: run.count]):
         min_end = (sum(readings.gap) - first) % TURN
         min_start = (last - readings.gap[0]) % TURN
     forwards = (readings.angles[ahead] - first) % TURN
@@ -260,10 +275,10 @@ def _fit_dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: flo
 def _find_end(
     x: FloatArray, y: FloatArray, run: _RestingRun, scatter: float, min_end: float
 ) -> float:
-    """Return the angle (rad) at which the dwell of a run ends, at least `min_end`.
+    """Return the angle (rad) at which a dwell ends, at least `min_end`.
 
-    ``x`` is the angles (rad) of the run and of the event beyond it, from the other end of the run.
-    ``y`` is their lifts (m).
+    ``x`` is the angles (rad) of the readings at one level and of the rise or fall beyond them,
+    measured from the other end of these readings. ``y`` is their lifts (m).
     """
     last, event = float(x[run.count - 1]), x[run.count :]
     reach = last + EVENT_FRACTION * (float(event[-1]) - last if event.size else 0.0)
@@ -273,7 +288,8 @@ def _find_end(
         return last
     half = 0.5 * last
     window &= x >= half
-    # up to the first reading of the event: if the rise is steep, the end is just before it
+    # The range includes the first reading beyond the sequence: if the rise is steep, the dwell
+    # ends just before this reading.
     ends = np.linspace(max(half, last - MAX_END_DISTANCE, min_end), float(event[0]), END_ANGLES)
     sse = np.array([_leaving_sse(x[window], y[window] - run.level, end, terms) for end in ends])
     likelihood = np.exp(-0.5 * (sse - sse.min()) / scatter**2)
@@ -283,8 +299,8 @@ def _find_end(
 def _leaving_sse(x: FloatArray, y: FloatArray, end: float, terms: int) -> float:
     """Return the squared residuals (m²) of readings that leave a level at `end` (rad).
 
-    It is their sum for a fit of powers. ``y`` is the lifts above the level. ``terms`` is the number
-    of powers of the angle beyond `end`.
+    It is the sum for a fit of powers of the angle beyond `end`. ``x`` is the angles (rad), ``y``
+    the lifts above the level (m). ``terms`` is the number of powers.
     """
     beyond = np.maximum(x - end, 0.0)
     scale = float(beyond.max())
@@ -293,21 +309,21 @@ def _leaving_sse(x: FloatArray, y: FloatArray, end: float, terms: int) -> float:
     return float(np.sum((y - powers @ coefficients) ** 2))
 
 
-# The gauge's zero: its reading at the lowest lift.
+# Zero of the gauge: its reading at the lowest lift.
 
 
 def subtract_zero(readings: Readings) -> Readings:
     """Return the readings without outliers, relative to the gauge's zero.
 
-    The zero is the level of the lowest dwell. It is the lowest reading if no dwell has two
-    readings, or if more readings are far below the lowest dwell than outliers can explain.
+    The zero is the level of the lowest dwell. It is the lowest reading instead if this dwell has
+    fewer than two readings, or if more readings are far below it than outliers can explain.
     """
     kept = exclude_outliers(readings)
     count, lowest = kept.angles.size, float(kept.lifts.min())
     dwells = find_dwells(kept, kept.scatter)
     level = min((dwell.rest.level for dwell in dwells), default=lowest)
     at_rest = [dwell for dwell in dwells if dwell.rest.level == level and dwell.count > 1]
-    # a few readings far below can be outliers that were not detected next to a kink
+    # A few readings far below the dwell can be outliers that were not detected next to a kink.
     below = np.sort(kept.lifts)[max_outliers(count)]
     if not at_rest or not level - below < likely_range(count) * kept.scatter:
         return replace(kept, lifts=kept.lifts - lowest, zero=lowest, zero_error=kept.scatter)

@@ -1,4 +1,4 @@
-"""Figures of a fitted cam: lift over the cam angle, readings and residuals."""
+"""Figures of a fitted cam over the cam angle: lift, readings and residuals."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from cam_rig.units import TURN
 
 #: Number of points of a fitted curve over one turn: ten per degree.
 CURVE_POINTS = 3601
-#: Grey level of shaded areas, on which curves and readings are visible.
+#: Grey level of shaded areas (0 black, 1 white), on which curves and readings are visible.
 SHADE_GREY = "0.8"
 
 
 @styled
 def spline_figure(fit: SplineFit) -> Figure:
-    """Return the figure of a spline: lift, residuals and acceleration.
+    """Draw lift, residuals and acceleration of a fitted spline over the cam angle.
 
     Dwells are shaded, and so is the range of residuals within the tolerance.
     """
@@ -50,7 +50,7 @@ def spline_figure(fit: SplineFit) -> Figure:
 
 @styled
 def arcs_figure(fit: ArcsFit) -> Figure:
-    """Return the figure of tangent arcs: lift and residuals of each follower.
+    """Draw lift and residuals of fitted tangent arcs for each follower.
 
     The nose is at 180°.
     """

@@ -1,4 +1,4 @@
-"""Gauge readings of one turn of a cam, in rising order of the angle."""
+"""Gauge readings over one turn of a cam, ordered by the cam angle."""
 
 from __future__ import annotations
 
@@ -16,36 +16,39 @@ from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable, widest_
 from cam_rig.studies.fit_cam.half_lobe import nose_of_half_lobe
 from cam_rig.units import TURN, FloatArray
 
-#: Largest difference (rad) of two angles that count as equal. It is above the rounding of angles
-#: that are written in degrees with four decimals.
+#: Largest difference (rad) of two cam angles that count as equal. It is above the rounding of
+#: angles that are written in degrees with four decimals.
 ANGLE_ATOL = 1e-6
-#: Lower limit of the step of a gauge, m, far below the step of any gauge. It is used for calculated
-#: lifts, whose rounding is not zero.
+#: Lower limit of the step in which lifts are written, m, far below the step of any gauge. It gives
+#: calculated lifts a rounding error that is not zero.
 MIN_RESOLUTION = 1e-9
-#: Largest plausible reading of a gauge, m. A larger reading is in another unit than its heading.
+#: Largest plausible reading of a gauge, m. A larger reading is in a different unit than the table's
+#: heading states.
 MAX_LIFT = 10.0
-#: Tolerance of equal levels before and after a range without readings, as a fraction of the lift.
-#: The levels before and after a missing rise or fall differ far more.
+#: Largest difference between the lifts before and after a range without readings at which the cam
+#: is assumed to rest there, as a fraction of the lift. Across a missing rise or fall the difference
+#: is far larger.
 GAP_LEVEL_RTOL = 0.05
-#: Largest difference of repeated readings at one angle, in scatters. One step of the gauge is added
-#: to this limit. Of 10⁸ pairs of readings with normal errors, about two thousand differ by more.
+#: Largest difference of repeated readings at one angle, in scatters (standard deviations of a
+#: reading). One step of the gauge is added to this limit. Of 10⁸ pairs of readings with normally
+#: distributed errors, about two thousand differ by more.
 MAX_REPEAT_SCATTERS = 6.0
 
 
 @dataclass(frozen=True, eq=False)
 class Outlier:
-    """Reading of the gauge that its neighbours, or a law, contradict.
+    """Reading of the gauge that contradicts its neighbours, or a fitted law.
 
     Attributes
     ----------
     line
-        Line of the file.
+        Line number in the file.
     angle
         Cam angle in rad.
     lift
         Reading of the gauge in m.
     distance
-        Distance in m from the neighbours, or from the law.
+        Distance in m from the lift that follows from the neighbours, or from the law.
     """
 
     line: int
@@ -56,7 +59,7 @@ class Outlier:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Readings of one follower over one turn.
+    """Gauge readings of one follower over one turn of the cam.
 
     Attributes
     ----------
@@ -67,7 +70,7 @@ class Readings:
     lifts
         Lifts in m, the reading of the gauge minus `zero`, shape ``(n,)``.
     lines
-        Lines of the file, shape ``(n,)``.
+        Line numbers in the file, shape ``(n,)``.
     resolution
         Step in m in which the lifts are written.
     gap
@@ -103,18 +106,21 @@ class Readings:
 
     @property
     def scatter_error(self) -> float:
-        """Relative standard error of `scatter`."""
+        """Relative standard error of `scatter`, which is an estimate from the readings."""
         return scatter_error(self.angles.size)
 
     @property
     def has_wide_gap(self) -> bool:
-        """True if the longest range without readings can only be a dwell."""
+        """True if the longest range without readings is too wide for anything but a dwell.
+
+        The limit is `MAX_GAP_DEG`.
+        """
         return self.gap[1] > math.radians(MAX_GAP_DEG) + ANGLE_ATOL
 
     def select(self, indices: NDArray[np.int64]) -> Readings:
-        """Return the readings with the given indices.
+        """Return only the readings with the given indices.
 
-        The gap is that of all readings.
+        The field `gap` is not recomputed. It is that of all readings.
         """
         return replace(
             self,
@@ -125,7 +131,10 @@ class Readings:
 
 
 class _Rows(NamedTuple):
-    """Rows of a table: angles (rad), lifts (m) and line numbers, ``(n,)`` each."""
+    """Readings in the order of a table, before they are put in order of the angle.
+
+    They are angles (rad), lifts (m) and line numbers, ``(n,)`` each.
+    """
 
     angles: FloatArray
     lifts: FloatArray
@@ -135,10 +144,10 @@ class _Rows(NamedTuple):
 def order_readings(
     table: GaugeTable, column: GaugeColumn, reverse: bool = False, mirror: bool = False
 ) -> Readings:
-    """Return the readings of one column over one turn, in rising order of the angle.
+    """Return the readings of one column over one turn, ordered by the angle.
 
-    Readings of the same angle are averaged.
-    `reverse` changes the sign of the angles. `mirror` adds the mirror image of half a lobe.
+    Readings of the same angle are averaged. `reverse` changes the sign of the angles. `mirror` adds
+    the mirror image of half a lobe. Raises ConfigError if the readings are not those of a cam.
     """
     filled = np.isfinite(column.lifts)
     if not filled.any():
@@ -178,10 +187,10 @@ def order_readings(
 
 
 def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:
-    """Return a sentence about the law that is assumed in a range without readings.
+    """Return a sentence on the lift that is assumed in a range without readings.
 
-    The result is empty if the range is so short that no dwell is needed. `arcs` is True for a fit
-    of tangent arcs.
+    The result is empty if the range is so short that no dwell needs to be assumed. `arcs` is True
+    for a fit of tangent arcs.
     """
     if not readings.has_wide_gap:
         return ()
@@ -200,22 +209,25 @@ def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:
     return (f"{gap}, and {levels}: the {missing} is not in the table; {assumption}",)
 
 
-# Checks of the rows of a file, before they are put in order.
-
-#: Smallest distance of an end mark, a last line that is not a reading, from the line before it, in
-#: usual steps of the angle. Five successive lines are seldom missing before the last line.
+# Checks of the readings, before they are put in order of the angle.
+#: Smallest distance of an end mark (a last line that is not a reading, such as 999, 999) from the
+#: line before it, in median steps of the angle. Five successive lines are seldom missing before the
+#: last line.
 END_MARK_STEPS = 5.0
 #: Smallest distance of the lift of an end mark from the range of the other lifts, as a fraction of
 #: that range. A reading at the end of a table is within the range, or close to it.
 END_MARK_RANGE = 0.2
-#: Two tolerances for a lift that only rises or only falls, both as a fraction of its range: largest
-#: change in the opposite direction, and largest difference between the range and the distance of
-#: the first from the last lift.
+#: Tolerance for a lift that only rises or only falls, as a fraction of its range. It limits the
+#: changes in the opposite direction, and the difference between the range and the distance of the
+#: last lift from the first.
 ONE_WAY_RTOL = 0.05
 
 
 def _require_no_end_mark(file: str, rows: _Rows) -> None:
-    """Raise ConfigError if the last line is an end mark, such as 999, 999."""
+    """Raise ConfigError if the last line is an end mark, such as 999, 999.
+
+    An end mark is far from the other readings in both angle and lift.
+    """
     angles, lifts, lines = rows
     if angles.size < MIN_POINTS:
         return
@@ -231,7 +243,11 @@ def _require_no_end_mark(file: str, rows: _Rows) -> None:
 
 
 def _require_return(file: str, name: str, rows: _Rows) -> None:
-    """Raise ConfigError if the lift does not return to its start after a whole turn."""
+    """Raise ConfigError if the lift only rises or only falls over a whole turn.
+
+    The lift of a cam returns to its initial value after one turn. The table of an indexing drive
+    does not.
+    """
     angles, lifts, lines = (values[np.argsort(rows.angles)] for values in rows)
     lift_range, steps = float(np.ptp(lifts)), np.diff(lifts)
     one_way = min(float(np.sum(steps[steps > 0.0])), -float(np.sum(steps[steps < 0.0])))
@@ -249,20 +265,23 @@ def _require_return(file: str, name: str, rows: _Rows) -> None:
         )
 
 
-#: Largest distance of a reading from an end of the range at which the reading is on the level of
-#: that end, as a fraction of the range. It is above the scatter, and small enough for the nose of a
-#: cam without a dwell to be short.
+#: Largest distance of a reading from the highest or lowest reading at which it counts as being at
+#: that level, as a fraction of the range of the readings. It is above the scatter, and so small
+#: that the nose of a cam without a dwell has few readings at this level.
 LEVEL_RTOL = 0.02
-#: Smallest fraction of the turn at the highest level at which the readings have the wrong sign: the
-#: level is then that of the base circle. Few lobes rest as long at their nose.
+#: Smallest fraction of the turn at the highest level at which the readings are taken to have the
+#: wrong sign. The highest level is then the base circle. Few cams rest as long at their nose.
 MIN_TOP_PART = 0.25
-#: Smallest ratio of the fraction of the turn at the highest level to the fraction at the lowest
-#: level, also required for the wrong sign. Laws with two dwells have similar fractions.
+#: Smallest ratio of the fraction of the turn at the highest level to that at the lowest level,
+#: which is also required for the wrong sign. Laws with two dwells have similar fractions.
 MIN_TOP_RATIO = 2.0
 
 
 def _rests_at_top(rows: _Rows) -> bool:
-    """Return True if the cam rests for most of the turn at the highest reading."""
+    """Return True if the cam rests for a long part of the turn at the highest reading.
+
+    The limits are `MIN_TOP_PART` and `MIN_TOP_RATIO`. The readings then have the wrong sign.
+    """
     order = np.argsort(rows.angles % TURN)
     angles, lifts = rows.angles[order] % TURN, rows.lifts[order]
     ahead = np.diff(angles, append=angles[0] + TURN)
@@ -273,14 +292,15 @@ def _rests_at_top(rows: _Rows) -> bool:
     return top > max(MIN_TOP_PART, MIN_TOP_RATIO * bottom)
 
 
-# Mean of the readings of each angle.
+# Averages of the readings at equal angles.
 
 
 def _average(table: GaugeTable, column: GaugeColumn, rows: _Rows) -> Readings:
     """Return the readings with one mean lift per angle.
 
-    The rows are in rising order of the angle. Raises ConfigError if the number of angles, the lifts
-    or the differences of readings of the same angle are not those of a cam.
+    The rows are ordered by the angle. Raises ConfigError if there are too few or too many angles,
+    if the lifts are constant or implausibly large, or if readings of the same angle differ too
+    much.
     """
     angles, lifts, lines = rows
     starts = np.flatnonzero(np.diff(angles, prepend=-1.0) > ANGLE_ATOL)
@@ -311,7 +331,8 @@ def _average(table: GaugeTable, column: GaugeColumn, rows: _Rows) -> Readings:
         )
     differences = np.maximum.reduceat(lifts, starts) - np.minimum.reduceat(lifts, starts)
     worst = int(np.argmax(differences))
-    single = readings.scatter * math.sqrt(counts[worst])  # the scatter is that of means
+    # The scatter is that of mean lifts, so that of a single reading is larger.
+    single = readings.scatter * math.sqrt(counts[worst])
     limit = MAX_REPEAT_SCATTERS * single + readings.resolution
     if differences[worst] > limit:
         same = lines[starts[worst] : starts[worst] + counts[worst]]
@@ -324,9 +345,10 @@ def _average(table: GaugeTable, column: GaugeColumn, rows: _Rows) -> Readings:
 
 
 def _cause_of_difference(table: GaugeTable, lines: NDArray[np.int64]) -> str:
-    """Return the likely cause of different readings of the same angle.
+    """Return a sentence on the likely cause of different readings at the same angle.
 
-    The cause follows from the order of the angles in the table.
+    The cause is derived from the order of the angles in the table. ``lines`` are the lines of these
+    readings.
     """
     covered = max(table.angles) - min(table.angles)
     steps = np.diff(table.angles)
@@ -352,7 +374,10 @@ def _cause_of_difference(table: GaugeTable, lines: NDArray[np.int64]) -> str:
 
 
 def _first_out_of_order(angles: tuple[float, ...]) -> int:
-    """Return the index of the first angle that breaks the order of the angles."""
+    """Return the index of the first angle that breaks the order of the angles.
+
+    The order is the direction, rising or falling, of most of the steps.
+    """
     steps = np.diff(angles)
     sense = 1.0 if np.count_nonzero(steps > 0.0) >= np.count_nonzero(steps < 0.0) else -1.0
     k = int(np.argmax(sense * steps < 0.0))

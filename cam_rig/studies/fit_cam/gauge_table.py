@@ -1,4 +1,4 @@
-"""Reader of tables of gauge readings: columns, units and kinds of angles."""
+"""Reader of tables of gauge readings: columns, units, and the shaft of the angles."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from cam_rig.show.tables import pluralize
 from cam_rig.units import TURN, FloatArray
 
 Shaft = Literal["cam", "crank"]
-#: Longest range without readings (rad) if the heading does not identify an angle. Line numbers,
-#: such as 1 to 120, leave a longer range.
+#: Longest range without readings (rad) at which a column without a heading for angles is accepted
+#: as cam angles in degrees. Line numbers, such as 1 to 120, leave a longer range.
 MAX_GAP_OF_ASSUMED_ANGLES = 0.25 * TURN
-#: Pattern of a stated radius or diameter of the base circle or the roller, in a line before the
-#: readings.
+#: Pattern of a radius or diameter of the base circle or the roller, stated in a line before the
+#: readings. The words are in several languages.
 STATED_LENGTH = re.compile(
     r"(?P<part>base|grundkreis|primitiv\w*|roller|rollen?|galet|rodillo|rullo)[\s_-]*"
     r"(?:circle|kreis)?[\s_-]*"
@@ -33,9 +33,11 @@ STATED_LENGTH = re.compile(
     r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>[a-zµμ\"]*)",
     re.I,
 )
-#: Words for the roller in a match of `STATED_LENGTH`.
+#: Beginnings of words that mean the roller in a match of `STATED_LENGTH`. Other words mean the base
+#: circle.
 ROLLER_WORDS = ("roll", "galet", "rodillo", "rullo")
-#: Beginnings of words for a diameter in a match of `STATED_LENGTH`.
+#: Beginnings of words that mean a diameter in a match of `STATED_LENGTH`. Other words mean a
+#: radius.
 DIAMETER_WORDS = ("dia", "diá", "durch", "ø")
 
 
@@ -46,10 +48,10 @@ class TableOptions:
     Parameters
     ----------
     column, angle_column
-        Headings of the columns of lifts and of angles, None to find them by their words.
+        Headings of the columns of lifts and of angles, None to recognise them by their words.
     shaft
-        Shaft whose angle the table has, None to find it by the heading. The crankshaft turns twice
-        as fast as the cam.
+        Shaft whose angle the table contains, None to recognise it by the heading. The crankshaft
+        turns twice as fast as the cam.
     counts
         Counts of an encoder per turn of that shaft, None if angles are not counts.
     """
@@ -62,11 +64,11 @@ class TableOptions:
 
 @dataclass(frozen=True)
 class GaugeColumn:
-    """Readings of one follower: `lifts` in m, NaN for an empty cell.
+    """Column of gauge readings of one follower.
 
-    `resolution` is the step in m in which they are written.
-
-    `is_radius` is True if the numbers are distances from the axis of the cam, not lifts.
+    `lifts` are in m, NaN for an empty cell. `resolution` is the step in m in which they are
+    written. `is_radius` is True if the numbers are distances from the axis of the cam, not lifts.
+    `name` is the heading.
     """
 
     name: str
@@ -77,11 +79,11 @@ class GaugeColumn:
 
 @dataclass(frozen=True)
 class GaugeTable:
-    """Contents of a file of readings: cam angles in rad, and columns of lifts.
+    """Contents of a file of gauge readings: cam angles in rad, and columns of lifts.
 
-    `lines` are the line numbers of the file. The notes are sentences about its interpretation.
-    `stated` contains the lengths in m that the file states: "base radius" and "roller radius", each
-    with the note on it.
+    `lines` are the line numbers in the file, one per angle. `notes` are sentences on the
+    interpretation of the file. `stated` contains the lengths in m that the file states under "base
+    radius" and "roller radius", each with a sentence on its source.
     """
 
     file: str
@@ -93,16 +95,23 @@ class GaugeTable:
 
 
 def read_gauge_table(path: Path, options: TableOptions | None = None) -> GaugeTable:
-    """Read a file of gauge readings, written by a gauge, a spreadsheet or by hand."""
+    """Read a file of gauge readings, written by a gauge, a spreadsheet or by hand.
+
+    Raises ConfigError if the file cannot be interpreted. ``options`` override the interpretation of
+    its headings.
+    """
     lines, comments = read_lines(path, "cam angle and lift")
     return _GaugeReader(path.name, lines).table(options or TableOptions(), comments)
 
 
 class _GaugeReader(CellTable):
-    """Reader of a file of gauge readings, which converts its cells to numbers."""
+    """Reader of one file of gauge readings, which converts its cells to numbers."""
 
     def table(self, options: TableOptions, comments: list[tuple[int, str]]) -> GaugeTable:
-        """Return the gauge table of the file, with columns by their headings."""
+        """Return the gauge table of the file, with columns identified by their headings.
+
+        ``comments`` are the line numbers and texts of comment lines, which may state radii.
+        """
         if self.first is None:
             line, cells = max(self.rows[1:] or self.rows, key=lambda row: _count_digits(row[1]))
             only = ", of numbers only: units belong in the heading" if _count_digits(cells) else ""
@@ -143,7 +152,11 @@ class _GaugeReader(CellTable):
         )
 
     def _body(self, used: list[int]) -> tuple[list[tuple[int, list[str]]], list[str]]:
-        """Return the lines of readings, and a note on lines of text between or after them."""
+        """Return the lines of readings, and a note on skipped lines of text.
+
+        The skipped lines are those without a number between or after the readings. ``used`` are the
+        indices of the columns that are read.
+        """
         rows = self.rows[self.first :]
         text = [line for line, cells in rows if any(cells) and not count_numbers(cells)]
         body = [
@@ -158,7 +171,10 @@ class _GaugeReader(CellTable):
         return body, [f"line {text[0]}{more} without a number skipped: {first}"]
 
     def _require_one_heading(self, headings: list[Heading], used: list[int]) -> None:
-        """Raise ConfigError for a second heading whose columns have another meaning."""
+        """Raise ConfigError for a second heading line with another unit or quantity.
+
+        ``used`` are the indices of the columns that are read.
+        """
         for line, cells in self.rows[self.first :]:
             if len(cells) != len(headings) or count_numbers(cells):
                 continue
@@ -177,7 +193,7 @@ class _GaugeReader(CellTable):
     ) -> tuple[int, list[int], list[str]]:
         """Return the index of the angle column, those of the lift columns, and notes.
 
-        The notes report assumptions.
+        The notes report which columns were assumed without a clear heading.
         """
         columns = defaultdict[str, list[int]](list)
         for i, heading in enumerate(headings):
@@ -211,7 +227,11 @@ class _GaugeReader(CellTable):
     def _angle_index(
         self, headings: list[Heading], columns: Mapping[str, list[int]], options: TableOptions
     ) -> int | None:
-        """Return the index of the angle column by option or heading, or None."""
+        """Return the index of the angle column by option or heading, or None.
+
+        ``columns`` are the indices of the columns by the quantity of their heading. Raises
+        ConfigError for several angle columns.
+        """
         angles = columns["angle"] + (columns["count"] if options.counts else [])
         if options.angle_column is not None:
             angles = self._named(headings, options.angle_column, range(len(headings)))
@@ -228,7 +248,10 @@ class _GaugeReader(CellTable):
         return angles[0] if angles else None
 
     def _named(self, headings: list[Heading], name: str, allowed: Sequence[int]) -> list[int]:
-        """Return the allowed indices of columns with the heading `name`, at least one."""
+        """Return the indices of the columns with the heading `name`, at least one.
+
+        Only the indices ``allowed`` are considered. Raises ConfigError if there is no such column.
+        """
         indices = [i for i in allowed if headings[i].text == name]
         if not indices:
             names = ", ".join(repr(headings[i].text) for i in allowed)
@@ -236,6 +259,10 @@ class _GaugeReader(CellTable):
         return indices
 
     def _column(self, heading: Heading, texts: list[str]) -> GaugeColumn:
+        """Return a column of lifts in m from the texts of its cells.
+
+        A heading without a unit is taken as mm.
+        """
         factor = 1e-3 if heading.factor is None else heading.factor
         decimals = max(len(text.partition(".")[2]) if "e" not in text else 9 for text in texts)
         lifts = tuple(factor * float(text) for text in texts)
@@ -247,7 +274,7 @@ class _GaugeReader(CellTable):
     ) -> tuple[float, list[str]]:
         """Return the factor from the angle column to the cam angle in rad, and notes.
 
-        The notes report assumptions.
+        The notes report the assumed unit, and whether the angle is that of the crankshaft.
         """
         notes, factor = [], heading.factor
         if options.counts is not None:
@@ -275,10 +302,10 @@ class _GaugeReader(CellTable):
         return factor, notes
 
     def _require_turn(self, heading: Heading, factor: float, angles: list[float]) -> None:
-        """Raise ConfigError if the readings of an assumed angle leave too wide a gap.
+        """Raise ConfigError if assumed cam angles leave too wide a gap in the turn.
 
-        An angle is assumed if the heading of its column does not name an angle. The gap in the turn
-        may be at most `MAX_GAP_OF_ASSUMED_ANGLES` (rad).
+        They are assumed if the heading of the column does not name an angle. The gap may be at most
+        `MAX_GAP_OF_ASSUMED_ANGLES` (rad).
         """
         gap = widest_gap(np.unique(factor * np.array(angles) % TURN))[1]
         if gap > MAX_GAP_OF_ASSUMED_ANGLES:
@@ -291,9 +318,10 @@ class _GaugeReader(CellTable):
     def _stated_lengths(
         self, comments: list[tuple[int, str]], lift: Heading
     ) -> tuple[dict[str, tuple[float, str]], list[str]]:
-        """Return the radii (m) from lines before the readings, and notes.
+        """Return the radii (m) that lines before the readings state, and notes.
 
-        The notes report ignored statements. A radius without a unit is in the unit of the lifts.
+        The radii are "base radius" and "roller radius", each with a sentence on its source. The
+        notes report ignored statements. A radius without a unit is in the unit of the lifts.
         """
         title = [(line, " ".join(cells)) for line, cells in self.rows[: self.first]]
         stated, ignored = dict[str, tuple[float, str]](), list[str]()
@@ -316,9 +344,9 @@ class _GaugeReader(CellTable):
 
 
 def widest_gap(angles: FloatArray) -> tuple[float, float]:
-    """Return start and span (rad) of the longest range without readings.
+    """Return start and span (rad) of the longest range of the turn without readings.
 
-    `angles` are in rising order, within one turn.
+    `angles` (rad) are in rising order, within one turn.
     """
     ahead = np.diff(angles, append=angles[0] + TURN)
     widest = int(np.argmax(ahead))
@@ -331,12 +359,12 @@ def _count_digits(cells: list[str]) -> int:
 
 
 def _list_texts(headings: list[Heading]) -> str:
-    """Return the texts of headings for an error."""
+    """Return the headings as one text for an error message."""
     return shorten(", ".join(heading.text for heading in headings))
 
 
 def _notes_on_lifts(headings: list[Heading], columns: list[GaugeColumn]) -> Iterator[str]:
-    """Yield notes on assumed units and on empty cells of the columns of lifts."""
+    """Yield notes on assumed units and on empty cells in the columns of lifts."""
     without_unit = [repr(heading.text) for heading in headings if heading.factor is None]
     if without_unit:
         yield f"no unit of length in {', '.join(without_unit)}: mm assumed"

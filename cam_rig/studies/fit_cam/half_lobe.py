@@ -1,4 +1,4 @@
-"""Half a lobe, from its nose to its base circle: the angle of its nose."""
+"""Checks of a table with half a lobe, from its nose to its base circle."""
 
 from __future__ import annotations
 
@@ -11,45 +11,49 @@ from cam_rig.laws.spline import scatter
 from cam_rig.schema.segment_base import MIN_POINTS
 from cam_rig.units import FloatArray
 
-#: Fraction of the angles at the far end over which the slope there is fitted, with at least 2
-#: readings.
+#: Fraction of the angle range, at the end far from the nose, over which the slope of the lift is
+#: fitted. At least 2 readings are used.
 END_FRACTION = 0.03
-#: Fraction of the lift at the nose over which polynomials are fitted, with at least 4 readings.
+#: Fraction of the lift below the nose over which polynomials are fitted to the readings. At least 4
+#: readings are used.
 NOSE_FRACTION = 0.02
-#: Largest distance of the lift at the nose from the largest lift, in scatters. One step of the
-#: gauge is added to this limit.
+#: Largest difference between the largest lift and the lift at the nose's end of the table, in
+#: scatters (standard deviations of a reading). One step of the gauge is added to this limit.
 TIE_SCATTERS = 3.0
-#: Relative rounding error of a difference of one step of the gauge.
+#: Relative tolerance for the rounding of a difference of one step of the gauge.
 STEP_RTOL = 1e-6
-#: Largest relative change of the curvature from the last reading to the vertex. It is that of a
-#: nose whose lift changes with the fourth power of the angle.
+#: Largest relative change of the curvature of the lift from the reading at the nose to the vertex
+#: of the fitted nose. It is that of a nose whose lift changes with the fourth power of the angle.
 MAX_CURVATURE_CHANGE = 2.0 / 3.0
-#: Largest slope at the far end that counts as rest, as a fraction of the steepest slope. A lobe
-#: that ends at 80 % of its angle has a slope several times as large.
+#: Largest slope of the lift at the far end that counts as rest, as a fraction of the steepest
+#: slope. A half lobe that is cut off at 80 % of its angle has a slope several times as large.
 MAX_END_SLOPE = 0.05
-#: Largest distance of the vertex from the last reading, in steps of the angle. Half
-#: a step is possible if the nose is between two readings. A quarter is added for noise.
+#: Largest distance of the nose's vertex from the reading with the largest lift, in steps of the
+#: angle. Half a step is possible if the nose is between two readings. A quarter is added for noise.
 MAX_STEPS_TO_NOSE = 0.75
-#: Allowance for noise in the slope limits, in standard errors of the slope.
+#: Allowance for noise in the limits of the lift's slope, in standard errors of the slope.
 SLOPE_ERRORS = 3.0
-#: Allowance for noise in the limit of a cubic's slope, in standard errors of the slope. This slope
-#: depends mainly on the first reading, which is the largest because of its error.
+#: Allowance for noise in the slope limit of a cubic polynomial, in standard errors of the slope. It
+#: is larger because this slope depends mainly on the first reading, which was selected as the
+#: largest and may be so because of its error.
 CUBIC_SLOPE_ERRORS = 6.0
 
 
 def nose_of_half_lobe(file: str, resolution: float, angles: FloatArray, lifts: FloatArray) -> float:
     """Return the angle (rad) of the nose of half a lobe.
 
-    Raises ConfigError if the nose is not at the smallest or largest angle of the table, or if the
-    nose or the rest at the far end is missing. `resolution` is the step of the lifts in m. An end
-    whose lift is the largest within this step and the scatter is the nose.
+    The nose must be at the smallest or largest angle of the table. The lift there must be the
+    largest, within the scatter and one step of the gauge. ``file`` is the name of the table,
+    `resolution` the step of the lifts in m. Raises ConfigError if the nose is inside the table or
+    not reached, or if the lift is not at rest at the other end.
     """
     ends = [int(np.argmin(angles)), int(np.argmax(angles))]
     end = max(ends, key=lambda i: float(lifts[i]))
     nose = float(angles[end])
     x, first = np.unique(np.abs(angles - nose), return_index=True)
     y, noise = lifts[first], 0.0
-    is_long = x.size >= MIN_POINTS // 2  # fewer are rejected later, because of their number
+    # Shorter tables are rejected later, because they have too few readings.
+    is_long = x.size >= MIN_POINTS // 2
     if is_long:
         noise = max(scatter(x, y), resolution / math.sqrt(12.0))
     if lifts.max() - lifts[end] > resolution * (1.0 + STEP_RTOL) + TIE_SCATTERS * noise:
@@ -67,7 +71,8 @@ def nose_of_half_lobe(file: str, resolution: float, angles: FloatArray, lifts: F
 def _require_rest_at_end(file: str, x: FloatArray, y: FloatArray, noise: float) -> None:
     """Raise ConfigError if the lift still changes at the far end of half a lobe.
 
-    `x` is the angle (rad) from the nose, `y` the lift (m), `noise` its standard deviation (m).
+    `x` is the angle (rad) from the nose, `y` the lift (m), `noise` the standard deviation of a lift
+    (m).
     """
     count = max(2, int(np.sum(x >= x[-1] - END_FRACTION * x[-1])))
     slope, error = _slope_at_zero(x[-count:] - x[-1], y[-count:], 1, noise)
@@ -81,11 +86,13 @@ def _require_rest_at_end(file: str, x: FloatArray, y: FloatArray, noise: float) 
 
 
 def _require_nose(file: str, x: FloatArray, y: FloatArray, noise: float) -> None:
-    """Raise ConfigError if the vertex of the nose is far from the reading with the largest lift.
+    """Raise ConfigError if half a lobe does not reach the vertex of its nose.
 
-    `x` is the angle (rad) from that reading, `y` the lift (m), `noise` its standard deviation (m).
-    The vertex is that of a parabola, or of a nose whose lift changes with a higher power of the
-    angle. The slope of the latter has a larger error, but does not underestimate the distance.
+    `x` is the angle (rad) from the reading with the largest lift, `y` the lift (m), `noise` its
+    standard deviation (m). The vertex must be within `MAX_STEPS_TO_NOSE` steps of that reading. It
+    is computed from a fitted parabola, and from a cubic polynomial for a nose whose lift changes
+    with a higher power of the angle. The slope of the cubic has a larger error, but does not
+    underestimate the distance.
     """
     count = max(4, int(np.sum(y >= y[0] - NOSE_FRACTION * float(np.ptp(y)))))
     nose_x, nose_y = x[:count], y[:count]
@@ -108,6 +115,9 @@ def _require_nose(file: str, x: FloatArray, y: FloatArray, noise: float) -> None
 
 
 def _slope_at_zero(x: FloatArray, y: FloatArray, degree: int, noise: float) -> tuple[float, float]:
-    """Return the slope at x = 0 of a fitted polynomial, and its standard error."""
+    """Return the slope (m/rad) at x = 0 of a polynomial fit, and its standard error.
+
+    ``x`` is in rad, ``y`` in m, and ``noise`` is the standard deviation of y in m.
+    """
     inverse = np.linalg.pinv(np.vander(x, degree + 1, increasing=True))
     return float(inverse[1] @ y), noise * float(np.linalg.norm(inverse[1]))

@@ -1,6 +1,6 @@
-"""Rig file and scene file for a new cam.
+"""Rig file and scene file for a new cam that was fitted to readings.
 
-A scene with them can be simulated without changes. The files list their assumptions.
+A scene with them can be simulated without changes. The files mark all assumed values.
 """
 
 from __future__ import annotations
@@ -15,22 +15,25 @@ from cam_rig.schema import RigConfig
 from cam_rig.schema.load import assumed_numbers, quantity_data, to_yaml
 from cam_rig.units import to_rpm
 
-#: Cam speeds of the new scene, as fractions of the jump speed of a rigid follower. The last speed
-#: is above the jump speed.
+#: Cam speeds of the new scene, as fractions of the jump speed of a rigid follower. The last is
+#: above the jump speed, so that contact is lost.
 SPEED_FRACTIONS = (0.4, 0.6, 0.8, 0.9, 1.1)
-#: Cam speeds (rpm) of the new scene if a rigid follower leaves the cam at every speed or never:
-#: those of a test bench.
+#: Cam speeds (rpm) of the new scene if a rigid follower loses contact at every speed or at no
+#: speed: usual speeds of a test bench.
 DEFAULT_RPM: tuple[float, ...] = (100.0, 200.0, 300.0)
 #: Highest cam speed (rpm) of the new scene, above that of any valve train.
 MAX_RPM = 20_000.0
-#: Smallest number of samples per turn at the highest speed: two per degree.
+#: Smallest number of samples per turn at the highest speed of the new scene: two per degree.
 MIN_SAMPLES_PER_TURN = 720
 #: Smallest sample rate of the new scene, Hz.
 MIN_SAMPLE_RATE = 10_000
 
 
 def default_rig(name: str, like: RigConfig) -> str:
-    """Return a rig file with the parameters of the rig `like`, marked as assumed."""
+    """Return the text of a rig file with the parameters of the rig `like`.
+
+    All values are marked as assumed. ``name`` is the name of the new rig.
+    """
     data: dict[str, Any] = {"name": name, "title": f"{name}: mass, spring and sound assumed"}
     source = f"the rig {like.name}'s, not this one's: measure it and put it in as given"
     for key, section in (("follower", like.follower), ("radiation", like.radiation)):
@@ -41,10 +44,10 @@ def default_rig(name: str, like: RigConfig) -> str:
 
 
 def default_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ...]]:
-    """Return a scene file and its speeds in rpm.
+    """Return the text of a scene file, and the speeds of the scene in rpm.
 
-    The cam and the rig of the scene are called `name`. Speeds that follow from the jump
-    speed have two significant digits.
+    The scene, its cam and its rig are called `name`. The speeds are fractions of the jump speed of
+    a rigid follower, rounded to two significant digits, or `DEFAULT_RPM`.
     """
     jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
     contact = "never leaves the cam" if jump else "leaves the cam at any speed"

@@ -1,6 +1,6 @@
-"""Outliers: gauge readings that their neighbours, or a law, contradict.
+"""Outliers: gauge readings that contradict their neighbours, or a fitted law.
 
-Outliers are slips of the gauge, or errors in writing down a reading.
+They are due to slips of the gauge, or to errors in writing down a reading.
 """
 
 from __future__ import annotations
@@ -19,40 +19,40 @@ from cam_rig.studies.fit_cam.gauge_table import widest_gap
 from cam_rig.studies.fit_cam.shifted_runs import find_shifted_runs, require_no_slip
 from cam_rig.units import TURN, FloatArray, rms
 
-#: Smallest distance of an outlier from its neighbours or from the law, in scatters. A normal error
-#: is as large once in 500 million readings.
+#: Smallest distance of an outlier from its neighbours or from the law, in scatters (standard
+#: deviations of a reading). Of normally distributed errors, one in 500 million is as large.
 MIN_OUTLIER_SCATTERS = 6.0
-#: Smallest ratio of the distance of an outlier to that of the next reading. A kink of the law has
-#: several readings at similar distances.
+#: Smallest ratio of the distance of an outlier to that of the next largest reading. At a kink of
+#: the law, several readings have similar distances.
 MIN_OUTLIER_RATIO = 2.0
-#: Largest number of readings that are dropped as outliers. A larger number is not caused by single
-#: slips.
+#: Largest number of readings that are excluded as outliers. A larger number has another cause than
+#: single wrong readings.
 MAX_OUTLIERS = 10
-#: Largest number of readings that are dropped as outliers, as a fraction of all readings. A larger
-#: fraction is not caused by single slips.
+#: Largest fraction of all readings that are excluded as outliers. A larger fraction has another
+#: cause than single wrong readings.
 MAX_OUTLIER_FRACTION = 0.05
-#: Numbers of adjacent readings that form one outlier, searched for in this order. The largest
-#: number is that of a shifted run.
+#: Numbers of adjacent readings that may be off together as one outlier, tried in this order. The
+#: largest is that of a sequence with a common shift.
 OUTLIER_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
-#: Smallest number of readings over the turn in a search for outliers of n readings, which uses
-#: every n-th reading. The readings are then at most 3 deg apart, so that the law between them is
-#: smooth.
+#: Smallest number of readings over the turn when only every n-th reading is used to search for
+#: outliers of n adjacent readings. They are then at most 3 deg apart, so that the law between them
+#: is smooth.
 MIN_SUBSET = 120
 
 
 def max_outliers(count: int) -> int:
-    """Return the largest number of outliers among `count` readings."""
+    """Return the largest number of outliers allowed among `count` readings."""
     return min(MAX_OUTLIERS, math.ceil(MAX_OUTLIER_FRACTION * count))
 
 
-# Outliers from their neighbours.
+# Outliers that contradict their neighbours.
 
 
 def exclude_outliers(readings: Readings) -> Readings:
-    """Return the readings without outliers, which their neighbours contradict.
+    """Return the readings without those that contradict their neighbours.
 
-    The tip of a sharp nose is not an outlier. Raises ConfigError if the gauge has slipped, or if
-    the other readings have no lift.
+    The excluded readings are in `outliers` of the result. The tip of a sharp nose is not an
+    outlier. Raises ConfigError if the gauge has slipped, or if the other readings have no lift.
     """
     require_no_slip(readings)
     outliers = _mark_outliers(readings)
@@ -73,10 +73,10 @@ def exclude_outliers(readings: Readings) -> Readings:
 
 
 def _mark_outliers(readings: Readings) -> NDArray[np.bool_]:
-    """Return the mask of readings that are outliers.
+    """Return a mask of the readings that are outliers.
 
-    Outliers next to each other hide each other. The search for outliers that are n readings wide
-    therefore takes every n-th reading, so that each outlier has good neighbours.
+    Adjacent outliers hide each other. The search for outliers of n adjacent readings therefore uses
+    every n-th reading, so that each outlier has good neighbours.
     """
     outliers = find_shifted_runs(readings)
     for width in OUTLIER_WIDTHS:
@@ -92,10 +92,10 @@ def _mark_outliers(readings: Readings) -> NDArray[np.bool_]:
 
 
 def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int) -> None:
-    """Mark further outliers among the readings next to outliers.
+    """Mark further outliers among the readings next to outliers, in place.
 
-    A run of outliers has at most `width` readings. Each reading is compared with good readings that
-    are `width` readings apart.
+    A sequence of adjacent outliers has at most `width` readings. Each candidate is compared with
+    good readings that are `width` readings apart.
     """
     while outliers.any():
         good = np.flatnonzero(~outliers)
@@ -118,8 +118,8 @@ def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int)
 def _isolated_outliers(readings: Readings, subset: NDArray[np.int64]) -> list[int]:
     """Return the positions in `subset` of the outliers among its readings.
 
-    `subset` is indices of readings. Outliers are found only if their neighbours in `subset` are
-    good readings.
+    `subset` is indices of readings. An outlier is found only if its neighbours in `subset` are good
+    readings.
     """
     limit = max_outliers(subset.size)
     kept = np.arange(subset.size)
@@ -147,10 +147,10 @@ def _isolated_outliers(readings: Readings, subset: NDArray[np.int64]) -> list[in
 
 
 def _are_apart(indices: list[int], count: int) -> bool:
-    """Return True if no two of some readings are close to each other.
+    """Return True if no two of the readings with these indices are close together.
 
-    The turn has `count` readings. Several outliers close to each other indicate that the law is not
-    smooth.
+    The turn has `count` readings. Several outliers close together indicate a law that is not smooth
+    instead of wrong readings.
     """
     apart = np.abs(np.subtract.outer(indices, indices))
     apart = np.minimum(apart, count - apart) + count * np.eye(len(indices), dtype=np.int64)
@@ -160,10 +160,10 @@ def _are_apart(indices: list[int], count: int) -> bool:
 def is_sharp_nose(readings: Readings, index: int) -> bool:
     """Return True if a reading beyond all others is the tip of a sharp nose.
 
-    On each side, the parabola through the three nearest readings is extended to the angle of the
-    reading. Both reach at least its lift if the nose is sharper than the distance of the readings.
-    A slip on a round nose is beyond them. The result is False if the reading is not beyond all
-    others.
+    The parabola through the three nearest readings on each side is extended to the angle of the
+    reading. If the nose is sharper than the distance of the readings, both parabolas reach at least
+    its lift. A wrong reading on a round nose is beyond them. The result is False if the reading is
+    not the highest or lowest.
     """
     lifts, count = readings.lifts, readings.lifts.size
     others = np.delete(lifts, index)
@@ -178,9 +178,10 @@ def is_sharp_nose(readings: Readings, index: int) -> bool:
 def _distance_from_neighbours(
     readings: Readings, kept: NDArray[np.int64], index: int, stride: int = 1
 ) -> float:
-    """Return the distance (m) of a reading from a polynomial through neighbours.
+    """Return the distance (m) of a reading from a polynomial through its neighbours.
 
-    There are three kept neighbours on either side, `stride` readings apart.
+    The polynomial goes through three readings of `kept` on either side, `stride` readings apart.
+    The distance is signed.
     """
     ahead = (readings.angles[kept] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     order = np.argsort(ahead)
@@ -195,23 +196,23 @@ def _distance_from_neighbours(
 
 
 def _interpolate_at(readings: Readings, near: NDArray[np.int64], index: int) -> float:
-    """Return the lift (m) of a polynomial at the angle of the reading `index`.
+    """Return the lift (m) at the angle of the reading `index` from other readings.
 
-    The polynomial goes through the readings with the indices `near`.
+    It is that of the polynomial through the readings with the indices `near`.
     """
     x = (readings.angles[near] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     lagrange = [np.prod(np.delete(x, i) / (np.delete(x, i) - x[i])) for i in range(x.size)]
     return float(np.dot(lagrange, readings.lifts[near]))
 
 
-# Outliers from a law, and all readings again.
+# Outliers that contradict a fitted law.
 
 
 def exclude_outliers_from(law: Callable[[FloatArray], FloatArray], readings: Readings) -> Readings:
-    """Return all readings without the outliers from a law through them.
+    """Return the readings without those that contradict a law fitted to them.
 
-    `law` returns lifts (m) at angles (rad). It may have kinks, because the readings are not
-    compared with their neighbours.
+    All readings are tested again, including previous outliers. `law` returns lifts (m) at angles
+    (rad). It may have kinks, because the readings are not compared with their neighbours.
     """
     all_readings = include_outliers(readings)
     distances = all_readings.lifts - law(all_readings.angles)
@@ -226,7 +227,7 @@ def exclude_outliers_from(law: Callable[[FloatArray], FloatArray], readings: Rea
 
 
 def include_outliers(readings: Readings) -> Readings:
-    """Return all readings, including the outliers."""
+    """Return all readings in order of the angle, including previous outliers."""
     outliers = readings.outliers
     angles = np.append(readings.angles, [outlier.angle for outlier in outliers])
     lifts = np.append(readings.lifts, [outlier.lift - readings.zero for outlier in outliers])
@@ -241,9 +242,9 @@ def _split(
     excluded: Sequence[int] | NDArray[np.int64] = (),
     distances: Sequence[float] | FloatArray = (),
 ) -> Readings:
-    """Return the readings `kept`, with the readings `excluded` as their outliers.
+    """Return the readings with the indices `kept`, and `excluded` as their outliers.
 
-    Both are indices. `distances` are those (m) of the outliers from their neighbours or the law.
+    `distances` are those (m) of the outliers from their neighbours or the law.
     """
     rows = readings.select(np.asarray(excluded, dtype=np.int64))
     values = (rows.lines, rows.angles, rows.lifts + rows.zero, np.asarray(distances))

@@ -1,8 +1,9 @@
-"""Runs of gauge readings with the same shift, and slips of the gauge.
+"""Detection of gauge readings with a common shift, and of slips of the gauge.
 
-A speck of dirt shifts several readings next to each other. The shift is fitted together with a
-polynomial through these readings and their neighbours. It is accepted if the residuals are as
-small as the scatter, which is not the case at a kink of the law.
+A speck of dirt on the cam shifts several adjacent readings by the same amount. The shift is fitted
+together with a polynomial through these readings and their neighbours. It is accepted if the
+residuals are as small as the scatter, which is not the case at a kink of the law. A slip is a
+sudden shift of all later readings.
 """
 
 from __future__ import annotations
@@ -21,46 +22,49 @@ from cam_rig.laws.spline import WINDOW, differences
 from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.units import TURN
 
-#: Largest number of readings of a shifted run. The law inside a longer run does not follow from the
-#: readings next to it.
+#: Largest number of adjacent readings with a common shift. Inside a longer sequence, the law cannot
+#: be interpolated from the readings next to it.
 MAX_RUN = 32
-#: Longest span (rad) of a shifted run. The law inside a longer run does not follow from the
-#: readings next to it.
+#: Longest angle (rad) of adjacent readings with a common shift. Inside a longer sequence, the law
+#: cannot be interpolated from the readings next to it.
 MAX_RUN_SPAN = math.radians(15.0)
-#: Number of readings before and after a run that are fitted together with the run. With fewer
-#: readings, the polynomial is nearly undetermined.
+#: Number of readings before and after a shifted sequence that are fitted together with it. With
+#: fewer readings, the polynomial is nearly undetermined.
 RUN_FLANK = 5
 #: Number of readings before and after a slip (a sudden shift of the gauge) that are fitted together
 #: with the slip.
 SLIP_FLANK = 8
-#: Degree of the polynomial through a run and its neighbours. It is high enough for the law over
-#: them, and with the shift there are fewer coefficients than neighbours.
+#: Degree of the polynomial through a shifted sequence and its neighbours. It is high enough for the
+#: law over them, and together with the shift it has fewer coefficients than there are neighbours.
 RUN_DEGREE = 5
-#: Degree of the polynomial through the neighbours of a slip. These neighbours span a smaller angle
-#: than the neighbours of a run.
+#: Degree of the polynomial through the readings next to a slip. They span a smaller angle than
+#: those of a shifted sequence.
 SLIP_DEGREE = 4
-#: Smallest difference of two adjacent readings that may be the edge of a run, in scatters. The
-#: limit only selects the edges to examine, so it is lower than the limit of an outlier.
+#: Smallest deviation of a reading from its neighbours, in scatters (standard deviations of a
+#: reading), at which a shifted sequence may start or stop. The limit only selects the places to
+#: examine, so it is lower than the limit of an outlier.
 MIN_EDGE_SCATTERS = 4.0
-#: Smallest significant shift of a run, in standard errors of the shift. Up to 14 000 runs are
-#: tried, so this limit is above the limit of a single reading.
+#: Smallest significant shift of a sequence of readings, in standard errors of the shift. Up to 14
+#: 000 sequences are tried, so this limit is above that of a single reading.
 MIN_SHIFT_ERRORS = 8.0
-#: Smallest significance of a run that is considered, as a fraction of the largest. The shortest of
-#: these runs is used, because good readings between two dirt specks look like a longer run.
+#: Smallest significance (shift in standard errors) of a shifted sequence that is considered, as a
+#: fraction of the largest significance. The shortest of these sequences is used, because good
+#: readings between two specks of dirt look like one longer sequence.
 MIN_SIGNIFICANCE_RATIO = 0.7
-#: Largest difference between a slip and the slip back, in standard errors.
+#: Largest sum of a slip and the opposite step at the end of the turn, in standard errors, at which
+#: they belong to one slip of the gauge.
 MAX_RETURN_ERRORS = 4.0
-#: Largest step of the angle from the last to the first reading (usual steps) at which a jump of the
-#: lift between them is a drift of the gauge.
+#: Largest step of the angle from the last to the first reading, in median steps, at which a jump of
+#: the lift between them is taken as a drift of the gauge.
 MAX_CLOSING_STEPS = 2.0
-#: Largest r.m.s. residual of the polynomial with the shift, in scatters. The residual is larger at
-#: a kink of the law.
+#: Largest r.m.s. residual of the polynomial with the shift, in scatters (standard deviations of a
+#: reading). The residual is larger at a kink of the law.
 MAX_RESIDUAL_SCATTERS = 2.0
-#: Largest number of runs that are marked as shifted. More runs are a property of the law, and none
-#: is marked.
+#: Largest number of sequences that are marked as shifted. More are a property of the law, and then
+#: no reading is marked.
 MAX_RUNS = 10
-#: Largest number of edges that are examined. More edges are a property of the law, and the time
-#: increases with the square of their number.
+#: Largest number of possible ends of shifted sequences that are examined. More are a property of
+#: the law, and the time increases with the square of their number.
 MAX_EDGES = 120
 
 
@@ -68,7 +72,7 @@ MAX_EDGES = 120
 class Shift:
     """Common shift of the readings `indices`, its standard error, and the residual.
 
-    All are in m. The residual is r.m.s.
+    All are in m. The residual is the r.m.s. of the fit of the readings and their neighbours.
     """
 
     indices: NDArray[np.int64]
@@ -78,19 +82,22 @@ class Shift:
 
     @property
     def significance(self) -> float:
-        """Absolute shift in its standard errors."""
+        """Magnitude of the shift in its standard errors."""
         return abs(self.shift) / self.error
 
     def is_clear(self, scatter: float) -> bool:
-        """Return True if the shift explains readings with a scatter (m)."""
+        """Return True if a common shift is significant and explains the readings.
+
+        ``scatter`` is the standard deviation of a reading, m.
+        """
         is_complete = self.residual <= MAX_RESIDUAL_SCATTERS * scatter
         return is_complete and self.significance > MIN_SHIFT_ERRORS
 
 
 def find_shifted_runs(readings: Readings) -> NDArray[np.bool_]:
-    """Return the mask of readings in runs of two or more with a common shift.
+    """Return a mask of the readings in sequences of two or more with a common shift.
 
-    No reading is marked if there are more than `MAX_RUNS` runs.
+    No reading is marked if there are more than `MAX_RUNS` sequences.
     """
     mask = np.zeros(readings.angles.size, dtype=np.bool_)
     for _ in range(MAX_RUNS + 1):
@@ -108,10 +115,10 @@ def find_shifted_runs(readings: Readings) -> NDArray[np.bool_]:
 
 
 def require_no_slip(readings: Readings) -> None:
-    """Raise ConfigError if the gauge, or its support, has moved between two readings.
+    """Raise ConfigError if the gauge, or its support, has moved during the turn.
 
-    The lift then has a step there, and the opposite step between the last and the first line of the
-    table. A law is smooth there.
+    The lift then has a step between two readings, and the opposite step between the last and the
+    first line of the table. A law is smooth there.
     """
     count, lines = readings.angles.size, readings.lines
     ends = {int(lines.min()), int(lines.max())}
@@ -141,9 +148,10 @@ def require_no_slip(readings: Readings) -> None:
 
 
 def _require_small_drift(readings: Readings, closing: int, back: Shift) -> None:
-    """Raise ConfigError if the lift jumps between the last and the first reading of the turn.
+    """Raise ConfigError if the lift jumps from the last to the first reading.
 
-    A wide gap between them is reported as one.
+    ``closing`` is the index of the reading before this jump, ``back`` the jump. No error is raised
+    if the angle between the two readings is large.
     """
     steps = np.diff(readings.angles, append=readings.angles[0] + TURN)
     if steps[closing] <= MAX_CLOSING_STEPS * float(np.median(steps)):
@@ -156,10 +164,10 @@ def _require_small_drift(readings: Readings, closing: int, back: Shift) -> None:
 
 
 def _runs(readings: Readings, scatter: float) -> Iterator[Shift]:
-    """Yield the fitted common shift of each run of readings between two edges.
+    """Yield the fitted common shift of each sequence of readings that may be shifted.
 
-    An edge is a reading after which a run may start or stop. A difference of readings across it is
-    above `MIN_EDGE_SCATTERS`.
+    Such a sequence starts and stops where readings deviate from their neighbours by more than
+    `MIN_EDGE_SCATTERS`. ``scatter`` is the standard deviation of a reading, m.
     """
     count, half = readings.angles.size, WINDOW // 2
     values, is_valid = differences(readings.angles, readings.lifts)
@@ -178,7 +186,11 @@ def _runs(readings: Readings, scatter: float) -> Iterator[Shift]:
 
 
 def _fit_slip(readings: Readings, edge: int, scatter: float) -> Shift:
-    """Return the shift of the readings after `edge`, fitted with the readings on both sides."""
+    """Return the step of the readings after the index `edge`.
+
+    It is fitted together with a polynomial through `SLIP_FLANK` readings on both sides. ``scatter``
+    is the standard deviation of a reading, m.
+    """
     window = np.arange(edge + 1 - SLIP_FLANK, edge + 1 + SLIP_FLANK)
     return _fit(readings, window, window > edge, SLIP_DEGREE, scatter)
 
@@ -190,9 +202,11 @@ def _fit(
     degree: int,
     scatter: float,
 ) -> Shift:
-    """Fit a common shift of some readings of a window together with a polynomial.
+    """Fit a common shift of some readings together with a polynomial.
 
-    ``is_shifted`` marks the shifted readings, and ``degree`` is that of the polynomial.
+    ``window`` are the indices of all fitted readings, modulo their number. ``is_shifted`` marks the
+    shifted readings, and ``degree`` is that of the polynomial. ``scatter`` is the standard
+    deviation of a reading, m.
     """
     count = readings.angles.size
     indices = window % count

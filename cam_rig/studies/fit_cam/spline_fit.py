@@ -1,4 +1,4 @@
-"""Fit of a spline with exact dwells to readings, within the error of the gauge."""
+"""Fit of a spline with exact dwells to gauge readings, within the error of the gauge."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from cam_rig.studies.fit_cam.suspects import (
 from cam_rig.studies.fit_cam.valve_events import ValveTrain, explain_missing_events, valve_events
 from cam_rig.units import FloatArray
 
-#: Addition to the scatter that gives the tolerance if the error of the gauge is not given, in
-#: standard errors of the scatter. A tolerance that is too small gives many knots. A tolerance that
-#: is too large has little effect.
+#: Margin that is added to the scatter of the readings to obtain the tolerance of the spline if the
+#: error of the gauge is not given, in standard errors of the scatter. A tolerance that is too small
+#: gives many knots. A tolerance that is too large has little effect.
 SCATTER_MARGIN_ERRORS = 2.0
-#: Factor by which the tolerance is increased repeatedly until a spline is within the tolerance.
+#: Factor by which the tolerance of the spline is repeatedly increased until a spline is within it.
 WIDENING_FACTOR = 2.0
 #: Largest median distance of readings (deg) without a warning that the readings do not determine
-#: the law between them. The peak acceleration of shipped laws is within 2 % at 5 deg, and within 5
-#: % at 10 deg.
+#: the law between them. For the laws of this project, the peak acceleration is within 2 % at 5 deg,
+#: and within 5 % at 10 deg.
 MAX_CLOSE_STEP_DEG = 5.0
-#: Largest distance of the law beyond the range of its readings that is not reported, as a fraction
-#: of the lift. The distance must also be within the tolerance of the fit.
+#: Largest distance by which the law may go beyond the highest or lowest reading without a warning,
+#: as a fraction of the lift. The tolerance of the fit is allowed in any case.
 MAX_BEYOND_READINGS = 0.01
 #: Smallest distance of a reading from its neighbours, in scatters, at which its residual is
 #: compared with the scatter, and not only with the other residuals. It is below the limit of an
@@ -156,26 +156,27 @@ class SplineFit(Result):
 
     @property
     def scatter_error(self) -> float:
-        """Standard error of the scatter, m."""
+        """Standard error of the estimated scatter of the readings, m."""
         return self.scatter * self.readings.scatter_error
 
     @property
     def followed(self) -> bool:
-        """True if the tolerance is the given error of the gauge."""
+        """True if the requested tolerance, the error of the gauge, was used."""
         return self.tolerance == self.requested_tolerance
 
     @property
     def worst(self) -> int:
-        """Index of the reading with the largest residual."""
+        """Index of the reading with the largest absolute residual."""
         return int(np.argmax(np.abs(self._residuals)))
 
     @property
     def _residuals(self) -> FloatArray:
+        """Residuals of the readings (reading minus law) in m, ``(n,)``."""
         return self.readings.lifts - self.law(self.readings.angles)
 
     @cached_property
     def peaks(self) -> tuple[float, float]:
-        """Largest |s'| (m/rad) and |s''| (m/rad²)."""
+        """Largest |s'| (m/rad) and |s''| (m/rad²) of the fitted law."""
         return abs(peak(self.law, 1).value), abs(peak(self.law, 2).value)
 
     def tables(self) -> list[Records]:
@@ -195,11 +196,11 @@ class SplineFit(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return the notes on the readings, then the conclusions."""
+        """Return the notes on how the table was read, then the conclusions."""
         return [*self.notes, *self.conclusions()]
 
     def conclusions(self) -> Iterator[str]:
-        """Yield sentences on the result, the residuals first."""
+        """Yield sentences on the fit, its residuals, and suspicious readings."""
         smoothed, angles = self.smoothed, self.readings.angles
         yield (
             f"The law is {smoothed.rms * 1e3:.3g} mm r.m.s. and {smoothed.largest * 1e3:.3g} mm at "
@@ -218,7 +219,7 @@ class SplineFit(Result):
         yield from self._list_suspects()
 
     def _explain_tolerance(self) -> Iterator[str]:
-        """Yield a sentence on a tolerance that differs from the requested one or the scatter."""
+        """Yield a sentence if the tolerance is not the requested one or was increased."""
         if self.widened:
             yield (
                 f"The residual allowed is {self.tolerance * 1e3:.3g} mm, more than the readings' "
@@ -234,7 +235,7 @@ class SplineFit(Result):
             )
 
     def _explain_range(self) -> Iterator[str]:
-        """Yield a sentence on a law that goes far beyond its readings."""
+        """Yield a sentence if the law goes far beyond the range of its readings."""
         lifts, lift = self.readings.lifts, self.law.lift
         low, high = float(lifts.min()), float(lifts.max())
         if max(low, lift - high) > max(MAX_BEYOND_READINGS * lift, self.tolerance):
@@ -245,7 +246,7 @@ class SplineFit(Result):
             )
 
     def _list_suspects(self) -> Iterator[str]:
-        """Yield sentences on a sharp nose or on readings far from the law, and on the outliers."""
+        """Yield sentences on a sharp nose, on readings far from the law, and on outliers."""
         readings, law = self.readings, self.law
         sizes, top = self._relative_residuals(), int(np.argmax(readings.lifts))
         if sizes[top] > MIN_REPORTED_SCATTERS and is_sharp_nose(readings, top):
@@ -255,19 +256,19 @@ class SplineFit(Result):
                 f"{law.lift * 1e3:.4g} mm, the readings by {np.ptp(readings.lifts) * 1e3:.4g} mm. "
                 "Read it finer there, or use the shape arcs."
             )
-        else:  # near a sharp nose the spline oscillates, so good readings are far from it
+        else:  # not near a sharp nose, where the spline oscillates and misses good readings
             yield from list_farthest(readings, self._residuals, sizes)
         if readings.outliers or sizes.max() <= MIN_OUTLIER_SCATTERS:
             yield list_outliers(readings)
 
     def _relative_residuals(self) -> FloatArray:
-        """Return the relative sizes of the residuals, shape ``(n,)``.
+        """Return residuals as multiples of the other readings' deviation, shape ``(n,)``.
 
-        The unit is the r.m.s. of the other residuals. If a reading is also contradicted by its
-        neighbours, the unit is the scatter of the readings, if that gives a larger size. An outlier
-        attracts the spline, which increases the residuals around it but not the scatter. A spline
-        that is too smooth has large residuals at many good readings in a row, and their neighbours
-        do not contradict them.
+        The unit is the r.m.s. of the other residuals. For a reading that its neighbours contradict,
+        it is the scatter of the readings instead, if that gives a larger value. The reason is that
+        an outlier attracts the spline, which increases the residuals around it but not the scatter.
+        A spline that is too smooth has large residuals at many successive readings, but their
+        neighbours do not contradict them.
         """
         readings, residuals = self.readings, self._residuals
         values, is_valid = differences(readings.angles, readings.lifts)
@@ -313,7 +314,8 @@ def fit_spline(readings: Readings, requested_tolerance: float | None = None) -> 
 def _choose_tolerance(readings: Readings, scatter: float, requested: float | None) -> float:
     """Return the requested tolerance (m), or the scatter plus a margin.
 
-    The scatter is also used instead of a given error that would make the spline follow the noise.
+    The scatter plus a margin is also used if the requested tolerance is so small that the spline
+    would follow the noise. Raises ConfigError if the tolerance or the scatter is too large.
     """
     limit = MAX_TOLERANCE * float(np.ptp(readings.lifts))
     if requested is not None and not 0.0 < requested <= limit:
@@ -336,9 +338,10 @@ def _choose_tolerance(readings: Readings, scatter: float, requested: float | Non
 def _smooth_within(
     readings: Readings, tolerance: float, rests: list[Rest]
 ) -> tuple[float, Smoothed]:
-    """Return the tolerance (m) and the spline that is within it.
+    """Return the tolerance (m) and a spline whose residual is within it.
 
-    The tolerance is widened if no spline is within it.
+    ``rests`` are the dwells. The tolerance is increased until such a spline exists. Raises LawError
+    if it would become too large.
     """
     limit = MAX_TOLERANCE * float(np.ptp(readings.lifts))
     while True:
@@ -351,7 +354,10 @@ def _smooth_within(
 
 
 def _require_dwell_in_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) -> None:
-    """Raise ConfigError if a wide gap without readings is not inside a dwell."""
+    """Raise ConfigError if a wide gap in the readings is not inside a dwell.
+
+    See `Readings.has_wide_gap`.
+    """
     start, span = readings.gap
     if readings.has_wide_gap and not any(dwell.covers(start, span) for dwell in dwells):
         raise ConfigError(
@@ -362,7 +368,7 @@ def _require_dwell_in_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) ->
 
 
 def _require_same_lift(readings: Readings, law: Law, tolerance: float) -> None:
-    """Raise LawError if the lift of the spline is far from the lift of its readings."""
+    """Raise LawError if the lift of the spline differs much from that of its readings."""
     height = float(np.ptp(readings.lifts))
     if abs(law.lift - height) > LIFT_RTOL * height + MAX_LIFT_TOLERANCES * tolerance:
         raise LawError(
@@ -373,6 +379,6 @@ def _require_same_lift(readings: Readings, law: Law, tolerance: float) -> None:
 
 
 def _build_law(smoothed: Smoothed) -> Law:
-    """Return the law of the pieces of a spline."""
+    """Return the law that consists of the polynomial pieces of a spline."""
     breaks, columns = smoothed.pieces
     return Law("fitted", np.array(breaks), join_pieces(columns))

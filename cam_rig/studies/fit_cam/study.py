@@ -29,7 +29,8 @@ from cam_rig.studies.fit_cam.gauge_table import (
 from cam_rig.studies.fit_cam.spline_fit import SplineFit, fit_spline
 from cam_rig.studies.fit_cam.valve_events import CHECKING_HEIGHTS, ValveTrain
 
-#: Types of followers in order of preference. The first with readings is that of the cam file.
+#: Types of followers in order of preference. The cam file gets the first type for which there are
+#: readings.
 FOLLOWER_ORDER: tuple[FollowerKind, ...] = ("roller", "point", "flat")
 
 
@@ -37,8 +38,12 @@ FOLLOWER_ORDER: tuple[FollowerKind, ...] = ("roller", "point", "flat")
 class FitRequest:
     """Options of a fit of a cam to gauge readings.
 
-    If `take_first` is True, a spline is fitted to the first of several columns of lifts, and a note
-    reports it. Otherwise several columns raise ConfigError.
+    ``shape`` is that of the fitted cam. ``followers`` are the follower types of the columns, empty
+    if not given. ``tolerance`` (m) is the error of the gauge. ``reverse`` and ``mirror`` are True
+    for a cam turned in the opposite sense and for a table with half a lobe. The radii are in m.
+    ``flank`` is the shape of the flanks of arcs, if known. If `take_first` is True, a spline is
+    fitted to the first of several columns of lifts, and a note reports it. Otherwise several
+    columns raise ConfigError.
     """
 
     shape: Literal["spline", "arcs"] = "spline"
@@ -54,7 +59,7 @@ class FitRequest:
     take_first: bool = False
 
     def __post_init__(self) -> None:
-        """Raise ConfigError for a number of the options that is out of range."""
+        """Raise ConfigError if a numeric option is out of range."""
         train = self.valve_train
         for name, length in {"roller_radius": self.roller_radius, "lash": train.lash}.items():
             if length is not None and length < 0.0:
@@ -70,7 +75,7 @@ class FitRequest:
                 raise ConfigError(f"{name}: is {value:g}; allowed: above 0")
 
     def run(self, files: list[Path]) -> SplineFit | ArcsFit:
-        """Read the files, and return the fit of their readings."""
+        """Read the files, and return the fit to their readings."""
         self._require_compatible(len(files))
         tables = [read_gauge_table(path, self.table) for path in files]
         selected = [(table, column) for table in tables for column in self._select_columns(table)]
@@ -103,10 +108,10 @@ class FitRequest:
         )
 
     def files(self, fit: SplineFit | ArcsFit, name: str) -> CamFiles:
-        """Return the files of a fitted cam.
+        """Return the files of a fitted cam called ``name``.
 
-        Without a given follower, the type is the first of `FOLLOWER_ORDER` that a fit of arcs has,
-        or a roller for a spline.
+        The follower type is the requested one. If no type or several types were requested, it is a
+        roller for a spline, and for arcs the first of `FOLLOWER_ORDER` among the fitted columns.
         """
         kind = self.followers[0] if len(self.followers) == 1 else None
         if isinstance(fit, ArcsFit):
@@ -117,7 +122,10 @@ class FitRequest:
         return spline_cam(name, fit, kind or "roller", fit.base_radius, fit.roller_radius)
 
     def _require_compatible(self, file_count: int) -> None:
-        """Raise ConfigError for options that the requested shape does not have."""
+        """Raise ConfigError for options that the requested shape does not support.
+
+        ``file_count`` is the number of files.
+        """
         if self.shape == "arcs":
             if self.tolerance is not None:
                 raise ConfigError("--tolerance cannot be combined with --shape arcs")
@@ -137,8 +145,9 @@ class FitRequest:
     def _select_columns(self, table: GaugeTable) -> tuple[GaugeColumn, ...]:
         """Return the columns of a table to fit: all for arcs, and one for a spline.
 
-        Raises ConfigError for several columns, and for radii of a follower other than a point
-        follower. The lift of a point follower is the radius minus the base radius.
+        Raises ConfigError for several columns if a spline is fitted. Raises it too for radii,
+        unless the follower is a point. The lift of a point follower is the radius minus the base
+        radius.
         """
         columns = table.columns
         if self.shape == "spline" and len(columns) > 1 and not self.take_first:
@@ -158,7 +167,7 @@ class FitRequest:
         return columns
 
     def _notes(self, tables: list[GaugeTable], readings: list[Readings]) -> list[str]:
-        """Return the notes on the interpretation of the tables and on their readings."""
+        """Return the notes on the interpretation of the tables and of their readings."""
         first = tables[0]
         notes = [f"{table.file}: {note}" for table in tables for note in table.notes]
         if len(readings) < len(first.columns):
@@ -178,7 +187,9 @@ class FitRequest:
     ) -> ArcsFit:
         """Fit tangent arcs to the readings of all columns.
 
-        ``is_radius`` is True if the readings are radii. Their zero is then the base radius.
+        The radii are in m, or None if not given. Unknown radii get usual start values.
+        ``is_radius`` is True if the readings are radii of the contour. Their zero is then the base
+        radius.
         """
         columns = tuple(subtract_zero(column) for column in readings)
         if is_radius:
@@ -188,15 +199,18 @@ class FitRequest:
         if "point" in self.followers:
             roller = 0.0
         given: GivenRadii = None if roller_radius is None else "roller"
-        if base_radius is not None:  # without a roller, it is the only unknown radius
+        # If only the base radius is given, the roller radius follows from the sum of both. A point
+        # follower has no roller.
+        if base_radius is not None:
             given = "base" if roller_radius is None and roller else "both"
         base = 3.0 * lift if base_radius is None else base_radius
         return fit_arcs(columns, self._flats(len(columns)), roller, base, given, self.flank)
 
     def _flats(self, column_count: int) -> tuple[bool | None, ...]:
-        """Return for each column True if its follower is flat.
+        """Return for each column True if its follower is flat, or None if unknown.
 
-        The entries are None if the fit determines the types.
+        The fit determines an unknown type. Raises ConfigError if the number of requested types does
+        not match the number of columns.
         """
         if len(self.followers) == column_count:
             return tuple(follower == "flat" for follower in self.followers)
@@ -211,10 +225,11 @@ class FitRequest:
 def _given_or_stated(
     tables: list[GaugeTable], name: str, given: float | None, is_used: bool = True
 ) -> tuple[float | None, list[str]]:
-    """Return the given length (m), or a length that a table states, and notes.
+    """Return a length (m) from an option or else from a table, and notes.
 
-    Without a given length, the first table that states the length determines it. The notes report
-    the source, and the statements that are not used.
+    ``name`` is the length in `GaugeTable.stated`, ``given`` the value of the option or None.
+    Without an option, the first table that states the length determines it, unless ``is_used`` is
+    False. The notes report the source, and the statements that are not used.
     """
     stated = [(table.file, *table.stated[name]) for table in tables if name in table.stated]
     if given is None and is_used and stated:
@@ -225,7 +240,10 @@ def _given_or_stated(
 
 
 class FitOptions(TypedDict, total=False):
-    """Options of `fit_cam` except the shape, which selects the type of the result."""
+    """Keyword options of `fit_cam` except ``shape``, for its overloaded signatures.
+
+    The shape selects the type of the result.
+    """
 
     follower: FollowerKind | Sequence[FollowerKind] | None
     column: str | None

@@ -1,4 +1,4 @@
-"""Readings to check: excluded outliers, and the readings farthest from the law."""
+"""Sentences on suspicious readings: excluded outliers, and readings far from the law."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from cam_rig.studies.fit_cam.dwells import likely_range
 from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.units import FloatArray
 
-#: Smallest residual that is reported, as a multiple of the scatter or of the r.m.s. of the other
-#: residuals. A normal error is as large in one reading of 370.
+#: Smallest residual that is reported, in multiples of the scatter of the readings or of the r.m.s.
+#: of the other residuals. Of normally distributed errors, one in 370 is as large.
 MIN_REPORTED_SCATTERS = 3.0
-#: Largest number of reported residuals.
+#: Largest number of readings that are reported as far from the law.
 MAX_REPORTED = 3
 
 
 def list_outliers(readings: Readings) -> str:
-    """Return a sentence that lists the outliers, or states that there are not any."""
+    """Return a sentence that lists the excluded outliers, or reports that none exist."""
     if not readings.outliers:
         return "No reading looks like an outlier."
     listed = (f"line {o.line} by {o.distance * 1e3:.3g} mm" for o in readings.outliers)
@@ -27,20 +27,21 @@ def list_outliers(readings: Readings) -> str:
 
 
 def relative_residuals(readings: Readings, residuals: FloatArray) -> FloatArray:
-    """Return the absolute residuals relative to all other residuals, ``(n,)``.
+    """Return each absolute residual divided by the r.m.s. of all others, ``(n,)``.
 
-    The unit is the r.m.s. of the others.
+    The r.m.s. is at least the rounding error of the readings. ``residuals`` is in m.
     """
     others = (np.sum(residuals**2) - residuals**2) / (residuals.size - 1)
     return np.abs(residuals) / np.maximum(np.sqrt(others), readings.rounding)
 
 
 def list_farthest(readings: Readings, residuals: FloatArray, sizes: FloatArray) -> Iterator[str]:
-    """Yield a sentence that lists the readings farthest from the law, if any are far.
+    """Yield a sentence that lists the readings far from the law, if there are any.
 
-    ``residuals`` is in m. ``sizes`` is the residuals as multiples of the scatter.
+    ``residuals`` (reading minus law) is in m. ``sizes`` is their magnitudes in multiples of the
+    scatter. At most `MAX_REPORTED` readings are listed.
     """
-    # The second limit is the likely maximum of this number of normal errors.
+    # The second limit is the likely maximum of as many normally distributed errors.
     limit = max(MIN_REPORTED_SCATTERS, 0.5 * likely_range(sizes.size))
     far = [i for i in np.argsort(-sizes)[:MAX_REPORTED] if sizes[i] > limit]
     listed = ", ".join(

@@ -1,4 +1,7 @@
-"""Opening, closing and duration of a valve at a checking height."""
+"""Cam angles at which a valve opens and closes, and the duration between them.
+
+They are those at which the lift of the valve passes a checking height.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +12,14 @@ from cam_rig.laws import Law
 from cam_rig.laws.passages import passages
 from cam_rig.units import TURN
 
-#: Usual lifts (m) at which the events of a valve are listed in metric and in inch tables: 1 mm and
-#: 0.050 in.
+#: Default lifts of the valve (m) at which its opening and closing are listed: 1 mm, usual in metric
+#: tables, and 0.050 in.
 CHECKING_HEIGHTS = (1e-3, 0.05 * 0.0254)
 
 
 @dataclass(frozen=True)
 class ValveTrain:
-    """Valve train on a cam.
+    """Valve train that a cam drives.
 
     Parameters
     ----------
@@ -35,9 +38,10 @@ class ValveTrain:
 
 @dataclass(frozen=True)
 class ValveEvent:
-    """Opening and closing of a valve at a checking height (m), angles in rad.
+    """Opening and closing of a valve at a checking height.
 
-    `lobe_centre` is the middle between opening and closing.
+    `height` is that lift of the valve in m. The cam angles `opening` and `closing` and the
+    `duration` between them are in rad. `lobe_centre` is the middle between opening and closing.
     """
 
     height: float
@@ -73,7 +77,7 @@ def valve_events(law: Law, train: ValveTrain) -> tuple[ValveEvent, ...]:
 
 
 def explain_missing_events(law: Law, train: ValveTrain) -> Iterator[str]:
-    """Yield a sentence about the checking heights that the valve does not reach."""
+    """Yield a sentence if the valve does not open, or misses some checking heights."""
     lift = train.rocker_ratio * law.lift - train.lash
     if lift <= 0.0:
         yield (

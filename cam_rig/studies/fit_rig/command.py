@@ -66,11 +66,11 @@ def fit_rig(
     """Identify a follower's parameters from a measured run, or from its jump speeds.
 
     A bag must contain the cam angle, and lift or contact force or both, at several steady speeds.
-    The fit returns mass, spring, preload, damping, restitution, and the stem if it is visible. A
-    table must contain the jump speeds. It can contain columns of the added mass, the spring and the
-    preload. Each parameter has its standard error and correlations. A parameter that is not
-    identifiable has no value, and a reason. The encoder's zero, the error of the sensors' clock,
-    and the zero offset and backlash of the lift are fitted too.
+    The fit returns mass, spring, preload, damping, restitution, and the stem if the data show its
+    vibration. A table must contain the jump speeds. It can contain columns of the added mass, the
+    spring and the preload. Each identified parameter has a standard error and its correlations with
+    the others. A parameter that is not identifiable has no value, and a reason. The encoder's zero,
+    the error of the sensors' clock, and the zero offset and backlash of the lift are fitted too.
 
     In Python: cam_rig.fit_rig(source, cam, topics, …, fix, tolerance, out)
 
@@ -101,9 +101,9 @@ def fit_rig(
 
 
 def _parse_fixed(options: list[str] | None) -> dict[str, float]:
-    """Parse options such as ``mass=1.3`` to values by name.
+    """Return parameter values by name from options such as ``mass=1.3``.
 
-    The names are checked by the fit.
+    The values are in SI. The fit checks the names, not this function.
     """
     values = dict[str, float]()
     for option in options or []:

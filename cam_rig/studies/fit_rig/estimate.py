@@ -1,4 +1,4 @@
-"""Estimates of parameters, and their form in tables, sentences and rig files."""
+"""Estimates of a follower's parameters, and their form in tables, sentences and rig files."""
 
 from __future__ import annotations
 
@@ -15,13 +15,12 @@ from cam_rig.show.result import Column, Records, Result
 from cam_rig.studies.fit_rig.parameters import PARAMETERS
 from cam_rig.units import FloatArray, round_to_error
 
-#: Half the width of the interval that contains 95 % of a normal distribution, in standard
-#: deviations.
+#: Half the width of the 95 % interval of a normal distribution, in standard deviations.
 NORMAL_95 = 1.96
-#: Relative standard error above which an identified value gets a warning: fewer than one digit of
+#: Relative standard error from which an identified value gets a warning: fewer than one digit of
 #: the value is significant.
 CAUTION_RELATIVE_ERROR = 1.0 / 3.0
-#: Largest relative standard error at which a parameter is identified. Its 95 % interval then
+#: Relative standard error below which a parameter counts as identified. Its 95 % interval then
 #: excludes zero.
 MAX_RELATIVE_ERROR = 0.5
 
@@ -30,9 +29,9 @@ MAX_RELATIVE_ERROR = 0.5
 class ParameterEstimate:
     """Estimate of one parameter of the follower, in SI units.
 
-    Its origin is given, identified, or not identified. An identified parameter has a standard
-    error. A parameter that is not identified has a reason. ``coverage_factor`` is half the width of
-    its interval of 95 % in standard errors.
+    ``origin`` is "given", "identified" or "not identified". An identified parameter has a standard
+    error ``error``. A parameter that is not identified has the value None and a ``reason``.
+    ``coverage_factor`` is half the width of the 95 % interval in standard errors.
     """
 
     name: str
@@ -44,9 +43,10 @@ class ParameterEstimate:
 
     @classmethod
     def unidentified(cls, name: str, reason: str, error: float | None = None) -> ParameterEstimate:
-        """Return an estimate of a parameter without a value, with the reason.
+        """Return the estimate of a parameter that is not identified.
 
-        ``error`` is the standard error that the search computed.
+        Its value is None. ``reason`` explains why. ``error`` is the standard error that the search
+        computed, or None.
         """
         return cls(name, None, error, "not identified", reason)
 
@@ -57,24 +57,24 @@ class ParameterEstimate:
 
     @property
     def value_text(self) -> str:
-        """Parameter's value as text, with the digits of its standard error.
+        """Value as text, rounded to the digits that its standard error supports.
 
-        It is empty without a value.
+        It is empty if the parameter has no value.
         """
         return "" if self.value is None else round_to_error(self.value, self.error or 0.0)
 
     @property
     def error_text(self) -> str:
-        """Standard error as text with two digits, or empty without a value."""
+        """Standard error as text with two digits, or empty if there is no value or error."""
         if self.value is None or self.error is None:
             return ""
         return round_to_error(self.error, self.error)
 
     @property
     def caution(self) -> str:
-        """Warning for a standard error of a third of the value or more.
+        """Warning if the standard error is a third of the value or more.
 
-        It is empty for a smaller error.
+        It is empty for a smaller error, or without a value.
         """
         if (
             self.value is None
@@ -88,11 +88,11 @@ class ParameterEstimate:
 
     @property
     def text(self) -> str:
-        """Value, error and unit as text, such as 1.2995 ± 0.0008 kg."""
+        """Value, standard error and unit as text, such as 1.2995 ± 0.0008 kg."""
         return self._with_caution(f"{self.value_text} ± {self.error_text} {self.unit}")
 
     def to_sentence(self) -> str:
-        """Return the name and value, or the reason why the parameter is not identified."""
+        """Return name and value as text, or the reason why the parameter has no value."""
         if self.value is not None:
             return self._with_caution(f"{self.name} {self.value_text} {self.unit}")
         end = "" if self.reason.endswith("?") else "."
@@ -102,13 +102,13 @@ class ParameterEstimate:
         return text.removesuffix(" 1") + (f" ({self.caution})" if self.caution else "")
 
 
-#: Smallest and largest usual values of followers on a test bench, SI. Other values are reported,
-#: not rejected.
+#: Smallest and largest usual values of a follower on a test bench, in SI, by rig-file key. An
+#: identified value outside of them gets a warning and is not rejected.
 USUAL_VALUES = {"mass": (0.005, 500.0), "spring_stiffness": (10.0, 1e8)}
 
 
 def warn_of_unusual_values(numbers: Iterable[ParameterEstimate]) -> Iterator[str]:
-    """Yield a sentence for each identified parameter outside of `USUAL_VALUES`."""
+    """Yield a warning for each identified parameter outside `USUAL_VALUES`."""
     for number in numbers:
         low, high = USUAL_VALUES.get(number.name, (0.0, math.inf))
         if number.value is not None and not low <= number.value <= high:
@@ -120,7 +120,11 @@ def warn_of_unusual_values(numbers: Iterable[ParameterEstimate]) -> Iterator[str
 
 
 def interval_text(value: float, half: float, unit: str) -> str:
-    """Return an interval of 95 % as text, for a parameter that is not negative."""
+    """Return the 95 % interval of a parameter as text.
+
+    ``half`` is half its width. The parameter cannot be negative: if the interval contains 0, the
+    text gives the upper limit only.
+    """
     low, end = value - half, f"{value + half:.3g} {unit}".removesuffix(" 1")
     return f"with 95 % it is below {end}" if low <= 0.0 else f"with 95 % it is {low:.3g} to {end}"
 
@@ -129,8 +133,9 @@ def interval_text(value: float, half: float, unit: str) -> str:
 class RigParameters(Result):
     """Estimates of a follower's parameters, and the model that was fitted.
 
-    The model is one_mass or two_mass. ``correlation`` ``(n, n)`` is that of the identified free
-    parameters, in their order.
+    ``law`` is that of the cam, ``model`` is one_mass or two_mass. ``correlation`` ``(n, n)``
+    contains the correlations between the errors of the identified free parameters, in their order
+    in ``numbers``.
     """
 
     columns: ClassVar = {
@@ -161,13 +166,14 @@ class RigParameters(Result):
 
     @property
     def identified(self) -> tuple[ParameterEstimate, ...]:
-        """Estimates of the identified parameters."""
+        """Estimates of those parameters that were identified, with value and error."""
         return tuple(n for n in self.numbers if n.origin == "identified")
 
     def number_tables(self, caption: str, names: tuple[str, ...]) -> list[Records]:
-        """Return two tables: one row per parameter, and the correlations.
+        """Return two tables: one row per parameter, and the correlations of their errors.
 
-        The correlations are those of ``names``. The second table is empty for a single name.
+        ``names`` are the parameters of ``correlation``. The second table is empty if there is only
+        one.
         """
         pairs = [
             (names[i], names[k], float(self.correlation[i, k]))
@@ -182,9 +188,9 @@ class RigParameters(Result):
 
 
 def correlation_matrix(covariance: FloatArray) -> FloatArray:
-    """Return the correlation matrix ``(n, n)`` of a covariance matrix.
+    """Return the correlation matrix of a covariance matrix, both ``(n, n)``.
 
-    The diagonal is exactly 1, or 0 for a parameter without an error.
+    The diagonal is exactly 1, or 0 for a parameter whose variance is 0.
     """
     square = np.diag(covariance)
     deviation = np.maximum(np.sqrt(square), 1e-300)

@@ -1,4 +1,4 @@
-"""Figures of a fitted rig: measurement, model and residual."""
+"""Figures of a fitted rig: measured and fitted values, and their residuals."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from cam_rig.studies.fit_rig.jumps.fit import JumpFit
 from cam_rig.studies.fit_rig.run.result import RigFit
 from cam_rig.units import TURN
 
-#: Largest number of speeds that the figure shows.
+#: Largest number of speeds that the figure of a fitted run shows, one column each.
 MAX_SPEEDS = 3
-#: Number of points of a fitted curve over one turn.
+#: Number of cam angles over one turn at which a fitted curve is drawn.
 CURVE_POINTS = 1440
 
 
 @styled
 def rig_figure(fit: RigFit) -> Figure:
-    """Draw the contact force of up to three speeds over a turn, with residuals below.
+    """Draw measured and fitted contact force over a turn, with the residuals below.
 
-    A run without a force is drawn by its lift.
+    The columns are up to `MAX_SPEEDS` speeds, from slow to fast. If the run has no force, the lift
+    is drawn instead.
     """
     segments = fit.solution.segments
     force = any(segment.force.value.size for segment in segments)
@@ -46,13 +47,13 @@ def rig_figure(fit: RigFit) -> Figure:
 
 
 def _draw_segment(above: Axes, below: Axes, fit: RigFit, i: int, force: bool) -> None:
-    """Draw measured and fitted values of one steady segment, and the residuals below.
+    """Draw measured and fitted values of a steady-speed segment, and residuals below.
 
     The values are contact forces if ``force`` is True, else lifts. ``i`` is the index of the
-    segment.
+    segment in the fit.
     """
     predicted = fit.solution.predicted[i]
-    assert predicted is not None  # a search ends at steady turns
+    assert predicted is not None  # every segment of a solution has a periodic turn
     signal, factor, fine, colour = (
         (predicted.force, 1.0, 1.0, colours.FORCE)
         if force
@@ -71,7 +72,7 @@ def _draw_segment(above: Axes, below: Axes, fit: RigFit, i: int, force: bool) ->
 
 @styled
 def jump_figure(fit: JumpFit) -> Figure:
-    """Draw the measured jump speeds over the fitted ones, with residuals below."""
+    """Draw measured against fitted jump speeds (rpm), with the residuals below."""
     read, fitted = fit.read.rpm, np.array(fit.speeds)
     out = empty(5.4)
     above, below = out.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))

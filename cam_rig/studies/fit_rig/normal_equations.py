@@ -1,4 +1,4 @@
-"""Inverse of the normal equations of least squares, and directions without information."""
+"""Inverse of the normal equations of least squares, and groups of unidentifiable parameters."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import numpy as np
 
 from cam_rig.units import FloatArray
 
-#: Change of the residuals along a direction, relative to the largest change, below which the
-#: direction is not identifiable.
+#: Norm of the residuals' change along a direction in parameter space, relative to the largest such
+#: change, below which the data do not identify that direction.
 NULL_RTOL = 1e-6
-#: Smallest component of a parameter in a unit vector for which the parameter is part of that
-#: direction.
+#: Absolute component of a parameter in the unit vector of an unidentifiable direction, above which
+#: the parameter belongs to the group that cannot be identified.
 MIN_COMPONENT = 0.05
 
 
@@ -18,7 +18,8 @@ def normal_inverse(jacobian: FloatArray) -> tuple[FloatArray, tuple[tuple[int, .
     """Return (JᵀJ)⁻¹ ``(n, n)``, and groups of parameters that are not identifiable.
 
     ``jacobian`` is J with the shape ``(m, n)``. The parameters of a group can change together
-    without a change of the residuals. A group is a tuple of indices.
+    without a change of the residuals. A group is a tuple of column indices of J. The inverse is
+    restricted to the identifiable directions.
     """
     sizes = np.linalg.norm(jacobian, axis=0)
     sizes[sizes == 0.0] = 1.0

@@ -1,4 +1,4 @@
-"""Parameters of a follower in a fit: limits, search variables, and follower."""
+"""Parameters of a follower in a fit: limits, search variables, and the follower."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ Follower = FollowerParameters | TwoMassParameters
 class ParameterLimits:
     """Unit and limits of a follower parameter in a rig file.
 
-    ``logarithm`` is True if a search uses its logarithm.
+    ``low`` and ``high`` are the smallest and largest allowed values in ``unit``. ``logarithm`` is
+    True if the search variable of a fit is the logarithm of the value.
     """
 
     unit: str
@@ -27,8 +28,8 @@ class ParameterLimits:
     logarithm: bool = False
 
 
-#: Limits of the parameters by their keys in a rig file. The limits exclude values that overflow,
-#: and are far outside the values of any follower.
+#: Unit and limits of each parameter of a follower, by its key in a rig file. The limits exclude
+#: values that overflow, and are far outside the values of any real follower.
 PARAMETERS = {
     "mass": ParameterLimits("kg", 1e-6, 1e6, logarithm=True),
     "spring_stiffness": ParameterLimits("N/m", 1e-6, 1e12, logarithm=True),
@@ -39,16 +40,20 @@ PARAMETERS = {
     "roller_share": ParameterLimits("1", 0.01, 0.99),
     "stem_damping": ParameterLimits("N*s/m", 0.0, 1e9),
 }
-#: Keys of the parameters of one rigid mass.
+#: Rig-file keys of the parameters of a follower with one rigid mass.
 ONE_MASS = ("mass", "spring_stiffness", "preload", "damping", "restitution")
-#: Keys of the parameters of two masses and a stem.
+#: Rig-file keys of the parameters of a follower with two masses and an elastic stem between them.
 TWO_MASSES = (*ONE_MASS, "stem_stiffness", "roller_share", "stem_damping")
-#: Keys of the parameters that a model with one mass does not have.
+#: Rig-file keys of the parameters that only a follower with two masses has.
 TWO_MASS_ONLY = ("roller_share", "stem_damping")
 
 
 def check_fixed(fixed: Mapping[str, float], model: str | None) -> None:
-    """Raise an error if a fixed value is outside its limits or not in the model."""
+    """Raise a `ConfigError` if a fixed parameter value is not allowed.
+
+    ``fixed`` are values in SI by rig-file key. A value must be within the limits of `PARAMETERS`.
+    The keys of `TWO_MASS_ONLY` require ``model`` to be two_mass.
+    """
     for name, value in fixed.items():
         limits = PARAMETERS[name]
         if not limits.low <= value <= limits.high:
@@ -62,10 +67,11 @@ def check_fixed(fixed: Mapping[str, float], model: str | None) -> None:
 
 
 def build_follower(values: dict[str, float], stem_stiffness: float | None) -> Follower:
-    """Return the follower with these parameter values (SI).
+    """Return the follower with the given parameter values in SI.
 
-    It has two masses if the values contain ``roller_share``. ``stem_stiffness`` (N/m) is that of
-    one mass. It affects only the pulse of a landing.
+    The keys of ``values`` are those of a rig file. The follower has two masses if they contain
+    ``roller_share``, otherwise one. ``stem_stiffness`` (N/m) is used for one mass only. There it
+    affects only the force pulse of a landing.
     """
     common = {name: values[name] for name in ("damping", "preload", "restitution")}
     mass, spring_stiffness = values["mass"], values["spring_stiffness"]
@@ -88,30 +94,44 @@ def build_follower(values: dict[str, float], stem_stiffness: float | None) -> Fo
 
 
 def to_search(name: str, value: float) -> float:
-    """Convert a parameter value to its search variable, for some its logarithm."""
+    """Convert a parameter value (SI) to its search variable in a fit.
+
+    This is the logarithm of the value if `PARAMETERS` sets ``logarithm``, otherwise the value
+    itself.
+    """
     return float(np.log(value)) if PARAMETERS[name].logarithm else value
 
 
 def from_search(names: Iterable[str], x: FloatArray) -> dict[str, float]:
-    """Convert search variables to parameter values by name.
+    """Return parameter values (SI) by name for the search variables of a fit.
 
-    ``x`` has the shape ``(n,)`` or is longer. The variables after the first n are ignored.
+    ``x`` has the shape ``(n,)`` for n names, or is longer. The variables after the first n are
+    ignored.
     """
     pairs = zip(names, x.tolist(), strict=False)
     return {n: float(np.exp(v)) if PARAMETERS[n].logarithm else v for n, v in pairs}
 
 
 def parameter_slope(name: str, value: float) -> float:
-    """Return the derivative of a parameter value by its search variable."""
+    """Return the derivative of a parameter value with respect to its search variable.
+
+    It converts a standard error of the search variable to one of the value. ``value`` is in SI.
+    """
     return value if PARAMETERS[name].logarithm else 1.0
 
 
 def search_limits(names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
-    """Return the lower and upper limits of the search variables, ``(n,)`` each."""
+    """Return the lower and upper limits of search variables, ``(n,)`` each.
+
+    ``names`` are the n parameters.
+    """
     low = [to_search(name, PARAMETERS[name].low) for name in names]
     return np.array(low), np.array([to_search(name, PARAMETERS[name].high) for name in names])
 
 
 def search_scale(name: str, x: float) -> float:
-    """Return the scale of a search variable, to which steps for derivatives are relative."""
+    """Return the scale of a search variable.
+
+    The steps of difference quotients are relative to it. ``x`` is the value of the search variable.
+    """
     return 1.0 if PARAMETERS[name].logarithm else max(abs(x), 1.0)

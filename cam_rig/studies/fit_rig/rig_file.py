@@ -1,4 +1,4 @@
-"""Rig file with the identified parameters, completed by those of another rig."""
+"""Rig file of a fit: identified parameters, completed by the values of another rig."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from cam_rig.studies.fit_rig.run.result import RigFit
 def build_rig_text(
     name: str, numbers: Iterable[ParameterEstimate], base: RigConfig, source: str, residual: str
 ) -> tuple[str, tuple[str, ...]]:
-    """Return the text of a rig file with identified parameters.
+    """Return the text of a rig file with the identified parameters.
 
-    The second result is a sentence for each part that was taken from the rig ``base``. ``source``
-    and ``residual`` are texts for the origin of the numbers.
+    Parameters without a value are copied from the rig ``base`` and marked as assumed. The second
+    result has one sentence for each group of copied values. ``source`` (the command) and
+    ``residual`` are texts that document the origin of the identified values.
     """
     data: dict[str, Any] = {"name": name, "title": f"{name}: identified from {source}"}
     assumption = f"the rig {base.name}'s, not identified by {source}"
@@ -51,9 +52,10 @@ def build_rig_text(
 
 
 def write_rig(out: Path, fit: JumpFit | RigFit, base: RigConfig, source: Path) -> RigFit | JumpFit:
-    """Write the rig file of a fit, and return the fit with the assumed parameters.
+    """Write the rig file of a fit, and return the fit with a list of assumptions.
 
-    They are listed as sentences.
+    The field ``assumed`` of the result lists, as sentences, the values that were copied from the
+    rig ``base``. ``source`` is the file of the measurement.
     """
     if not any(estimate.value is not None for estimate in fit.numbers):
         raise ConfigError(f"--out {out}: the fit identified no parameter, so no rig was written")

@@ -23,9 +23,9 @@ from cam_rig.studies.fit_rig.rig_file import write_rig
 from cam_rig.studies.fit_rig.run.fit import fit_run
 from cam_rig.studies.fit_rig.run.result import RigFit
 
-#: File name extensions of tables. All other sources are bags.
+#: File name extensions of a table of jump speeds. Any other source is read as a bag.
 TABLES = (".csv", ".txt", ".tsv")
-#: Models that can be fitted.
+#: Names of the follower models that can be fitted.
 MODELS = ("one_mass", "two_mass")
 
 
@@ -46,8 +46,8 @@ def fit_rig(
 ) -> RigFit | JumpFit:
     r"""Identify a follower's parameters from a measured run, or from its jump speeds.
 
-    Each parameter has its standard error. A parameter that is not identifiable has no value, and
-    a reason. The command is ``cam-rig fit rig``.
+    Each identified parameter has a standard error. A parameter that is not identifiable has no
+    value, and a reason. The command is ``cam-rig fit rig``.
 
     Parameters
     ----------
@@ -114,9 +114,10 @@ def fit_rig(
 def _check_arguments(
     model: str | None, fixed: Mapping[str, float], tolerance: float | None
 ) -> str | None:
-    """Return the name of the model, after a check of the arguments.
+    """Check the arguments of a fit, and return the name of the model or None.
 
-    Model names of older releases are accepted.
+    Model names of older releases are converted to the present names. Raises a `ConfigError` for an
+    unknown model, a tolerance (rpm) that is not positive, or an unknown parameter in ``fixed``.
     """
     name: str | None = present_model_name(model)
     if name is not None and name not in MODELS:
@@ -135,7 +136,10 @@ def _check_arguments(
 def _read(
     bag: Path, cams: CamSet, one_cam: str | None, topics: str | None, namespace: str | None
 ) -> tuple[Law, MeasuredRun]:
-    """Read a bag by topics or by namespace, and return the law and the run."""
+    """Read the measured run of a bag, and return the law of its cam and the run.
+
+    The signals are found by ``topics``, or by the ``namespace`` of a bag of this program.
+    """
     with friendly_import_errors():
         from cam_rig.bag.foreign.topic_line import parse_topics
         from cam_rig.bag.measured_run import read_measured
@@ -150,6 +154,10 @@ def _read(
 
 
 def _law_of(cams: CamSet, name: str | None) -> Law:
+    """Return the law of the cam ``name``, or of the only cam if ``name`` is None.
+
+    Raises a `ConfigError` if there is no such cam, or if several cams exist and none is named.
+    """
     names = list(cams.laws)
     if name is None and len(names) > 1:
         raise ConfigError(f"the cam must be one of {', '.join(names)}; choose it with --cam")
@@ -162,7 +170,10 @@ def _law_of(cams: CamSet, name: str | None) -> Law:
 
 
 def _require_none(source: str, **options: object) -> None:
-    """Raise an error if an option is set that the source cannot use."""
+    """Raise a `ConfigError` if an option is set that the source cannot use.
+
+    ``options`` are the values by option name. ``source`` names the source in the message.
+    """
     for name, value in options.items():
         if value is not None:
             raise ConfigError(f"--{name} cannot be combined with {source}; leave it out")

@@ -1,1 +1,1 @@
-"""Gain and cut-off of a rig's radiation from measured sound pressure levels."""
+"""Fit of gain and cut-off of a rig's sound radiation to measured sound levels."""

@@ -1,4 +1,4 @@
-"""cam-rig fit sound: acoustic constants of a rig from measured levels of one cam."""
+"""Command ``cam-rig fit sound``: acoustic constants of a rig from levels of one cam."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ import yaml
 from cam_rig.errors import ConfigError
 from cam_rig.schema.quantity import ORIGINS
 
-#: Replacement of a part of a text: index of the first character, index after the last, new text.
+#: Replacement of a part of a text: index of its first character, index after its last, new text.
 Edit = tuple[int, int, str]
 
 
@@ -28,9 +28,9 @@ def set_identified(
     path : Path
         YAML file.
     numbers : dict
-        Numbers by key path, in the units of the file.
+        Values by key path, in the units of the file. A key path is a tuple of keys and indices.
     source, residual : str
-        Source and residual of all numbers.
+        Source and residual of all values.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def set_identified(
 
 
 def _at(node: yaml.Node, keys: tuple[str | int, ...]) -> yaml.MappingNode:
-    """Return the mapping at a path of keys and indices, below `node`."""
+    """Return the YAML mapping at a path of keys and indices below `node`."""
     for key in keys:
         node = (
             node.value[key]
@@ -70,9 +70,9 @@ def _at(node: yaml.Node, keys: tuple[str | int, ...]) -> yaml.MappingNode:
 def _edits(
     node: yaml.MappingNode, text: str, number: float, texts: dict[str, str]
 ) -> Iterator[Edit]:
-    """Yield the edits of the text that write one number, its source and its residual.
+    """Yield the text edits that write one number with its source and residual.
 
-    `node` is the mapping of the number in the file.
+    `node` is the YAML mapping of the number in ``text``. ``texts`` are source and residual by key.
     """
     pairs = {name.value: (name, value) for name, value in node.value}
     origin, old = next(pairs[key] for key in ORIGINS if key in pairs)
@@ -88,9 +88,10 @@ def _edits(
 
 
 def _span(node: yaml.Node) -> tuple[int, int]:
+    """Return the index of the first character of a YAML node, and that after its last."""
     return node.start_mark.index, node.end_mark.index
 
 
 def _quoted(text: str) -> str:
-    """Return a text in double quotes, which YAML and JSON write alike."""
+    """Return a text in double quotes, as valid in both YAML and JSON."""
     return json.dumps(text, ensure_ascii=False)

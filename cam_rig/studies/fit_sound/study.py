@@ -1,4 +1,4 @@
-"""Fit of gain and cut-off of a rig's radiation to measured levels of one cam."""
+"""Fit of gain and cut-off of a rig's sound radiation to measured levels of one cam."""
 
 from __future__ import annotations
 
@@ -22,23 +22,24 @@ from cam_rig.simulation.sound_constants import PublishedCam, SteadyTurns, fit_tw
 from cam_rig.studies.fit_sound.identified import set_identified
 from cam_rig.units import RPM, FloatArray, to_rpm
 
-#: Least number of different speeds, so that a fit of two numbers has a residual.
+#: Smallest number of different speeds. With it, a fit of two parameters has a residual.
 MIN_SPEEDS = 3
-#: Smallest and largest speed (rpm) of a measured level.
+#: Smallest and largest cam speed (rpm) of a measured level.
 SPEEDS = (1.0, 1e5)
-#: Smallest and largest measured level, dB. The largest is that of a sine with an amplitude of one
-#: atmosphere.
+#: Smallest and largest measured sound level, dB. The largest is that of a sine with an amplitude of
+#: one atmosphere.
 LEVELS = (-20.0, 191.0)
-#: Smallest and largest fitted corner frequency, Hz. The orders of a cam are between some Hz and
-#: some hundred Hz, so levels do not distinguish a corner near these limits from one beyond them.
+#: Smallest and largest fitted corner frequency, Hz. The force of a cam has most of its spectrum
+#: between some Hz and some hundred Hz, so levels do not distinguish a corner near these limits from
+#: one beyond them.
 CORNERS = 0.5, 2000.0
-#: Relative distance from a limit within which a fitted corner frequency is rejected, because the
-#: levels do not determine it.
+#: Relative distance from a limit of `CORNERS` within which a fitted corner frequency is rejected,
+#: because the levels do not determine it.
 AT_LIMIT = 0.01
 
 
 class LevelRow(NamedTuple):
-    """Measured level (dB) at a speed (rpm), and the level of the fitted rig."""
+    """Measured sound level (dB) at a cam speed (rpm), and that of the fitted rig (dB)."""
 
     rpm: float
     measured: float
@@ -46,7 +47,7 @@ class LevelRow(NamedTuple):
 
     @property
     def difference(self) -> float:
-        """Fitted minus measured level, dB."""
+        """Fitted minus measured sound level, dB."""
         return self.fitted - self.measured
 
 
@@ -54,8 +55,8 @@ class LevelRow(NamedTuple):
 class SoundFit(Result):
     """Gain (Pa·s/N) and cut-off (Hz) of a rig's radiation, fitted to levels of a cam.
 
-    The numbers are valid for the follower and the model of the fit. With others, levels are
-    relative.
+    The two values are valid for the follower and the model of the fit. With others, computed levels
+    are relative only.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ class SoundFit(Result):
     levels: tuple[LevelRow, ...]
 
     def tables(self) -> list[Records]:
-        """Return the tables ``sound``, with the two numbers, and ``levels``."""
+        """Return the tables ``sound``, with gain and cut-off, and ``levels``."""
         caption = f"Sound of rig {self.scene.rig.name}, fitted to levels of {self.cam}"
         return [
             self.table("sound", caption, [self], single=True),
@@ -106,7 +107,7 @@ class SoundFit(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return the fitted gain and corner frequency, and the residual."""
+        """Return a sentence with the fitted gain, corner frequency and residual."""
         return [
             f"{self.cam}: gain {self.gain:.4g} Pa·s/N, corner {self.corner_frequency:.4g} Hz; "
             f"{self.rms:.3f} dB RMS over {len(self.levels)} speeds (2 numbers fitted)"
@@ -207,7 +208,10 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
 
 
 def _require_levels(table: FloatArray, loaded: LoadedScene) -> None:
-    """Raise ConfigError for too few speeds, or a speed or level out of range."""
+    """Raise ConfigError for too few speeds, or for a speed or level out of range.
+
+    The rows of ``table`` are speed (rpm) and level (dB). A level must exceed the rig's background.
+    """
     if table.ndim != 2 or table.shape[1] != 2 or len(np.unique(table[:, 0])) < MIN_SPEEDS:
         raise ConfigError(
             f"levels must have the shape (n, 2), each row a speed in rpm and a level in dB, with "
@@ -234,7 +238,11 @@ def _require_levels(table: FloatArray, loaded: LoadedScene) -> None:
 
 
 def _measured_cam(loaded: LoadedScene, cam: str | None) -> str:
-    """Return the measured cam, by default that of the rig or the only cam."""
+    """Return the name of the measured cam.
+
+    The default is the cam on which the rig was calibrated, or the only cam of the scene. Raises
+    ConfigError if neither exists.
+    """
     name = cam or loaded.rig.calibrated_on
     if cam or name in loaded.cams:
         return name
@@ -246,7 +254,8 @@ def _measured_cam(loaded: LoadedScene, cam: str | None) -> str:
 def _published_cam(loaded: LoadedScene, name: str, table: FloatArray) -> PublishedCam:
     """Return the computed steady sound of the cam, together with its measured levels.
 
-    Raises DynamicsError if contact is lost at a speed.
+    The rows of ``table`` are speed (rpm) and level (dB). Raises DynamicsError if contact is lost at
+    a speed.
     """
     law, follower, speeds = loaded.law_of(name), loaded.follower, table[:, 0] * RPM
     for speed in speeds.tolist():
@@ -259,9 +268,9 @@ def _published_cam(loaded: LoadedScene, name: str, table: FloatArray) -> Publish
 
 
 def read_levels(path: Path) -> FloatArray:
-    """Read speeds (rpm) and unweighted levels (dB), shape (n, 2).
+    """Read a file of cam speeds (rpm) and unweighted sound levels (dB), shape (n, 2).
 
-    Rows without a level are skipped.
+    Rows without a level are skipped. Raises ConfigError if a column is missing.
     """
     lines, _ = read_lines(path, "speed and level")
     table = CellTable(path.name, lines)

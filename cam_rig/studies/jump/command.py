@@ -1,4 +1,4 @@
-"""cam-rig jump: jump speeds of cams."""
+"""Command ``cam-rig jump``: speeds at which cams lose contact with the follower."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Jump speeds of cams, compared with the published jump speeds."""
+"""Jump speeds of cams, compared with the jump speeds published in the paper."""
 
 from __future__ import annotations
 
@@ -33,15 +33,14 @@ from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Recor
 from cam_rig.show.tables import pluralize
 from cam_rig.units import NS, RPM, TURN, rms
 
-# Published jump speeds, assigned to cams by the content of their files.
-
-#: Name of the shipped rig that was identified from the published jump speeds.
+# Published jump speeds. They are assigned to cams whose files have the content of a shipped cam.
+#: Name of the shipped rig whose parameters were identified from the published jump speeds.
 IDENTIFIED = "paper_table2"
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Published jump speed (rpm) of a cam, and the time (s) of its jump.
+    """Published jump speed (rpm) of a cam, and the time (s) at which contact is lost.
 
     `role` is "fitted" if the rig was identified from this speed, and "test" if it was not. It is
     empty on another rig, or if the event angles of the cam differ from those of the shipped cam.
@@ -53,7 +52,10 @@ class Reference:
 
 
 def references(cam_set: CamSet, published: PublishedTables) -> dict[str, Reference]:
-    """Return the published jump speeds of a set of cams, by cam."""
+    """Return the published jump speeds of a set of cams, by cam.
+
+    Only cams with the motion of a shipped cam have one. Their event angles may differ.
+    """
     shipped = load_rig(config_root() / "rigs" / f"{IDENTIFIED}.yaml")
     identified = plain_data(cam_set.rig.follower, ORIGIN_NOTES) == plain_data(
         shipped.follower, ORIGIN_NOTES
@@ -72,7 +74,7 @@ def references(cam_set: CamSet, published: PublishedTables) -> dict[str, Referen
 
 @dataclass(frozen=True)
 class JumpRow:
-    """Jump of a cam, and the published jump of the cam.
+    """Jump speed and first lift-off of a cam, with the published values.
 
     Parameters
     ----------
@@ -104,7 +106,7 @@ class JumpRow:
 
     @property
     def difference(self) -> float | None:
-        """Relative difference of the jump speed from the published speed.
+        """Relative difference of the computed from the published jump speed.
 
         It is None along a ramp and without a published speed.
         """
@@ -114,9 +116,9 @@ class JumpRow:
 
     @property
     def turns(self) -> tuple[float, float] | None:
-        """Number of turns before contact is lost: computed, and published.
+        """Numbers of turns before contact is lost: computed, and published.
 
-        It is None without a published jump.
+        It is None without a published jump speed.
         """
         if self.published_time is None or self.published_rpm is None:
             return None
@@ -126,7 +128,7 @@ class JumpRow:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Comparison of jump speeds with Table 2.
+    """Agreement of computed jump speeds with the paper's Table 2.
 
     Parameters
     ----------
@@ -155,7 +157,8 @@ class Comparison:
 class JumpResult(Result):
     """Jump speeds of cams, with the first lift-off.
 
-    ``duration`` is that of the runs from rest in s, or None in steady state and along a ramp.
+    ``rows`` has one element per cam. ``duration`` is that of the runs from rest in s, or None in
+    steady state and along a ramp.
     """
 
     schema = "cam_rig.jump.1"
@@ -196,12 +199,12 @@ class JumpResult(Result):
 
     @property
     def rpm(self) -> dict[str, float]:
-        """Jump speeds in rpm by cam."""
+        """Computed jump speeds in rpm, by cam."""
         return {row.cam: row.jump.rpm for row in self.rows}
 
     @property
     def follower(self) -> str:
-        """Description of the follower: two masses or one."""
+        """Description of the follower as text: two masses or one."""
         return describe_follower(follower_of(self.cam_set.rig))
 
     @property
@@ -211,14 +214,14 @@ class JumpResult(Result):
 
     @property
     def run(self) -> str:
-        """Description of the follower and of its run."""
+        """Description of the follower and of its run as text."""
         if self.ramp is not None:
             return f"{self.follower}, along a ramp of {self.ramp:g} rpm/s"
         return describe_run(follower_of(self.cam_set.rig), self.duration)
 
     @property
     def comparison(self) -> Comparison | None:
-        """Comparison with Table 2, or None if no cam has a published speed to compare."""
+        """Agreement with the paper's Table 2, or None if no published speed is comparable."""
         fitted = [row for row in self.rows if row.role == "fitted"]
         compared = fitted or [row for row in self.rows if row.difference is not None]
         turns = [row.turns for row in self.rows if row.turns is not None]
@@ -240,7 +243,7 @@ class JumpResult(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return the result of the comparison with Table 2."""
+        """Return a sentence on the agreement with the paper's Table 2."""
         if self.ramp is not None:
             return ["along a ramp: no comparison, because the speeds of Table 2 are constant"]
         comparison = self.comparison
@@ -261,7 +264,10 @@ class JumpResult(Result):
 
 
 def rms_difference(rows: Iterable[JumpRow]) -> float:
-    """Return the r.m.s. of the relative differences, or NaN without any."""
+    """Return the r.m.s. relative difference from the published speeds.
+
+    It is NaN if no row has a published speed.
+    """
     differences = [row.difference for row in rows if row.difference is not None]
     return rms(differences) if differences else math.nan
 
@@ -273,7 +279,7 @@ def find_jumps(
     ramp: float | None = None,
     progress: Progress = NULL_PROGRESS,
 ) -> JumpResult:
-    """Find the jumps of a set of cams.
+    """Find the jump speeds of a set of cams.
 
     Parameters
     ----------
@@ -282,8 +288,8 @@ def find_jumps(
     published : dict
         Published jump speeds by cam.
     duration : float or None
-        Duration in s of runs from rest at constant speed. The jump in steady state is also found
-        for two masses. None for the steady state only.
+        Duration in s of runs from rest at constant speed. For two masses the jump in steady state
+        is found too. None for the steady state only.
     ramp : float, optional
         Slope in rpm/s of a ramp from rest, which replaces the runs at constant speed.
     progress : Progress
@@ -301,7 +307,7 @@ def find_jumps(
             rows.append(JumpRow(cam, jump_along_ramp(law, follower, ramp * RPM), **details))
             continue
         jump, steady, rigid = find_jump(law, follower, duration), None, None
-        # The jump of one rigid mass from rest is that in steady state.
+        # One rigid mass does not vibrate, so its jump speed from rest is that in steady state.
         if isinstance(follower, TwoMassParameters):
             rigid = rigid_jump_speed(law, FollowerParameters.from_rig(cam_set.rig)) / RPM
             if duration is not None and follower.stem_damping + follower.damping > 0.0:
@@ -312,26 +318,27 @@ def find_jumps(
 
 # Jump speed of a cam with constant acceleration from rest.
 
-#: Smallest slope of a ramp, rpm/s. A smaller slope would need the simulation of hours of turning.
+#: Smallest slope of a ramp, rpm/s. A smaller slope would require the simulation of hours of
+#: rotation.
 MIN_RAMP = 1.0
 #: Largest slope of a ramp, rpm/s. At this slope contact is lost within the first turn.
 MAX_RAMP = 1e5
-#: Sample rate (Hz) of the run along a ramp. The samples are not used, and the events do not depend
-#: on the sample rate.
+#: Sample rate (Hz) of the run along a ramp. Only the events of the run are used, which do not
+#: depend on the sample rate.
 SAMPLE_RATE_HZ = 1000
 
 
 def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
-    """Find the first loss of contact on a cam accelerated by ``rate`` rad/s².
+    """Find the first loss of contact on a cam with a constant acceleration from rest.
 
-    The run starts from rest at θ = 0.
+    ``rate`` is the acceleration in rad/s². The run starts at θ = 0.
 
     Raises
     ------
     ConfigError
         If the ramp is not within 1 to 1e5 rpm/s.
     DynamicsError
-        If the cam keeps contact.
+        If the cam keeps contact up to the highest speed.
     """
     if not MIN_RAMP <= rate / RPM * (1.0 + 1e-12) <= MAX_RAMP * (1.0 + 2e-12):
         raise ConfigError(
@@ -341,7 +348,7 @@ def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
     advance = MODELS["two_mass" if two else "one_mass"].advance
     state: FollowerState | None = None
     start = 0
-    if law.lift == 0.0:  # a disc never jumps: skip the run to the highest speed
+    if law.lift == 0.0:  # a circular disc keeps contact at every speed, so no run is needed
         raise kept_contact_error(law)
     for turn in range(1, math.ceil((MAX_RPM * RPM) ** 2 / (2.0 * rate) / TURN) + 1):
         stop, start_time = round(math.sqrt(2.0 * TURN * turn / rate) * NS), start / NS

@@ -1,4 +1,4 @@
-"""Figures of minimum contact force over speed, and of a turn with lift-off."""
+"""Figures of the minimum contact force over speed, and of a turn with lift-off."""
 
 from __future__ import annotations
 
@@ -29,26 +29,28 @@ from cam_rig.studies.jump.comparison import JumpResult, JumpRow
 from cam_rig.studies.jump.jump_speed import JumpSpeed
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: Limits (rpm) of the magnified inset. Most of the paper's cams lose contact between them.
+#: Limits (rpm) of the inset in which the curves are magnified. Most of the paper's cams lose
+#: contact between them.
 INSET = (380.0, 420.0)
-#: Largest speed of a cam's curve, relative to its jump speed. There the curve has left the axes.
-#: Further points would take a thousand turns each if another cam jumps at ten times the speed.
+#: Largest speed of a cam's curve, relative to its jump speed. There the force is far below the
+#: axes. If another cam jumps at ten times the speed, each further point would require a thousand
+#: turns.
 MAX_SPEED_RATIO = 2.0
 
-#: Plot options of the mark of a published speed, a triangle below the axis.
+#: Plot options of the mark of a published jump speed, a triangle below the axis.
 PUBLISHED: dict[str, Any] = {"marker": CARETUP, "ls": "", "ms": 5.5, "zorder": 4}
 
-#: Number of the turn after the start from rest that `lift_off_figure` displays.
+#: Number of the displayed turn in `lift_off_figure`, counted from the start from rest.
 TURN_NUMBER = 3
-#: Number of samples of the displayed turn.
+#: Number of samples of the displayed turn in `lift_off_figure`.
 SAMPLES = 3000
 
 
 @styled
 def figure(result: JumpResult) -> Figure:
-    """Draw the minimum contact force of each cam over speed.
+    """Draw the minimum contact force of each cam over the cam speed.
 
-    It is zero at the jump speed of the cam.
+    It becomes zero at the jump speed of the cam, which is marked.
     """
     rows, cam_set = result.rows, result.cam_set
     parameters = follower_of(cam_set.rig)
@@ -82,7 +84,7 @@ def figure(result: JumpResult) -> Figure:
 
 
 def _inset(axes: Axes, force: float) -> Axes:
-    """Return the inset of the speeds at which several cams lose contact.
+    """Return an inset that magnifies the speeds at which several cams lose contact.
 
     Its force axis has the limits -``force`` and ``force`` (N).
     """
@@ -94,7 +96,7 @@ def _inset(axes: Axes, force: float) -> Axes:
 
 
 def _mark(axes: Axes, row: JumpRow) -> None:
-    """Mark the jump speed, and the published speed at the foot of the axes."""
+    """Mark the jump speed of a cam, and its published jump speed below the axes."""
     ink = colour(row.cam)
     axes.plot(row.jump.rpm, 0.0, "o", color=ink, ms=4, zorder=4)
     low, high = axes.get_xlim()
@@ -105,7 +107,10 @@ def _mark(axes: Axes, row: JumpRow) -> None:
 
 @styled
 def lift_off_figure(cam_set: CamSet, rpm: float) -> Figure:
-    """Draw displacement and gap of the roller over a turn at a speed in rpm (fig. 11)."""
+    """Draw displacement and gap of the roller over a turn from rest (paper, fig. 11).
+
+    ``rpm`` is the constant cam speed. There is one curve per cam.
+    """
     out = empty(4.8)
     upper, lower = out.subplots(2, 1, sharex=True, height_ratios=[1.4, 1.0])
     parameters, speed = TwoMassParameters.from_rig(cam_set.rig), rpm * RPM
@@ -130,12 +135,12 @@ def lift_off_figure(cam_set: CamSet, rpm: float) -> Figure:
     return out
 
 
-#: Number of speeds at which a curve of the minimum force is computed.
+#: Number of speeds at which the curve of the minimum force is computed.
 CURVE_POINTS = 400
 
 
 def force_axes(axes: Axes, rpm: FloatArray) -> None:
-    """Label axes of force over speed, and draw the line of zero force."""
+    """Label axes of the minimum force (N) over speed (rpm), and draw the zero line."""
     axes.set(xlabel=CAM_SPEED, ylabel="minimum contact force [N]", xlim=(rpm[0], rpm[-1]))
     axes.axhline(0.0, color="0.3", lw=0.9)
     axes.tick_params(axis="x", pad=6.0)  # space for the marks of published speeds
@@ -143,7 +148,10 @@ def force_axes(axes: Axes, rpm: FloatArray) -> None:
 
 @styled
 def jump_speed_figure(result: JumpSpeed) -> Figure:
-    """Draw the minimum force (N) of a cam up to 8 % above its jump speed."""
+    """Draw the minimum contact force (N) of a cam over the speed, with its jump speed.
+
+    The curve extends to 8 % above the jump speed.
+    """
     law, parameters = result.law, follower_of(result.rig)
     out = empty(3.4)
     axes = out.subplots()

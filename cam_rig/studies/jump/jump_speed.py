@@ -25,9 +25,9 @@ from cam_rig.units import FloatArray
 class JumpSpeed(Jump, Result):
     """Jump speed of a law on a rig, with the first lift-off.
 
-    The jump speed is ``rpm``, or ``speed`` in rad/s. ``angle`` (cam angle in its turn, rad) and
-    ``time`` (since rest or since the start of a turn, s) are those of the first lift-off.
-    ``duration`` is that of the run in s, or None in steady state.
+    The jump speed is ``rpm``, or ``speed`` in rad/s. ``angle`` (cam angle within the turn, rad) and
+    ``time`` (s) are those of the first lift-off. The time is measured from rest, or from the start
+    of a turn in steady state. ``duration`` is that of the run in s, or None in steady state.
     """
 
     schema = "cam_rig.jump_speed.1"
@@ -46,36 +46,39 @@ class JumpSpeed(Jump, Result):
     duration: float | None
 
     def tables(self) -> list[Records]:
-        """Return the table with its only row."""
+        """Return the table with the jump speed in its only row."""
         caption = f"On rig {self.rig.name}: {describe_run(follower_of(self.rig), self.duration)}"
         return [self.table("jump_speed", caption, [self], single=True)]
 
     def __repr__(self) -> str:
-        """Return the jump speed in rpm and the lift-off in degrees."""
+        """Return the law, its jump speed in rpm and the lift-off angle in degrees as text."""
         lift_off = f"contact lost at {math.degrees(self.angle):.1f}° after {self.time:.3g} s"
         return f"JumpSpeed({self.law.name}: {self.rpm:.2f} rpm, {lift_off})"
 
 
 @dataclass(frozen=True)
 class RigJump:
-    """Jump speed of one rig of many, with the numbers of its follower.
+    """Jump speed on one of many rigs, with the parameters of its follower.
 
-    Jump speed, angle and time are NaN if there is no jump speed. `reason` states why.
+    `rpm`, `angle` and `time` are NaN if there is no jump speed. `reason` then states why.
     """
 
-    mass: float  #: kg
-    spring_stiffness: float  #: N/m
-    damping: float  #: N·s/m, of the end mass to ground
-    preload: float  #: N
-    rpm: float
-    angle: float  #: cam angle in its turn, rad
-    time: float  #: s
-    reason: str  #: empty if there is a jump speed
+    mass: float  #: Mass of the follower, kg.
+    spring_stiffness: float  #: Stiffness of the closing spring, N/m.
+    damping: float  #: Damping between the end mass and ground, N·s/m.
+    preload: float  #: Preload of the closing spring, N.
+    rpm: float  #: Jump speed, rpm.
+    angle: float  #: Cam angle of the first lift-off within the turn, rad.
+    time: float  #: Time of the first lift-off, s.
+    reason: str  #: Reason for a missing jump speed, empty if there is one.
 
 
 @dataclass(frozen=True, repr=False)
 class JumpSpeeds(Result):
-    """Jump speeds of one law on many rigs, one per row of ``rows``."""
+    """Jump speeds of one law on many rigs, one element of ``rows`` per rig.
+
+    ``duration`` is that of the runs in s, or None in steady state.
+    """
 
     schema = "cam_rig.jump_speeds.1"
     columns: ClassVar = {
@@ -102,20 +105,20 @@ class JumpSpeeds(Result):
         return np.array([row.rpm for row in self.rows])
 
     def tables(self) -> list[Records]:
-        """Return the table with one row per rig."""
+        """Return the table of jump speeds, with one row per rig."""
         run = describe_run(follower_of(self.rig), self.duration)
         caption = f"{self.law.name} on rigs as {self.rig.name}: {run}"
         return [self.table("jump_speeds", caption, self.rows)]
 
     def __repr__(self) -> str:
-        """Return the number of jump speeds and their range."""
+        """Return the law, the number of jump speeds and their range as text."""
         speeds = self.rpm[np.isfinite(self.rpm)]
         span = f", {speeds.min():.2f} to {speeds.max():.2f} rpm" if speeds.size else ""
         return f"JumpSpeeds({self.law.name}: {speeds.size} of {len(self.rows)} rigs{span})"
 
 
-#: Argument with a number of the follower in SI units: one for all rigs, or an array with one per
-#: rig, or None for the rig's number.
+#: Type of an argument with a parameter of the follower in SI units: one value for all rigs, an
+#: array with one value per rig, or None for the value of the rig file.
 Numbers = FloatArray | float | None
 
 
@@ -150,8 +153,9 @@ def jump_speed(
     """Find the lowest speed at which the follower loses contact.
 
     The follower has two masses if the rig contains their split, else one rigid mass, which does not
-    vibrate. Arrays of numbers of the follower give one row per rig, with the same bits as a call
-    for that rig alone, at about a hundred rigs per second.
+    vibrate. If parameters of the follower are given as arrays, the result has one row per rig. Each
+    row is bitwise equal to the result for that rig alone. The computation takes about a second for
+    a hundred rigs.
 
     Parameters
     ----------
@@ -207,6 +211,11 @@ def jump_speed(
 def _jump_speeds(
     law: Law, rig: RigConfig, duration: float | None, numbers: Mapping[str, FloatArray | float]
 ) -> JumpSpeeds:
+    """Return the jump speed of each rig, with the follower's parameters ``numbers``.
+
+    ``numbers`` are values or arrays in SI by name. Raises ConfigError for arrays of different
+    length.
+    """
     columns = [to_vector(name, x) for name, x in numbers.items()]
     try:
         arrays = np.broadcast_arrays(*columns)
@@ -222,6 +231,11 @@ def _jump_speeds(
 def _rig_jump(
     law: Law, rig: RigConfig, duration: float | None, changed: dict[str, float]
 ) -> RigJump:
+    """Return the jump speed of a rig with some parameters of its follower changed.
+
+    ``changed`` are the new values in SI by name. If there is no jump speed, the result contains the
+    reason.
+    """
     base = follower_of(rig)
     defaults = {x: getattr(base, x) for x in ("spring_stiffness", "damping", "preload")}
     displayed = {"mass": rig.follower.mass.si, **defaults, **changed}

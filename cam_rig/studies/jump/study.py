@@ -1,4 +1,4 @@
-"""Jump speeds of cams next to the paper's Table 2."""
+"""Function that finds the jump speeds of cams and compares them with the paper's Table 2."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def jump_speeds(
 ) -> JumpResult:
     """Find the jump speed of cams to 0.01 rpm, compared with the paper's Table 2.
 
-    `jump_speed` finds the jump speed of one law on one or many rigs. The command is
-    ``cam-rig jump``.
+    The jump speed is the lowest speed at which the follower loses contact. `jump_speed` finds the
+    jump speed of one law on one or many rigs. The command is ``cam-rig jump``.
 
     Parameters
     ----------

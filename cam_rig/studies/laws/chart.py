@@ -1,4 +1,4 @@
-"""Rerun charts of several laws: s, s', s'' and s''' of cams or of bare rises."""
+"""Rerun charts of several laws: s, s', s'' and s''' of cams or of rises."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from cam_rig.laws.catalogue import ORDERS, LawCurves
 from cam_rig.show.chart import Axes, chart_stream, round_marks
 from cam_rig.show.looks import of_cam, title_of
 
-#: Names of the charts in the order of the derivatives.
+#: Names of the four charts, by the order of the derivative.
 CHARTS = ("lift", "velocity", "acceleration", "jerk")
-#: Radius of a curve. Rerun takes a negative radius in points of the screen.
+#: Line width of a curve as a radius in screen points. Rerun uses negative values for screen units.
 STROKE = -1.2
-#: Height of a chart, in the unit of `Axes`, whose width is 160.
+#: Height of a chart in units of the Rerun view, in which its width is 160.
 HEIGHT = 85.0
-#: Height of the labels of y above their marks, as a fraction of a chart's height.
+#: Height of an axis label of y above its tick, as a fraction of a chart's height.
 RAISED = 0.07
-#: Free space for half of the last label, as a fraction of a chart's width.
+#: Free space at the right of a chart for half of the last axis label, as a fraction of its width.
 LABELS_RIGHT = 0.08
-#: Free space for the labels below a chart, as a fraction of its height.
+#: Free space below a chart for the axis labels, as a fraction of its height.
 LABELS_BELOW = 0.19
-#: Labels of the marks of the cam angle over one turn, by the angle in degrees.
+#: Ticks of the cam angle axis over one turn: label by angle in degrees.
 DEGREES = {float(degrees): f"{degrees}°" for degrees in range(0, 361, 90)}
-#: Free space above the highest and below the lowest value, as a fraction of their difference.
+#: Free space above the largest and below the smallest value, as a fraction of their difference.
 VALUE_MARGIN = 0.06
 
 
@@ -40,7 +40,9 @@ def save_laws(
     path: Path,
     titles: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
-    """Write curves of laws as a ``.rrd`` file, which appears once it is complete.
+    """Write curves of laws as a Rerun recording (``.rrd``).
+
+    The file appears only when it is complete.
 
     Parameters
     ----------
@@ -84,12 +86,12 @@ def save_laws(
 
 
 def entity(order: int) -> str:
-    """Return the entity path of the chart of a derivative."""
+    """Return the Rerun entity path of the chart of a derivative of the given order."""
     return f"laws/{CHARTS[order]}"
 
 
 def _axes(curves: Sequence[LawCurves], order: int) -> Axes:
-    """Return the axes of the chart of a derivative."""
+    """Return the axes of the chart of a derivative, common to all curves."""
     values = np.concatenate([curve.motion[order] for curve in curves])
     low, high = float(values.min()), float(values.max())
     margin = VALUE_MARGIN * (high - low) or 1.0

@@ -1,4 +1,4 @@
-"""cam-rig law: laws of cams or rises. cam-rig laws: the list of all laws."""
+"""Commands ``cam-rig law`` (laws of cams or rises) and ``cam-rig laws`` (list of all laws)."""
 
 from __future__ import annotations
 
@@ -48,8 +48,9 @@ def law(
 ) -> None:
     """Plot lift, velocity, acceleration and jerk over the cam angle; list peaks and joints.
 
-    Peaks come from the roots of the next derivative, not from samples. Derivatives are by the cam
-    angle, per rad. Multiplied by powers of the cam's speed in rad/s they are those by time.
+    Peaks are computed from the roots of the next derivative, not from samples. Derivatives are with
+    respect to the cam angle in rad. Multiplied by powers of the cam's speed in rad/s, they are
+    derivatives with respect to time.
 
     Several laws are drawn in one plot: as cams over the turn if every name is that of a cam,
     otherwise as bare rises of unit lift over a unit span. CSV and JSON contain the curves. With
@@ -117,12 +118,15 @@ def laws(
     return list_laws(family)
 
 
-#: Largest number of letters of the laws' names that the default file name of a plot contains.
+#: Largest number of letters of the laws' names in the default file name of a plot.
 MAX_LETTERS = 60
 
 
 def record(result: RisesResult | CamLawsResult, path: Path) -> None:
-    """Write a Rerun recording of cams, in their unit of lift, or of bare rises."""
+    """Write a Rerun recording of the curves of cams or rises.
+
+    The lift of cams is in the unit of their files.
+    """
     from cam_rig.laws.catalogue import cam_curves, common_unit, rise_curves
     from cam_rig.show.looks import PER_RADIAN
     from cam_rig.studies.laws.chart import save_laws

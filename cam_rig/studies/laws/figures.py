@@ -1,4 +1,4 @@
-"""Figures of laws over the cam angle: s, s', s'' and s''' in four stacked panels."""
+"""Figures of laws: s, s', s'' and s''' in four stacked panels."""
 
 from __future__ import annotations
 
@@ -25,24 +25,29 @@ from cam_rig.studies.laws.study import CamLawsResult
 
 #: Colours of the curves of s, s', s'' and s''', one per panel.
 COLOURS = tuple(map(web, DERIVATIVES))
-#: Absolute tolerance (deg) within which a joint is at the start of a segment.
+#: Absolute tolerance (deg) of a joint's cam angle from the start of a segment at which they are
+#: taken as equal.
 JOINT_ATOL_DEG = 1e-6
-#: Smallest span (deg) of a segment whose law is named in the figure.
+#: Smallest span (deg) of a segment at which the name of its law is written in the figure.
 MIN_NAME_DEG = 12.0
-#: Smallest span (deg) of a segment whose name is horizontal. Shorter segments have vertical names.
+#: Smallest span (deg) of a segment at which the name of its law is horizontal. On shorter segments
+#: it is vertical.
 MIN_HORIZONTAL_DEG = 60.0
-#: Colour of annotations.
+#: Grey level of annotations (0 black, 1 white).
 GREY = "0.45"
 Style = dict[str, Any]
-#: Background of a label.
+#: Matplotlib options of the background of a label.
 BOX = {"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8}
-#: Style of a label at a distance in points from its data point.
+#: Matplotlib options of a label at a distance in points from its data point.
 LABEL_STYLE: Style = {"textcoords": "offset points", "bbox": BOX}
 
 
 @styled
 def figure(cam: CamConfig, law: Law) -> Figure:
-    """Return the figure of a cam's law with its segments and control points."""
+    """Return the figure of a cam's law with the names of its segments.
+
+    Control points and measured points are drawn if the cam has any.
+    """
     out = _draw_panels(law, _visible_joints(cam, law), cam.title)
     _control_points(out.axes[0], cam)
     _names(out.axes[0], cam)
@@ -87,9 +92,10 @@ def plot_law(law: LawOrCam) -> Figure:
 
 
 def _draw_panels(law: Law, marked: list[Joint], title: str) -> Figure:
-    """Return a figure of s to s''' of a law, in four panels.
+    """Return a figure of s, s', s'' and s''' of a law over the cam angle.
 
-    Extremes are labelled. The joints in ``marked`` have a line and their continuity class.
+    It has four panels. Extremes are labelled. Each joint in ``marked`` has a line and its
+    continuity class.
     """
     out = empty(FIGURE_HEIGHT)
     panels = out.subplots(4, 1, sharex=True)
@@ -107,7 +113,7 @@ def _draw_panels(law: Law, marked: list[Joint], title: str) -> Figure:
 
 
 def _visible_joints(cam: CamConfig, law: Law) -> list[Joint]:
-    """Return the joints at starts of segments, and others that are not smooth."""
+    """Return the joints to mark: those between segments, and others not smooth."""
     starts = np.degrees(segment_angles(cam))
     return [
         joint
@@ -118,7 +124,10 @@ def _visible_joints(cam: CamConfig, law: Law) -> list[Joint]:
 
 
 def _curve(axes: Axes, law: Law, order: int) -> None:
-    """Draw one derivative piece by piece, with a dotted line at a jump."""
+    """Draw one derivative of a law, with a dotted line at each jump.
+
+    ``order`` is that of the derivative, 0 for the lift.
+    """
     ordinates, colour = law.derivative_ordinates(order) * MM, COLOURS[order]
     angles, values = catalogue.sample_pieces(law, order)
     values = values * MM
@@ -146,7 +155,7 @@ def _peaks(axes: Axes, law: Law, order: int) -> None:
 
 
 def _control_points(axes: Axes, cam: CamConfig) -> None:
-    """Draw control polygons and measured points."""
+    """Draw the control polygons and the measured points of a cam's segments, if any."""
     for angles, ordinates in control_polygons(cam):
         axes.plot(np.degrees(angles), ordinates * MM, "s--", color=GREY, ms=3, lw=0.8, zorder=1)
     for segment in cam.segments:
@@ -156,7 +165,7 @@ def _control_points(axes: Axes, cam: CamConfig) -> None:
 
 
 def _names(axes: Axes, cam: CamConfig) -> None:
-    """Write the name of each segment's law if there is room."""
+    """Write the name of each segment's law into the lift panel, if there is room."""
     for segment, start in zip(cam.segments, np.degrees(segment_angles(cam)), strict=True):
         span = np.degrees(segment.span.si)
         if span >= MIN_NAME_DEG:
@@ -169,7 +178,8 @@ def _names(axes: Axes, cam: CamConfig) -> None:
 def _arrow(axes: Axes, x: float, jump: float, side: str, colour: str | None = None) -> None:
     """Draw an arrow for the infinite acceleration at a jump of the velocity.
 
-    The arrow is at the upper edge of the panel for a jump upwards, else at the lower edge.
+    It is at ``x`` in the unit of the axis, at the upper edge of the panel for a jump upwards, else
+    at the lower edge. ``side`` is its horizontal alignment.
     """
     y, text, end = (0.97, "↑∞", "top") if jump > 0.0 else (0.03, "↓∞", "bottom")
     foot = axes.get_xaxis_transform()
@@ -185,19 +195,18 @@ def _classes(axes: Axes, marked: list[Joint]) -> None:
     top.set_xlabel("continuity class at each knot", color=GREY)
 
 
-# Several laws in one figure: s, s', s'', s''' of cams over the turn, or of bare rises over u.
-
+# Several laws in one figure: s, s', s'', s''' of cams over the turn, or of rises over u in [0, 1].
 #: Height of a figure with four rows of panels, in inches.
 FIGURE_HEIGHT = 8.2
 #: Number of entries per row in the legend of a figure with one column of panels.
 LEGEND_COLUMNS = 3
-#: Units of the derivatives of a rise h over a span β.
+#: Units of s, s', s'' and s''' of a rise h over a span β.
 RISE_UNITS = ("h", "h/β", "h/β²", "h/β³")
 
 
 @styled
 def cams_figure(cams: Sequence[tuple[CamConfig, Law]]) -> Figure:
-    """Return a figure of the laws of cams over the cam angle, in mm."""
+    """Return a figure of the laws of several cams over the cam angle, in mm."""
     curves = [(catalogue.cam_curves(short(cam.title), law), line(cam.name)) for cam, law in cams]
     out = empty(FIGURE_HEIGHT)
     panels = out.subplots(len(catalogue.ORDERS), 1, sharex=True)
@@ -212,10 +221,7 @@ def cams_figure(cams: Sequence[tuple[CamConfig, Law]]) -> Figure:
 
 @styled
 def rises_figure(families: Iterable[catalogue.RiseFamily]) -> Figure:
-    """Return a figure of bare rises of unit lift over a unit span.
-
-    Each family has a column.
-    """
+    """Return a figure of rises of unit lift over a unit span, one column per family."""
     columns = list(families)
     out = empty(FIGURE_HEIGHT)
     panels = out.subplots(len(catalogue.ORDERS), len(columns), sharex=True, squeeze=False)
@@ -232,19 +238,19 @@ def rises_figure(families: Iterable[catalogue.RiseFamily]) -> Figure:
 
 
 def laws_figure(result: LawsResult) -> Figure:
-    """Return a figure with one column per family."""
+    """Return the figure of a list of laws, with one column per family of rises."""
     return rises_figure(result.families)
 
 
 def rises_result_figure(result: RisesResult) -> Figure:
-    """Return a figure of all rises in one column."""
+    """Return the figure of named rises, all in one column."""
     return rises_figure([catalogue.RiseFamily("Rises of h over the span β", result.names)])
 
 
 def cam_laws_figure(result: CamLawsResult) -> Figure:
-    """Return a figure of the cams of a result.
+    """Return the figure of the laws of one or several cams.
 
-    One cam has its joints and extremes. Several cams are in the same panels.
+    For one cam, joints and extremes are marked. Several cams share the panels.
     """
     return figure(*result.cams[0]) if len(result.cams) == 1 else cams_figure(result.cams)
 
@@ -252,7 +258,7 @@ def cam_laws_figure(result: CamLawsResult) -> Figure:
 def _distinct(
     curves: list[tuple[catalogue.LawCurves, Style]],
 ) -> list[tuple[catalogue.LawCurves, Style]]:
-    """Return the curves, with equal curves replaced by one curve with all their names."""
+    """Return the curves, with equal curves merged into one that has all their names."""
     by_motion: dict[bytes, tuple[catalogue.LawCurves, Style]] = {}
     for curve, style in curves:
         key = curve.motion.tobytes()
@@ -266,7 +272,11 @@ def _distinct(
 def _panel(
     axes: Axes, curves: list[tuple[catalogue.LawCurves, Style]], order: int, factor: float
 ) -> None:
-    """Draw one derivative of each law, with an arrow at the edge if s' jumps."""
+    """Draw one derivative of several laws.
+
+    Arrows mark where the acceleration is infinite. ``factor`` converts the values of the curves to
+    the displayed unit.
+    """
     for curve, style in curves:
         axes.plot(curve.x, curve.motion[order] * factor, label=curve.name, **style)
         for x, jump in curve.infinite if order == 2 else ():
@@ -274,7 +284,7 @@ def _panel(
 
 
 def _legend(axes: Axes, columns: int, title: str | None = None) -> None:
-    """Write the legend above the first panel, where it covers no curve."""
+    """Draw the legend of a column above its first panel, where it covers no curve."""
     axes.legend(
         loc="lower center", bbox_to_anchor=(0.5, 1.02), ncols=columns, title=title, frameon=False
     )

@@ -1,4 +1,7 @@
-"""Results of `cam-rig laws`: named rises with their peaks and curves."""
+"""Results of ``cam-rig laws`` and of named rises: peaks and curves.
+
+A named rise is a law from 0 to 1 over a span of 1.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from cam_rig.units import FloatArray
 
 @dataclass(frozen=True)
 class RiseRow:
-    """Row of a table of laws: name, source and peaks.
+    """Row of the table of laws: name, source and peak values.
 
     `figures` is None for a law whose peaks depend on the cam file.
     """
@@ -30,7 +33,7 @@ class RiseRow:
     figures: catalogue.Figures | None
 
 
-#: Columns of a table of rises.
+#: Columns of the table of rises: name, source, peaks and continuity.
 RISE_COLUMNS = (
     Column("law"),
     Column("source", heading="from, or by", doc="equation, or keys of the cam's file"),
@@ -46,18 +49,18 @@ RISE_COLUMNS = (
         doc="order of the highest derivative without a jump",
     ),
 )
-#: Caption of a table of rises.
+#: Caption of the table of rises.
 CAPTION = "Peaks for unit rise and unit span"
 
 
 def _rise_rows(names: Iterable[str]) -> list[RiseRow]:
-    """Return the rows of named rises."""
+    """Return the table rows of rises by their names."""
     return [RiseRow(name, NAMED_RISES[name].source, catalogue.rise_figures(name)) for name in names]
 
 
 @dataclass(frozen=True, repr=False)
 class LawsResult(Result):
-    """The named rises of one or all families.
+    """Named rises of one or all families, with their peaks.
 
     Parameters
     ----------
@@ -91,21 +94,21 @@ class LawsResult(Result):
 
 
 def curve_column(key: str) -> Callable[[Any], Any]:
-    """Return the function that reads the column ``key`` from a result's `curves`."""
+    """Return a function that reads the array ``key`` from the `curves` of a result."""
     return lambda result: result.curves[key]
 
 
-#: Number of steps of the exported curve of a rise.
+#: Number of steps of u from 0 to 1 in the exported curve of a rise.
 RISE_STEPS = 200
-#: Names of the derivatives of the lift, by order.
+#: Names of the lift and its derivatives, by order.
 QUANTITIES = ("lift", "velocity", "acceleration", "jerk")
-#: Symbols of the derivatives of the lift, by order.
+#: Symbols of the lift and its derivatives, by order.
 SYMBOLS = ("s", "s'", "s''", "s'''")
 
 
 @dataclass(frozen=True, repr=False)
 class RisesResult(Result):
-    """Named rises of unit lift over a unit span.
+    """Named rises of unit lift over a unit span, with curves and peaks.
 
     Parameters
     ----------
@@ -131,24 +134,27 @@ class RisesResult(Result):
 
     @property
     def labels(self) -> list[str]:
-        """Labels for the name of a figure's file: the names of the rises."""
+        """Words for the default file name of the figure: "rises", then the rises' names."""
         return ["rises", *self.names]
 
     @cached_property
     def curves(self) -> dict[str, Any]:
-        """Columns of the exported table of curves, with the rises one after the other."""
+        """Columns of the exported table of curves by name, one rise after the other."""
         u = np.linspace(0.0, 1.0, RISE_STEPS + 1)
         motion = np.hstack([catalogue.rise_values(name, u) for name in self.names])
         rises = np.repeat(self.names, u.size)
         return {"rise": rises, "u": np.tile(u, len(self.names))} | by_order(motion)
 
     def tables(self) -> list[Records]:
-        """Return `curves`, and `laws` with one row per rise."""
+        """Return the table `curves`, and the table `laws` with one row per rise."""
         return [self.array_table("curves"), self.table("laws", CAPTION, _rise_rows(self.names))]
 
 
 def by_order(motion: FloatArray) -> dict[str, FloatArray]:
-    """Return lift, velocity, acceleration and jerk by name, from the rows of a motion."""
+    """Return lift, velocity, acceleration and jerk by name.
+
+    ``motion`` contains them as rows, shape ``(4, n)``.
+    """
     return dict(zip(QUANTITIES, motion, strict=True))
 
 

@@ -1,4 +1,4 @@
-"""Results of `cam-rig law`: curves, extremes and joints of cams."""
+"""Results of ``cam-rig law``: curves, extremes and joints of the laws of cams."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ from cam_rig.studies.laws.rises import QUANTITIES, SYMBOLS, RisesResult, by_orde
 
 @dataclass(frozen=True)
 class ExtremeRow:
-    """Extremes of one derivative of a cam's law.
+    """Table row: largest and smallest value of one derivative of a cam's law.
 
-    The display unit of lift is `unit`, which is `factor` m.
+    `order` is that of the derivative, 0 for the lift. The displayed unit of the lift is `unit`,
+    which is `factor` m.
     """
 
     cam: str
@@ -42,20 +43,20 @@ class ExtremeRow:
 
     @property
     def continuity(self) -> int:
-        """Order of the highest derivative without a jump."""
+        """Order of the highest derivative of the law without a jump over the turn."""
         return continuity(self.law)
 
 
 @dataclass(frozen=True)
 class JointRow:
-    """A joint of a cam's law."""
+    """Table row: a joint of two pieces of a cam's law, with its continuity."""
 
     cam: str
     joint: Joint
 
 
 def _extreme_columns(kind: str) -> tuple[Column, Column]:
-    """Return the columns of an extreme and of its cam angle.
+    """Return the table columns of an extreme value and of its cam angle.
 
     ``kind`` is "largest" or "smallest".
     """
@@ -72,9 +73,9 @@ def _extreme_columns(kind: str) -> tuple[Column, Column]:
 
 @dataclass(frozen=True)
 class HeightsRow:
-    """Cam angles (rad) at which the follower passes heights, upwards or downwards.
+    """Table row: cam angles (rad) at which the lift passes given heights.
 
-    The keys of ``angles`` are those of `_passage_key`.
+    ``angles`` has the keys of `_passage_key`, which contain height and direction.
     """
 
     cam: str
@@ -82,7 +83,10 @@ class HeightsRow:
 
     @classmethod
     def of(cls, cam: CamConfig, law: Law) -> HeightsRow:
-        """Return the first upward and the last downward passage of each height."""
+        """Return the first upward and the last downward passage of each height.
+
+        The heights are the fractions `LEVELS` of the lift of the cam.
+        """
         angles = dict[str, float]()
         for passage in passages(law, cam.lift.si):
             key = _passage_key(passage.level, passage.rising)
@@ -92,7 +96,7 @@ class HeightsRow:
 
 
 def _passage_key(level: float, rising: bool) -> str:
-    """Return the column key of a height and a direction, such as up_50.
+    """Return the column key for a height and a direction of passage, such as up_50.
 
     ``level`` is the height as a fraction of the lift.
     """
@@ -100,22 +104,22 @@ def _passage_key(level: float, rising: bool) -> str:
 
 
 def _passage_column(level: float, rising: bool) -> Column:
-    """Return the column with the cam angle at which a height is passed in a direction.
+    """Return the table column of the cam angles at which the lift passes a height.
 
-    ``level`` is the height as a fraction of the lift.
+    ``level`` is the height as a fraction of the lift. ``rising`` is True for upward passages.
     """
     key, direction = _passage_key(level, rising), "up" if rising else "down"
     heading = f"{100.0 * level:g} % {direction}"
     return Column(key, "°", ".3f", heading, lambda row: row.angles.get(key))
 
 
-#: Step of the cam angle in the exported curves, degrees.
+#: Step of the cam angle in the exported curves of a cam's law, degrees.
 STEP_DEG = 0.5
 
 
 @dataclass(frozen=True, repr=False)
 class CamLawsResult(Result):
-    """The laws of cams over one turn.
+    """Laws of cams over one turn, with curves, extremes and joints.
 
     Parameters
     ----------
@@ -178,12 +182,12 @@ class CamLawsResult(Result):
 
     @property
     def labels(self) -> list[str]:
-        """Labels for the name of a figure's file: the names of the cams."""
+        """Words for the default file name of the figure: the names of the cams."""
         return [cam.name for cam, _ in self.cams]
 
     @cached_property
     def curves(self) -> dict[str, Any]:
-        """Columns of the exported table of curves, with the cams one after the other."""
+        """Columns of the exported table of curves by name, one cam after the other."""
         angle = np.radians(np.arange(0.0, 360.0, STEP_DEG))
         motion = np.hstack(
             [np.stack([law(angle, i) for i in catalogue.ORDERS]) for _, law in self.cams]
@@ -193,12 +197,12 @@ class CamLawsResult(Result):
 
     @property
     def rough_joints(self) -> list[JointRow]:
-        """Joints that are not smooth."""
+        """Joints with a jump in one of the derivatives up to order `MAX_CONTINUITY`."""
         rows = (JointRow(cam.name, joint) for cam, law in self.cams for joint in joints(law))
         return [row for row in rows if row.joint.continuity < MAX_CONTINUITY]
 
     def tables(self) -> list[Records]:
-        """Return `curves`, `extremes`, rough `joints` and `heights`."""
+        """Return the tables `curves`, `extremes`, `joints` (not smooth) and `heights`."""
         unit, factor = catalogue.common_unit(cam for cam, _ in self.cams)
         if len(self.cams) == 1:
             unit, factor = self.cams[0][0].lift.unit, self.cams[0][0].lift.factor
@@ -221,9 +225,9 @@ class CamLawsResult(Result):
         ]
 
     def _extremes(self, rows: list[ExtremeRow]) -> Records:
-        """Return the table of extremes.
+        """Return the table of extremes from one row per cam and derivative.
 
-        Several cams have one row each, with the quantities in columns.
+        For several cams, it is displayed with one row per cam and the derivatives in columns.
         """
         if len(self.cams) == 1:
             return self.table("extremes", f"Extremes of {self.cams[0][1].name}", rows)
@@ -242,7 +246,7 @@ class CamLawsResult(Result):
         return replace(table, columns=columns)
 
     def summary(self) -> list[str]:
-        """Return a line with the rough joints of a single cam."""
+        """Return a sentence on the joints that are not smooth, for a single cam only."""
         if len(self.cams) > 1:
             return []
         if not self.rough_joints:
@@ -254,7 +258,7 @@ class CamLawsResult(Result):
         return [f"joints (others C{MAX_CONTINUITY}): {angles}"]
 
 
-# Functions of the Python API.
+# Function of the Python API.
 
 
 @check_arguments
@@ -310,10 +314,11 @@ def law_summary(
 
 
 def _are_rises(names: Sequence[str], rises: bool) -> bool:
-    """Return True if all names are to be read as bare rises, False if as cams.
+    """Return True if all names are to be read as rises, False if as cams.
 
-    They are rises if `rises` is True, or if not all of them are cams. Raise ConfigError for an
-    unknown or repeated name, and if cams and rises are mixed.
+    A rise is a law from 0 to 1 over a span of 1. The names are rises if `rises` is True, or if not
+    all of them are cams. Raises ConfigError for an unknown or repeated name, and if cams and rises
+    are mixed.
     """
     cams = sorted(path.stem for path in (config_root() / "cams").glob("*.yaml"))
     for i, name in enumerate(names):
@@ -338,8 +343,9 @@ def _are_rises(names: Sequence[str], rises: bool) -> bool:
 
 
 def _is_cam(name: str, cams: Sequence[str]) -> bool:
-    """Return True if a name is that of a shipped cam (``cams``), or a path.
+    """Return True if a name is that of a shipped cam, or a path.
 
-    A path is assumed to be that of a cam file. Otherwise reading it raises an error.
+    ``cams`` are the names of the shipped cams. A path is assumed to be that of a cam file. If it is
+    not, reading it raises an error later.
     """
     return name in cams or cam_path(name) == Path(name)

@@ -1,4 +1,7 @@
-"""Orders as a Rerun recording: Campbell diagrams, and the spectrum of each speed."""
+"""Rerun recording of orders: Campbell diagrams, and the spectrum at each speed.
+
+An order is a frequency as a multiple of the cam's rotation frequency.
+"""
 
 from __future__ import annotations
 
@@ -15,17 +18,18 @@ from cam_rig.show.chart import SPEED, Axes, chart_stream, round_marks
 from cam_rig.show.looks import title_of
 from cam_rig.studies.orders.spectrum import QUANTITIES, RANGE, CamOrders, loudest, quantities_of
 
-#: Radius of a stroke or bar. Rerun takes a negative radius in points of the screen.
+#: Line width of a curve as a radius in screen points. Rerun uses negative values for screen units.
 STROKE = -1.2
-#: Radius of a cursor line, negative as in `STROKE`.
+#: Line width of a cursor as a radius in screen points, negative as in `STROKE`.
 CURSOR = -0.8
-#: Width of a chart in units of the plane. The height of the Campbell diagram is 100.
+#: Width of a chart in units of the Rerun view, in which the Campbell diagram is 100 high.
 WIDTH = 160.0
-#: Titles of the two kinds of chart: Campbell diagram (rays), and spectrum at one speed (lines).
+#: Titles of the two kinds of chart: Campbell diagram with one ray per order over speed, and
+#: spectrum at one speed.
 CHARTS = {"rays": "orders over speed", "lines": "by order, at one speed"}
-#: Free space to the right of a chart for half of the last mark, as a fraction of the width.
+#: Free space at the right of a chart for half of the last axis label, as a fraction of the width.
 RIGHT_MARGIN = 0.12
-#: Free space below a chart for its marks, as a fraction of the width.
+#: Free space below a chart for its axis labels, as a fraction of the width.
 BOTTOM_MARGIN = 0.1
 #: Colour map from dark to bright, RGB from 0 to 255, with even steps of lightness.
 SCALE = np.array(
@@ -36,9 +40,9 @@ SCALE = np.array(
 def save_orders(
     studies: Sequence[CamOrders], path: Path, titles: Mapping[str, str] = MappingProxyType({})
 ) -> None:
-    """Write the spectra of cams as a ``.rrd`` file.
+    """Write the spectra of cams as a Rerun recording (``.rrd``).
 
-    The file appears when it is complete.
+    The file appears only when it is complete. ``titles`` are the display names by cam.
     """
     tops = {quantity: loudest(studies, quantity) for quantity in quantities_of(studies)}
     tabs = orders_tabs(studies, titles)
@@ -51,7 +55,10 @@ def save_orders(
 
 
 def orders_tabs(studies: Sequence[CamOrders], titles: Mapping[str, str]) -> list[rrb.Vertical]:
-    """Return a tab per cam: its diagrams above the spectra of one speed."""
+    """Return the tabs of the recording, one per cam.
+
+    A tab has Campbell diagrams above the spectra at one speed, one column per quantity.
+    """
     tabs, tops = [], {quantity: loudest(studies, quantity) for quantity in quantities_of(studies)}
     for study in studies:
         rays = [_chart(study, q, "rays", _ray_axes(study)) for q in tops]
@@ -62,14 +69,16 @@ def orders_tabs(studies: Sequence[CamOrders], titles: Mapping[str, str]) -> list
 
 
 def entity(study: CamOrders, quantity: str, chart: str) -> str:
-    """Return the entity path of a chart of a cam.
+    """Return the Rerun entity path of a chart of a cam.
 
-    `chart` is "rays" (over speed) or "lines" (at one speed).
+    `quantity` is a key of `QUANTITIES`. `chart` is "rays" (Campbell diagram over speed) or "lines"
+    (spectrum at one speed).
     """
     return f"orders/{study.cam}/{quantity}/{chart}"
 
 
 def _chart(study: CamOrders, quantity: str, chart: str, axes: Axes) -> rrb.Spatial2DView:
+    """Return the Rerun view of one chart, with its title."""
     name, below = (
         f"{QUANTITIES[quantity]}: {CHARTS[chart]}",
         BOTTOM_MARGIN * axes.width / axes.height,
@@ -78,12 +87,14 @@ def _chart(study: CamOrders, quantity: str, chart: str, axes: Axes) -> rrb.Spati
 
 
 def _ray_axes(study: CamOrders) -> Axes:
+    """Return the axes of a Campbell diagram: cam speed (rpm) and frequency (Hz)."""
     low, high = study.edges[[0, -1]]
     highest = max(float(spectrum.orders[-1]) for spectrum in study.spectra)
     return Axes((float(low), float(high)), (0.0, highest * float(high) / 60.0), WIDTH, raised=0.05)
 
 
 def _line_axes(study: CamOrders, highest_level: float) -> Axes:
+    """Return the axes of a spectrum at one speed: order and level (dB)."""
     highest = max(float(spectrum.orders[-1]) for spectrum in study.spectra)
     top = 10.0 * np.ceil(highest_level / 10.0)
     return Axes((0.0, highest), (float(top) - RANGE, float(top)), WIDTH, 0.4 * WIDTH, raised=0.09)
@@ -92,8 +103,8 @@ def _line_axes(study: CamOrders, highest_level: float) -> Axes:
 def _draw_rays(stream: rr.RecordingStream, study: CamOrders, quantity: str, top: float) -> None:
     """Draw the Campbell diagram of a cam, with a stroke per order and speed.
 
-    The colour of a stroke is its level, and `top` (dB) is the brightest. The horizontal line is the
-    natural frequency of the stem.
+    The colour of a stroke is its level. `top` (dB) is the brightest level. The horizontal line is
+    the natural frequency of the stem.
     """
     axes, view = _ray_axes(study), entity(study, quantity, "rays")
     axes.draw(stream, f"{view}/axes", round_marks(*axes.x, "rpm"), round_marks(*axes.y, "Hz"))
@@ -115,9 +126,9 @@ def _draw_rays(stream: rr.RecordingStream, study: CamOrders, quantity: str, top:
 
 
 def _draw_lines(stream: rr.RecordingStream, study: CamOrders, quantity: str, top: float) -> None:
-    """Draw the spectrum at each speed, and its cursor in the Campbell diagram.
+    """Draw the spectrum at each speed, and mark the speed in the Campbell diagram.
 
-    `top` (dB) is the highest level of the axis.
+    `top` (dB) is the highest level of all cams, from which the axis is scaled.
     """
     axes, rays = _line_axes(study, top), _ray_axes(study)
     view = entity(study, quantity, "lines")

@@ -1,4 +1,4 @@
-"""The command cam-rig orders."""
+"""Command ``cam-rig orders``: spectrum of force and sound by orders of the cam."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Figures of orders: rays over speed (Campbell diagram), or lines at one speed."""
+"""Figures of orders: Campbell diagram over speed, or spectrum at one speed.
+
+An order is a frequency as a multiple of the cam's rotation frequency.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +17,20 @@ from cam_rig.studies.orders.spectrum import RANGE, CamOrders, loudest, quantitie
 from cam_rig.studies.orders.study import OrdersResult
 from cam_rig.units import FloatArray
 
-#: Largest number of orders that are labelled at the right edge of a Campbell diagram.
+#: Approximate largest number of orders that are labelled at the right edge of a Campbell diagram.
 MAX_LABELS = 8
-#: Colour map of the levels.
+#: Name of the matplotlib colour map for levels.
 COLOURS = "viridis"
-#: Colour of the background and of levels below the range.
+#: Grey level of the background and of levels below the displayed range (0 black, 1 white).
 GROUND = "0.12"
 
 
 @styled
 def figure(result: OrdersResult) -> Figure:
-    """Draw the orders of force (left) and sound (right), with a row of panels per cam."""
+    """Draw the orders of force (left) and sound (right), with one row per cam.
+
+    At several speeds the panels are Campbell diagrams, at one speed they are spectra.
+    """
     studies, titles = result.studies, result.titles
     drawing = empty(2.9 * len(studies) + 0.3)
     quantities = quantities_of(studies)
@@ -44,6 +50,7 @@ def figure(result: OrdersResult) -> Figure:
 
 
 def _lines(axes: Axes, study: CamOrders, values: FloatArray, name: str, highest: float) -> None:
+    """Draw the spectrum of a cam at its only speed, with values in dB."""
     spectrum, low = study.spectra[0], highest - RANGE
     axes.vlines(spectrum.orders[1:], low, values, color=colour(study.cam))
     axes.set(xlabel=f"order of the cam, {spectrum.rpm:g} rpm", ylabel=name)
@@ -53,7 +60,7 @@ def _lines(axes: Axes, study: CamOrders, values: FloatArray, name: str, highest:
 def _rays(axes: Axes, study: CamOrders, values: FloatArray, top: float) -> LineCollection:
     """Draw a Campbell diagram, with a stroke per order and speed.
 
-    The colour of a stroke is its value (dB), and `top` (dB) is the upper end of the scale. The
+    The colour of a stroke is its value (dB). `top` (dB) is the upper end of the colour scale. The
     strokes of an order form a ray. The dashed line is the natural frequency of the stem.
     """
     shades = colormaps[COLOURS].with_extremes(under=GROUND)

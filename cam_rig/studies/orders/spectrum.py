@@ -1,8 +1,9 @@
-"""Spectrum of force and sound of a steady turn, by orders of the cam's rotation.
+"""Spectrum of contact force and sound of a steady turn, by orders of the cam's rotation.
 
-Order n is the frequency of n periods per turn. The coefficients of the force are
-c_n = (1/T) ∫ F e^{−inωt} dt over its period T. The sound pressure is p = g ω_c (F − q) with
-q̇ = ω_c (F − q), which is a factor per order.
+Order n is the frequency of n periods per turn. The coefficients of the force are c_n = (1/T) ∫ F
+e^{−inωt} dt over its period T. The sound pressure is p = g ω_c (F − q) with q̇ = ω_c (F − q), with
+the gain g and the corner frequency ω_c of the radiation. It multiplies each coefficient by a
+factor.
 """
 
 from __future__ import annotations
@@ -25,8 +26,7 @@ from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.studies.orders.steady_force import SteadyForce, steady_force
 from cam_rig.units import TURN, ComplexArray, FloatArray, to_rpm
 
-# Fourier integrals of the parts of a contact force: polynomials, vibrations, landings.
-
+# Fourier integrals of the terms of a contact force: polynomials, vibrations, landings.
 #: Smallest ratio of the angular frequency of a vibration to its decay rate at which the vibration
 #: is integrated as a sum of two complex exponentials. At a smaller ratio this sum would be
 #: ill-conditioned.
@@ -34,12 +34,12 @@ MIN_RATE_RATIO = 0.1
 
 
 def polynomial_integral(ordinates: FloatArray, phase: FloatArray) -> ComplexArray:
-    """Return ∫₀¹ P(u) e^{−iφu} du at phases φ of shape (n,).
+    """Return ∫₀¹ P(u) e^{−iφu} du of a polynomial P at phases φ, shape (n,).
 
-    `ordinates` are the Bernstein ordinates of the polynomial P, shape (p + 1,). In Legendre
-    polynomials of x = 2u − 1 each term is a spherical Bessel function,
-    ∫₋₁¹ P_l e^{−iκx} dx = 2 (−i)^l j_l(κ). No term is therefore larger than the polynomial, for
-    any φ.
+    `ordinates` are the Bernstein ordinates of P, shape (p + 1,), and `phase` are the values of φ. P
+    is converted to Legendre polynomials of x = 2u − 1. The integral of each is a spherical Bessel
+    function, ∫₋₁¹ P_l e^{−iκx} dx = 2 (−i)^l j_l(κ). No term is therefore larger than the
+    polynomial, for any φ.
     """
     terms = legendre_matrix(ordinates.size - 1) @ ordinates
     degrees = np.arange(terms.size)
@@ -49,7 +49,10 @@ def polynomial_integral(ordinates: FloatArray, phase: FloatArray) -> ComplexArra
 
 @lru_cache(maxsize=64)
 def legendre_matrix(degree: int) -> FloatArray:
-    """Return the matrix from Bernstein ordinates to Legendre polynomials of 2u − 1."""
+    """Return the matrix from Bernstein ordinates to Legendre coefficients.
+
+    Its shape is (p + 1, p + 1) for the degree p. The Legendre polynomials are those of 2u − 1.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(degree + 1)
     basis = bernstein.basis(degree, 0.5 * (nodes + 1.0))
     values = np.polynomial.legendre.legvander(nodes, degree)
@@ -73,7 +76,7 @@ def vibration_integral(
         return _resolvent_integral(matrix, row, start, length, rates)
     rate, initial = math.sqrt(square), float(row @ start)
     rotating = initial + 1j * (decay * initial - float(row @ matrix @ start)) / rate
-    pole = decay + 1j * rate  # the vibration is the real part of a e^{λt}
+    pole = decay + 1j * rate  # λ: the vibration is the real part of a e^{λt} with complex a
     return np.asarray(
         0.5 * rotating * _exponential_integral(pole - 1j * rates, length)
         + 0.5 * np.conj(rotating) * _exponential_integral(np.conj(pole) - 1j * rates, length)
@@ -81,7 +84,10 @@ def vibration_integral(
 
 
 def _exponential_integral(rates: ComplexArray, length: float) -> ComplexArray:
-    """Return ∫₀ᴸ e^{zt} dt, also at and near z = 0, which is resonance."""
+    """Return ∫₀ᴸ e^{zt} dt, which is L at z = 0 (resonance).
+
+    ``rates`` are z in 1/s, shape (n,). ``length`` is L in s.
+    """
     nonzero = np.where(rates == 0.0, 1.0, rates)
     return np.where(rates == 0.0, length, np.expm1(nonzero * length) / nonzero)
 
@@ -89,10 +95,10 @@ def _exponential_integral(rates: ComplexArray, length: float) -> ComplexArray:
 def _resolvent_integral(
     matrix: FloatArray, row: FloatArray, start: FloatArray, length: float, rates: FloatArray
 ) -> ComplexArray:
-    """Return c (A − iΩ)⁻¹ (e^{AL−iΩL} − 1) z.
+    """Return c (A − iΩ)⁻¹ (e^{AL−iΩL} − 1) z, the integral of `vibration_integral`.
 
-    The formula is used for overdamped vibrations. Their rates are real, so that A − iΩ is not
-    singular.
+    The formula is used for overdamped vibrations. The eigenvalues of A are then real, so that A −
+    iΩ is not singular.
     """
     end = exponential(matrix, length) @ start
     change = np.exp(-1j * rates * length)[:, None] * end - start
@@ -103,21 +109,22 @@ def _resolvent_integral(
 def pulse_integral(phase: FloatArray) -> ComplexArray:
     """Return ∫ h e^{−iΩt} dt of a half-sine pulse h of unit area and duration τ.
 
-    `phase` is φ = Ωτ of shape (n,). The integral is e^{−iφ/2} cos(φ/2)/(1 − (φ/π)²), in a form that
-    has its value π/4 at φ = π.
+    `phase` is φ = Ωτ of shape (n,). The integral is e^{−iφ/2} cos(φ/2)/(1 − (φ/π)²). It is
+    evaluated in a form that is also valid at φ = π, where its magnitude is π/4.
     """
     half = 0.5 * phase
     shape = 0.5 * math.pi * np.sinc(0.5 - half / math.pi) / (1.0 + phase / math.pi)
     return np.asarray(np.exp(-1j * half) * shape)
 
 
-#: Smallest r.m.s. pressure (Pa) and force amplitude (N), so that the level of silence is finite.
+#: Lower limit of the r.m.s. pressure (Pa) and the force amplitude (N) in a level, so that the level
+#: of zero is finite.
 SILENCE = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
 class OrderSpectrum:
-    """Spectrum of a cam at one speed.
+    """Spectrum of the contact force and sound of a cam at one speed.
 
     Attributes
     ----------
@@ -131,7 +138,7 @@ class OrderSpectrum:
     pressure
         The same coefficients of the sound pressure in Pa.
     background_db
-        Level of the background, which is noise without orders.
+        Level of the background noise in dB, which has no orders.
     """
 
     steady: SteadyForce
@@ -147,26 +154,32 @@ class OrderSpectrum:
 
     @property
     def frequency(self) -> FloatArray:
-        """Frequency of each order, Hz."""
+        """Frequency of each order in Hz, shape (n,)."""
         return self.orders * self.steady.speed / TURN
 
     @property
     def amplitude(self) -> FloatArray:
-        """Amplitude of the force at each order, N. At order 0 it is the mean force."""
+        """Amplitude of the force at each order in N, shape (n,).
+
+        At order 0 it is the mean force.
+        """
         return np.abs(self.force) * np.where(self.orders > 0.0, 2.0, 1.0)
 
     @property
     def force_db(self) -> FloatArray:
-        """Amplitude of the force at each order, dB re 1 N."""
+        """Amplitude of the force at each order in dB re 1 N, shape (n,)."""
         return np.asarray(20.0 * np.log10(np.maximum(self.amplitude, SILENCE)))
 
     @property
     def level(self) -> FloatArray:
-        """Sound level at each order, dB re 20 µPa. Order 0 is silence."""
+        """Sound level at each order in dB re 20 µPa, shape (n,).
+
+        Order 0, the constant part of the force, radiates no sound.
+        """
         return level_db(np.maximum(math.sqrt(2.0) * np.abs(self.pressure), SILENCE))
 
     def up_to(self, highest: float) -> OrderSpectrum:
-        """Return the spectrum without the orders above `highest`."""
+        """Return a copy without the orders above `highest`."""
         size = int(np.searchsorted(self.orders, highest, side="right"))
         return replace(
             self, orders=self.orders[:size], force=self.force[:size], pressure=self.pressure[:size]
@@ -174,28 +187,29 @@ class OrderSpectrum:
 
     @property
     def loudest(self) -> int:
-        """Index of the loudest order in the arrays."""
+        """Index of the order with the highest sound level in the arrays."""
         return int(np.argmax(self.level[1:])) + 1
 
     def order_within(self, share: float) -> float:
-        """Return the order below which a fraction `share` of the sound power lies.
+        """Return the order below which the fraction `share` of the sound power is.
 
-        The total is the power of all orders of the spectrum.
+        The total is the power of all orders of this spectrum.
         """
         power = np.cumsum(np.abs(self.pressure) ** 2)
         return float(self.orders[np.searchsorted(power, share * power[-1])])
 
     @property
     def total_db(self) -> float:
-        """Level of all orders together without the background, dB."""
+        """Sound level of all orders together without the background, dB re 20 µPa."""
         power = 2.0 * float(np.sum(np.abs(self.pressure[1:]) ** 2))
         return float(level_db(max(math.sqrt(power), SILENCE)))
 
 
 def force_orders(steady: SteadyForce, rates: FloatArray, contact_time: float) -> ComplexArray:
-    """Return the Fourier coefficients (N) of the force at rates Ω (rad/s), shape (n,).
+    """Return the Fourier coefficients (N) of a steady force, shape (n,).
 
-    The pulse of a landing has the duration `contact_time` (s).
+    They are those at the angular frequencies Ω (rad/s) in ``rates``. A landing is a half-sine pulse
+    with the duration `contact_time` (s).
     """
     total = np.zeros(rates.size, dtype=np.complex128)
     for piece in steady.pieces:
@@ -215,9 +229,9 @@ def force_orders(steady: SteadyForce, rates: FloatArray, contact_time: float) ->
 def spectrum(
     steady: SteadyForce, radiation: RadiationParameters | None, contact_time: float, highest: int
 ) -> OrderSpectrum:
-    """Return force and sound up to the order `highest`.
+    """Return the spectrum of a steady force and its sound up to the order `highest`.
 
-    The sound is NaN without radiation parameters. The pulse of a landing has the duration
+    The sound is NaN if ``radiation`` is None. The pulse of a landing has the duration
     `contact_time` (s).
     """
     orders = np.arange(highest * steady.turns + 1) / steady.turns
@@ -234,9 +248,10 @@ def spectrum(
 def order_spectrum(
     law: Law, model: str, rig: RigConfig, speed: float, highest: int
 ) -> OrderSpectrum:
-    """Return the spectrum of force and sound of a model at a speed (rad/s).
+    """Return the spectrum of force and sound of a cam at a speed (rad/s).
 
-    It contains the orders up to `highest`. The sound is NaN without radiation parameters.
+    ``model`` is the name of the follower's model. The spectrum contains the orders up to `highest`.
+    The sound is NaN if the rig has no radiation parameters.
     """
     steady = steady_force(law, model, rig, speed)
     lands = MODELS[model].lifts_off
@@ -248,19 +263,18 @@ def order_spectrum(
     return spectrum(steady, radiation, contact_time, highest)
 
 
-# Orders over speed: spectra of cams at many speeds.
-
-#: Displayed quantities: property of `OrderSpectrum` -> title.
+# Spectra of cams at many speeds.
+#: Titles of the displayed quantities by the property of `OrderSpectrum`.
 QUANTITIES = {"force_db": "contact force [dB re 1 N]", "level": "sound [dB re 20 µPa]"}
-#: Range of the displayed levels below the highest, dB. Lower levels are not displayed.
+#: Range of the displayed levels below the highest level, dB. Lower levels are not displayed.
 RANGE = 60.0
-#: Default of the highest computed order. At 400 rpm the frequency of this order is 667 Hz.
+#: Highest order that is computed by default. At 400 rpm its frequency is 667 Hz.
 HIGHEST = 100
 
 
 @dataclass(frozen=True, eq=False)
 class CamOrders:
-    """Spectra of one cam at several speeds."""
+    """Spectra of one cam at several speeds, with a follower's model on a rig."""
 
     cam: str
     model: str
@@ -268,23 +282,24 @@ class CamOrders:
     spectra: tuple[OrderSpectrum, ...]
 
     def at(self, rpm: float) -> OrderSpectrum:
-        """Return the spectrum at the speed nearest to `rpm`."""
+        """Return the spectrum at the computed speed that is nearest to `rpm`."""
         return min(self.spectra, key=lambda spectrum: abs(spectrum.rpm - rpm))
 
     def only(self, *rpms: float) -> CamOrders:
-        """Return the spectra at the speeds nearest to `rpms`."""
+        """Return a copy with only the spectra at the speeds nearest to `rpms`."""
         return replace(self, spectra=tuple(self.at(rpm) for rpm in rpms))
 
     def up_to(self, highest: float) -> CamOrders:
-        """Return the spectra without the orders above `highest`."""
+        """Return a copy without the orders above `highest`."""
         return replace(self, spectra=tuple(spectrum.up_to(highest) for spectrum in self.spectra))
 
     @property
     def edges(self) -> FloatArray:
-        """Ends of the strokes of a Campbell diagram, in rpm, shape (n + 1,).
+        """Speeds (rpm) at which the strokes of a Campbell diagram end, shape (n + 1,).
 
-        They are the middles between the n speeds. The first and the last end are as far from their
-        speed as the nearest middle.
+        A stroke is a short line at each order and each of the n speeds. The ends are the middles
+        between the speeds. The first and the last end are as far from their speed as the nearest
+        middle. A single speed gets a range of ±0.5 %.
         """
         rpm = np.array([spectrum.rpm for spectrum in self.spectra])
         if rpm.size == 1:
@@ -293,9 +308,10 @@ class CamOrders:
         return np.concatenate((ends[:1], 0.5 * (rpm[1:] + rpm[:-1]), ends[1:]))
 
     def strokes(self) -> FloatArray:
-        """Return the strokes of a Campbell diagram, shape (k, 2, 2) as (rpm, Hz).
+        """Return the strokes of a Campbell diagram as end points, shape (k, 2, 2).
 
-        There is one stroke per order and speed, on the ray of the order. Order 0 has no stroke.
+        The last axis is (rpm, Hz). There is one stroke per order and speed, on the line of the
+        order. Order 0 has no stroke.
         """
         strokes = []
         for spectrum, ends in zip(self.spectra, pairwise(self.edges), strict=True):
@@ -305,7 +321,7 @@ class CamOrders:
         return np.concatenate(strokes)
 
     def values(self, quantity: str) -> FloatArray:
-        """Return the value (dB) of each stroke, shape (k,).
+        """Return the value (dB) of each stroke of the Campbell diagram, shape (k,).
 
         `quantity` is "force_db" or "level".
         """
@@ -313,9 +329,9 @@ class CamOrders:
 
 
 def quantities_of(studies: Iterable[CamOrders]) -> dict[str, str]:
-    """Return the `QUANTITIES` of the spectra.
+    """Return the `QUANTITIES` that the spectra contain.
 
-    The level is left out if the rig has no sound parameters.
+    The sound level is left out if the rig has no sound parameters.
     """
     has_sound = all(
         math.isfinite(each.background_db) for study in studies for each in study.spectra
@@ -324,7 +340,10 @@ def quantities_of(studies: Iterable[CamOrders]) -> dict[str, str]:
 
 
 def loudest(studies: Iterable[CamOrders], quantity: str) -> float:
-    """Return the largest value (dB) of a quantity over all cams, for a common scale."""
+    """Return the largest value (dB) of a quantity over all cams, for a common scale.
+
+    `quantity` is a key of `QUANTITIES`.
+    """
     return max(float(study.values(quantity).max()) for study in studies)
 
 
@@ -336,9 +355,10 @@ def waterfall(
     highest: int = HIGHEST,
     progress: Progress = NULL_PROGRESS,
 ) -> tuple[CamOrders, ...]:
-    """Return the spectra of force and sound of each cam at each of `speeds` (rad/s).
+    """Return the spectra of force and sound of each cam at each speed.
 
-    They contain the orders up to `highest`.
+    `laws` are the laws by cam, and `speeds` are in rad/s. The spectra contain the orders up to
+    `highest`.
     """
     studies, all_speeds = [], tuple(speeds)
     progress.start(len(laws) * len(all_speeds))

@@ -1,4 +1,8 @@
-"""Contact force of a steady state in pieces: polynomials, vibrations and landings."""
+"""Steady contact force over a period, in pieces with closed forms.
+
+A piece is an interval of time in contact, in which the force is a polynomial plus a free vibration
+of the stem. Landings add impulses.
+"""
 
 from __future__ import annotations
 
@@ -24,16 +28,17 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.schema import RigConfig
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Smallest overlap of two contacts of successive turns at which they count as one contact, as a
+#: Smallest overlap of the contacts of two turns at which they count as the same contact, as a
 #: fraction of a turn. It is above rounding.
 OVERLAP = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class FreeForce:
-    """Force c e^{At} z of a free vibration.
+    """Contact force c e^{At} z due to a free vibration of the stem, t in s.
 
-    `matrix` is A of shape (2, 2), `row` is c and `start` is z, both of shape (2,).
+    `matrix` is A of shape (2, 2), `row` is c and `start` is the initial state z, both of shape
+    (2,).
     """
 
     matrix: FloatArray
@@ -43,9 +48,10 @@ class FreeForce:
 
 @dataclass(frozen=True, eq=False)
 class ForcePiece:
-    """Contact force on a part of the turn: a polynomial (N) and a vibration.
+    """Contact force in an interval of time: a polynomial (N) plus a free vibration.
 
-    `begin` is the time in s since θ = 0, and `length` the duration in s.
+    `begin` is the time in s since θ = 0, and `length` the duration in s. `ordinates` are the
+    Bernstein ordinates of the polynomial, shape (p + 1,). `free` is None for a rigid stem.
     """
 
     begin: float
@@ -54,7 +60,7 @@ class ForcePiece:
     free: FreeForce | None = None
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Return the force (N) at times in s within the piece."""
+        """Return the force (N) at times in s since θ = 0, within the interval."""
         since = times - self.begin
         force = bernstein.evaluate(self.ordinates, since / self.length)
         if self.free is not None:
@@ -67,10 +73,10 @@ class ForcePiece:
 class SteadyForce:
     """Periodic contact force over `turns` turns at `speed` (rad/s).
 
-    `turns` is greater than 1 if the follower lands differently in successive turns. Between the
-    `pieces` the follower flies and the force is zero. `landings` are pairs of time (s since θ = 0)
-    and impulse (N·s). If `settled` is False, the force is not periodic and that of the last
-    simulated turn is given.
+    `turns` is greater than 1 if the follower lands differently in successive turns. `pieces` are
+    the intervals in contact. Between them the follower is in flight and the force is zero.
+    `landings` are pairs of time (s since θ = 0) and impulse (N·s). If `settled` is False, the force
+    is not periodic, and the values are those of the last simulated turn.
     """
 
     speed: float
@@ -90,11 +96,11 @@ class SteadyForce:
 
     @property
     def duration(self) -> float:
-        """Duration of the period, s."""
+        """Duration of the period of the force, s."""
         return self.turns * TURN / self.speed
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Return the force (N) without the landings.
+        """Return the force (N) without the impulses of landings, shape (n,).
 
         `times` are any times in s since θ = 0, shape (n,).
         """
@@ -108,9 +114,10 @@ class SteadyForce:
 
 
 def steady_force(law: Law, model: str, rig: RigConfig, speed: float) -> SteadyForce:
-    """Return the steady contact force of a model at a speed (rad/s).
+    """Return the steady contact force of a follower at a speed (rad/s).
 
-    Raises ConfigError for a model without a closed form.
+    ``model`` is the name of the follower's model. Raises ConfigError for a model whose force has no
+    closed form.
     """
     if model not in BUILDERS:
         raise ConfigError(
@@ -126,16 +133,17 @@ def steady_force(law: Law, model: str, rig: RigConfig, speed: float) -> SteadyFo
 
 
 def _kinetostatic(law: Law, p: FollowerParameters, speed: float) -> SteadyForce:
+    """Return the steady force of a follower that always keeps contact."""
     require_smooth(law)
     forces = force_ordinates(law, p, speed)
     return SteadyForce(speed, 1, tuple(_contact_pieces(law, forces, speed, 0.0, TURN / speed)))
 
 
 def _one_mass(law: Law, p: FollowerParameters, speed: float) -> SteadyForce:
-    """Return the steady force of the one-mass model.
+    """Return the steady force of the model with one rigid mass.
 
-    On the cam the motion does not depend on the past. Two contacts at one cam angle are therefore
-    the same motion.
+    In contact the motion does not depend on the past. If the follower is in contact at the same cam
+    angle in two turns, its motion therefore repeats.
     """
     turn, repetition = TURN / speed, None
     for run in SPECTRUM_TURNS:
@@ -159,9 +167,10 @@ def _one_mass(law: Law, p: FollowerParameters, speed: float) -> SteadyForce:
 
 
 def _find_repetition(contacts: list[tuple[float, float]], turn: float) -> tuple[float, int] | None:
-    """Return a time (s) and the number of turns after which the contact repeats.
+    """Return a time (s) in contact, and the number of turns after which it repeats.
 
-    Returns None if it does not repeat.
+    ``contacts`` are start and end times (s), ``turn`` is the duration of a turn (s). Returns None
+    if no contact repeats.
     """
     for turns in range(1, MAX_PERIOD_TURNS + 1):
         later = turns * turn
@@ -176,9 +185,10 @@ def _find_repetition(contacts: list[tuple[float, float]], turn: float) -> tuple[
 def _contact_pieces(
     law: Law, forces: FloatArray, speed: float, start: float, end: float
 ) -> Iterator[ForcePiece]:
-    """Yield the pieces of the law from `start` to `end` (s).
+    """Yield the polynomial pieces of the contact force from `start` to `end` (s).
 
-    `forces` are the ordinates of the force in N, shape (p + 1, n).
+    `forces` are the Bernstein ordinates of the force in N on the n pieces of the law, shape (p + 1,
+    n).
     """
     if end <= start:
         return
@@ -192,16 +202,19 @@ def _contact_pieces(
 
 
 def _restricted(ordinates: FloatArray, start: float, end: float) -> FloatArray:
+    """Return Bernstein ordinates of a polynomial on a part of its interval [0, 1]."""
     is_complete = start == 0.0 and end == 1.0
     return ordinates if is_complete else bernstein.restrict(ordinates, start, end)
 
 
 def _landings(events: list[Event], start: float, end: float) -> tuple[tuple[float, float], ...]:
+    """Return time (s) and impulse (N·s) of each landing from `start` to `end` (s)."""
     inside = (event for event in events if start < event.time <= end)
     return tuple((event.time, event.impulse) for event in inside if event.kind == "landing")
 
 
 def _elastic_stem(law: Law, p: FollowerParameters, speed: float) -> SteadyForce:
+    """Return the steady force of a mass on an elastic stem that keeps contact."""
     model, outputs = elastic_stem.response(law, p, speed), elastic_stem.outputs(p)
     runs = _linear_pieces(model, outputs, model.periodic(), 0.0, 0.0, TURN / speed)
     return SteadyForce(speed, 1, tuple(runs))
@@ -215,10 +228,11 @@ def _linear_pieces(
     begin: float,
     duration: float,
 ) -> Iterator[ForcePiece]:
-    """Yield the pieces of the contact force, the last output of a linear model.
+    """Yield the pieces of the contact force of a linear model while contact is kept.
 
     The motion starts from the state `start` at the cam angle `angle` (rad) and lasts `duration`
-    (s). `begin` is the time of the start in s since θ = 0.
+    (s). `begin` is the time of the start in s since θ = 0. The contact force is the last of
+    `outputs`.
     """
     for run in model.walk(start, angle, duration):
         length = run.end - run.begin
@@ -232,6 +246,7 @@ def _linear_pieces(
 
 
 def _two_mass(law: Law, p: TwoMassParameters, speed: float) -> SteadyForce:
+    """Return the steady force of two masses and a stem, with flights if it lifts off."""
     model, turn = contact_response(law, p, speed), TURN / speed
     start = model.turn.fixed_point()
     can_stay = start is not None and not law.velocity_jumps
@@ -254,9 +269,10 @@ def _two_mass(law: Law, p: TwoMassParameters, speed: float) -> SteadyForce:
 
 
 def _period(trajectory: Separation, run: int, turn: float) -> int | None:
-    """Return the number of turns after which the states at θ = 0 repeat.
+    """Return the number of turns after which the states at θ = 0 repeat, or None.
 
-    The states from turn `run` on are compared. Returns None if they do not repeat.
+    The states at the turns from number `run` on are compared. ``turn`` is the duration of a turn
+    (s).
     """
     period_states = states(trajectory, turn * np.arange(run - 1.0, run + MAX_PERIOD_TURNS))[:4]
     lift, slope, _ = trajectory.law.bounds
@@ -269,6 +285,7 @@ def _period(trajectory: Separation, run: int, turn: float) -> int | None:
 def _phase_pieces(
     trajectory: Separation, model: LinearResponse, period_start: float, end: float
 ) -> Iterator[ForcePiece]:
+    """Yield the force in all contacts from `period_start` to `end` (s)."""
     for phase in trajectory.phases:
         a, b = max(phase.begin, period_start), min(phase.end, end)
         if phase.flight is not None or b <= a:
@@ -280,7 +297,7 @@ def _phase_pieces(
         yield from _linear_pieces(model, outputs, start, trajectory.speed * a, a, b - a)
 
 
-#: Functions that compute the steady force, by the name of the model in a scene.
+#: Functions that compute the steady force, by the name of the follower's model in a scene.
 BUILDERS: dict[str, Callable[[Law, Any, float], SteadyForce]] = {
     "kinetostatic": _kinetostatic,
     "one_mass": _one_mass,

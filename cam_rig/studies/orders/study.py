@@ -1,4 +1,4 @@
-"""Study of the orders of force and sound: inputs, and the result with its tables."""
+"""Spectrum of force and sound by orders: function, inputs, and result with tables."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ from cam_rig.studies.orders import MAX_ORDERS
 from cam_rig.studies.orders.spectrum import CamOrders, OrderSpectrum, waterfall
 from cam_rig.units import RPM
 
-#: Number of loudest orders that the table of speeds lists.
+#: Number of loudest orders that the table of speeds lists for each cam and speed.
 LOUDEST_COUNT = 2
-#: Largest number of rows with which the table of orders is displayed. A longer table is exported
-#: only.
+#: Largest number of rows with which the table of orders is displayed. A longer table is only
+#: exported.
 MAX_SHOWN_ROWS = 40
 
 
 class OrdersRow(NamedTuple):
-    """Spectrum of a cam, and the index of an order in it."""
+    """Table row: the spectrum of a cam at one speed, and the index of one order in it."""
 
     cam: str
     spectrum: OrderSpectrum
@@ -49,13 +49,13 @@ class OrdersRow(NamedTuple):
 
     @property
     def has_sound(self) -> bool:
-        """True if the rig has the parameters of its sound."""
+        """True if the rig has the parameters that the sound requires."""
         return math.isfinite(self.spectrum.background_db)
 
     def loudest(self, rank: int) -> tuple[float, float] | None:
-        """Return an order and its level (dB) by rank, 0 for the loudest.
+        """Return an order and its sound level (dB) by rank, 0 for the loudest.
 
-        Returns None without sound, or if there are fewer orders.
+        Returns None without sound, or if there are too few orders.
         """
         orders, level = self.spectrum.orders[1:], self.spectrum.level[1:]
         if level.size <= rank or not self.has_sound:
@@ -65,10 +65,16 @@ class OrdersRow(NamedTuple):
 
 
 def _at_order(name: str) -> Callable[[OrdersRow], float]:
+    """Return a function that reads the value of a spectrum at the order of a row.
+
+    ``name`` is an array property of `OrderSpectrum`.
+    """
     return lambda row: float(getattr(row.spectrum, name)[row.order_index])
 
 
 def _loudest_column(rank: int) -> Column:
+    """Return the table column of the order with a given rank, and its level (dB)."""
+
     def text(row: OrdersRow) -> str | None:
         order = row.loudest(rank)
         return order and f"{order[0]:g}: {order[1]:.1f}"
@@ -78,9 +84,9 @@ def _loudest_column(rank: int) -> Column:
 
 @dataclass(frozen=True, repr=False)
 class OrdersResult(Result):
-    """Orders of each cam at each speed.
+    """Spectrum of each cam at each speed, by orders of the cam's rotation.
 
-    `titles` are the display names of cams. A cam without a title is shown by its name.
+    `titles` are the display names by cam. A cam without a title is shown by its name.
     """
 
     schema = "cam_rig.orders.1"
@@ -126,12 +132,15 @@ class OrdersResult(Result):
 
     @property
     def speed_rows(self) -> list[OrdersRow]:
-        """One row per cam and speed."""
+        """Table rows of all spectra, one per cam and speed."""
         return [OrdersRow(study.cam, each) for study in self.studies for each in study.spectra]
 
     @property
     def speeds(self) -> Records:
-        """Table per cam and speed: mean force, sound of all orders, the loudest orders."""
+        """Table with one row per cam and speed.
+
+        It contains the mean force, the sound level of all orders, and the loudest orders.
+        """
         rows = self.speed_rows
         highest = max((row.spectrum.orders[-1] for row in rows), default=0.0)
         return self.table(
@@ -156,7 +165,7 @@ class OrdersResult(Result):
     def tables(self) -> list[Records]:
         """Return the tables ``orders``, ``speeds`` and ``run``.
 
-        The first does not contain the mean force at order 0.
+        The table ``orders`` starts at order 1. It does not contain the mean force, order 0.
         """
         rows = [
             row._replace(order_index=index)
@@ -174,19 +183,21 @@ class OrdersResult(Result):
         return [orders, self.speeds, self.table("run", "The model", run, single=True, hidden=True)]
 
     def summary(self) -> list[str]:
-        """Return a sentence with the reason if the sound is left out."""
+        """Return a sentence with the missing parameters if the sound is left out.
+
+        It is empty otherwise.
+        """
         study = self.studies[0]
         keys = " and ".join(study.rig.missing_for_sound(MODELS[study.model].lifts_off))
         return [f"sound left out: rig {study.rig.name} has no {keys}"] if keys else []
 
 
-# Inputs: a cam alone or a scene, on a rig, at some speeds.
-
-#: Name of the rig for a cam without a scene.
+# Inputs: a scene, or a cam alone with the following defaults.
+#: Name of the rig that is used for a cam without a scene.
 CAM_RIG = "tm21"
-#: Model for a cam without a scene.
+#: Name of the follower's model that is used for a cam without a scene.
 CAM_MODEL = "one_mass"
-#: Speeds (rpm) for a cam without a scene.
+#: Cam speeds (rpm) that are used for a cam without a scene.
 CAM_RPM = tuple(range(200, 401, 10))
 
 
@@ -259,7 +270,8 @@ def _resolve_source(
 ) -> tuple[dict[str, Law], dict[str, str], RigConfig, str, list[float]]:
     """Return the inputs of the study from a scene or a cam.
 
-    They are the laws by cam, the titles by cam, the rig, the model, and the speeds in rpm.
+    They are the laws by cam, the titles by cam, the rig, the name of the model, and the speeds in
+    rpm. ``cam`` selects one cam of a scene.
     """
     if isinstance(source, CamConfig) or (not isinstance(source, LoadedScene) and _is_cam(source)):
         if cam is not None:
@@ -276,7 +288,7 @@ def _resolve_source(
 
 
 def _is_cam(source: str | Path) -> bool:
-    """Return True if a file or a shipped name is that of a cam.
+    """Return True if a file or a shipped name is that of a cam, False for a scene.
 
     Raises ConfigError if there is no such cam or scene.
     """

@@ -1,4 +1,4 @@
-"""cam-rig profile: checks, drawings and measurements of a cam's contour."""
+"""Command ``cam-rig profile``: checks, drawings and measurements of a cam's contour."""
 
 from __future__ import annotations
 

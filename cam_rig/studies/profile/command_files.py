@@ -1,4 +1,4 @@
-"""Files of `cam-rig profile`: writing of contours, and measuring of contours read."""
+"""Files of ``cam-rig profile``: contours that it writes, and contours that it measures."""
 
 from __future__ import annotations
 
@@ -27,18 +27,19 @@ if TYPE_CHECKING:
     from cam_rig.units import FloatArray
 
 
-#: Suffixes of the drawings that the command can write.
+#: Suffixes of the drawing files that ``cam-rig profile`` can write.
 DRAWINGS = (".dxf", ".svg")
-#: Suffixes of the tables that the command can write.
+#: Suffixes of the table files that ``cam-rig profile`` can write.
 TABLES = (".csv",)
-#: Suffixes of the contour files that the command can read.
+#: Suffixes of the contour files that ``cam-rig profile`` can read.
 READABLE = (".dxf", ".csv")
-#: Fraction of the chord error that is reserved for the rounding of coordinates in an SVG drawing. A
-#: DXF drawing has all digits.
+#: Fraction of the allowed chord error that is reserved for the rounding of coordinates in an SVG
+#: drawing. A DXF drawing has all digits.
 SVG_ROUNDING = 0.1
-#: Default of the largest distance of a drawn polyline from the contour (chord error), µm.
+#: Default of the largest allowed distance of a drawn polyline from the exact contour (chord error),
+#: µm.
 DEFAULT_TOLERANCE_UM = 1.0
-#: Smallest chord error that can be requested, µm. Smaller values would need millions of points.
+#: Smallest chord error that can be requested, µm. Smaller values would require millions of points.
 MIN_TOLERANCE_UM = 1e-4
 #: Default number of points of a contour in a written table.
 DEFAULT_ROWS = 3600
@@ -46,7 +47,7 @@ DEFAULT_ROWS = 3600
 
 @dataclass(frozen=True)
 class Request:
-    """Options of the command on files to write or to read.
+    """Options of ``cam-rig profile`` on files to write or to read.
 
     Parameters
     ----------
@@ -81,7 +82,10 @@ class Request:
     align: bool = False
 
     def validate(self, cams: int, drawing: bool) -> None:
-        """Raise a `ConfigError` for options that cannot be combined."""
+        """Raise a `ConfigError` for options that cannot be combined.
+
+        ``cams`` is the number of cams, ``drawing`` is True if a figure is requested.
+        """
         files = self.out is not None or self.source is not None or drawing
         if files and cams != 1:
             raise ConfigError(f"--out and --plot require one cam, got {cams}")
@@ -134,7 +138,7 @@ def make_placement(unit: str | None, axis: str, zero: float, mirrored: bool) -> 
 
 
 def _check_suffix(path: Path, suffixes: tuple[str, ...]) -> None:
-    """Raise a `ConfigError` if the suffix of a path is not allowed."""
+    """Raise a `ConfigError` if the suffix of a path is not one of ``suffixes``."""
     if (suffix := path.suffix.lower()) not in suffixes:
         step = suffix in (".step", ".stp")
         hint = " (no STEP: import the DXF into CAD and extrude it)" if step else ""
@@ -142,9 +146,10 @@ def _check_suffix(path: Path, suffixes: tuple[str, ...]) -> None:
 
 
 def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
-    """Write the contour, the pitch curve or the path of the cutter.
+    """Write the contour, the pitch curve or the cutter path of a cam to a file.
 
-    The suffix of the file determines its format.
+    The suffix of the file determines its format. If ``force`` is True, a cutter that does not fit
+    into the contour is allowed.
     """
     from cam_rig.profile import drawing_files
     from cam_rig.profile.polyline import polyline
@@ -171,7 +176,10 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
 
 
 def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[ContourPath]:
-    """Return the paths that the options request."""
+    """Return the curves to write: contours, pitch curves or cutter paths.
+
+    Raises an error if the cutter does not fit into the contour, unless ``force`` is True.
+    """
     from cam_rig.profile import polyline as path
 
     if request.pitch:
@@ -185,13 +193,13 @@ def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[Con
     return curves
 
 
-#: Number of cam angles at which the follower's lift on a contour from a file is computed.
+#: Number of equally spaced cam angles at which the lift on a contour from a file is computed.
 READINGS = 720
 
 
 @dataclass(frozen=True)
 class MeasuredContour:
-    """Law that a follower reads on a contour.
+    """Lift of a follower on a contour from a file, compared with the cam's law.
 
     Parameters
     ----------
@@ -217,13 +225,13 @@ class MeasuredContour:
 
     @property
     def worst_index(self) -> int:
-        """Index of the largest error."""
+        """Index of the cam angle with the largest absolute error."""
         return int(np.argmax(np.abs(self.error)))
 
 
 @dataclass(frozen=True, repr=False)
 class MeasuredResult(Result):
-    """The contours of a file as the cam's follower reads them."""
+    """Lifts of the cam's follower on the contours of a file."""
 
     schema = "cam_rig.profile_measured.1"
     columns: ClassVar = {
@@ -248,13 +256,13 @@ class MeasuredResult(Result):
     contours: tuple[MeasuredContour, ...]
 
     def tables(self) -> list[Records]:
-        """Return the table `contours`, one row per contour."""
+        """Return the table `contours` with errors of the lift, one row per contour."""
         caption = f"{self.contours[0].source}, from the law of {self.contours[0].cam}"
         return [self.table("contours", caption, self.contours)]
 
 
-#: A mirrored contour is used if its error is below this fraction of the error without mirroring.
-#: For a symmetrical cam the two errors are equal.
+#: Ratio of the error of the mirrored contour to that of the contour as read, below which the
+#: mirrored contour is used. For a symmetrical cam the two errors are equal.
 MIRRORED_IS_BETTER = 0.5
 
 
@@ -263,7 +271,8 @@ def _align(
 ) -> tuple[list[Curve], float]:
     """Return the contours, and the rotation (rad) with which they fit the law best.
 
-    The contours are mirrored if that fits better. The options for this placement are printed.
+    The contours are mirrored if that fits better. The command-line options for the resulting
+    placement are printed.
     """
     from cam_rig.profile.measure import find_rotation
 
@@ -282,16 +291,16 @@ def _align(
 
 
 def _mirror(curve: Curve) -> Curve:
-    """Return a contour mirrored at the y axis, as seen from the cam's other side."""
+    """Return a contour mirrored at the y axis: the cam viewed from its other side."""
     return lambda parameter: -np.conj(curve(-parameter))
 
 
 def _read_curves(
     request: Request, cam: CamConfig, count: int
 ) -> tuple[list[FloatArray], list[Curve]]:
-    """Return points and closed curves of the contours in a file, and print its notes.
+    """Return the contours in a file as points and as closed curves.
 
-    ``count`` is the required number of contours.
+    ``count`` is the required number of contours. Notes and warnings on the file are printed.
     """
     from cam_rig.profile.contour_files import read_contour_table
     from cam_rig.profile.measure import closed_curve, contour_warnings, require_axis_inside
@@ -324,7 +333,7 @@ def _read_curves(
 def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
     """Compute the lift of the cam's follower on the contours of a file.
 
-    The law of the first contour is written if the request has a file to write.
+    The lift on the first contour is written as a table if the request has an output file.
     """
     from cam_rig.profile import drawing_files
     from cam_rig.profile.contact import turn_angles

@@ -1,4 +1,4 @@
-"""Python function that computes a cam's contour with curvature and pressure angle."""
+"""Function that computes a cam's contour with its curvature and pressure angle."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ MAX_POINTS = 1_000_000
 def _of_discs(take: Callable[[Contour], Any]) -> Callable[[CamContour], Any]:
     """Return a function that maps a CamContour to one array over all its discs.
 
-    `take` returns the array of one disc. The arrays of the discs are concatenated.
+    `take` returns the array of one disc. The arrays of the discs are concatenated. Conjugate cams
+    have two discs.
     """
     return lambda shape: np.concatenate([take(disc) for disc in shape.discs])
 
@@ -43,7 +44,7 @@ _radius = _of_discs(lambda disc: disc.radius)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CamContour(Result):
-    """The contour of a cam in the cam frame. Point i is touched at cam angle i.
+    """Contour of a cam in the cam's frame. Point i is touched at cam angle i.
 
     At cam angle 0 a translating follower is on +y. The cam turns counterclockwise.
 
@@ -87,17 +88,17 @@ class CamContour(Result):
 
     @property
     def angle(self) -> FloatArray:
-        """Cam angles in rad, shape ``(n,)``."""
+        """Cam angles of the points in rad, shape ``(n,)``."""
         return self.discs[0].angle
 
     @property
     def x(self) -> FloatArray:
-        """Coordinates x of the points in m, shape ``(n,)``."""
+        """Coordinates x of the points of the first disc in m, shape ``(n,)``."""
         return np.asarray(self.discs[0].points[0])
 
     @property
     def y(self) -> FloatArray:
-        """Coordinates y of the points in m, shape ``(n,)``."""
+        """Coordinates y of the points of the first disc in m, shape ``(n,)``."""
         return np.asarray(self.discs[0].points[1])
 
     @property
@@ -110,7 +111,7 @@ class CamContour(Result):
 
     @property
     def pressure_angle(self) -> FloatArray:
-        """Signed pressure angle in rad, shape ``(n,)``."""
+        """Pressure angles with sign in rad, shape ``(n,)``."""
         return self.discs[0].pressure
 
     @cached_property
@@ -119,7 +120,7 @@ class CamContour(Result):
         return check_cam(self.cam, self.law)
 
     def tables(self) -> list[Records]:
-        """Return the tables `points` of all discs and `checks`."""
+        """Return the tables `points`, with the points of all discs, and `checks`."""
         checked = ProfileResult((CheckedCam(self.cam, self.law, self.checks),))
         return [self.array_table("points"), checked.tables()[0]]
 

@@ -1,4 +1,4 @@
-"""Figures of a cam: contour, positions of the follower, curvature, pressure angle."""
+"""Figures of a cam: contour, positions of the follower, curvature, and pressure angle."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ from cam_rig.units import ComplexArray, FloatArray
 
 # The follower around a stationary cam, as in the graphical method (profile thesis §2.2.1).
 
-#: Length of a drawn face beyond the contact on each side, as a fraction of the largest distance of
-#: the contour from the axis.
+#: Length by which a drawn face extends beyond the contact on each side, as a fraction of the
+#: largest distance of the contour from the axis.
 FACE_MARGIN = 0.08
 #: Length of a drawn stem, as a fraction of the largest distance of the contour from the axis.
 STEM_LENGTH = 0.22
-#: Height of the elbow of an L-shaped arm above its point, as a fraction of the arm's length.
+#: Height of the elbow of a drawn L-shaped arm above its point, as a fraction of the arm's length.
 ELBOW_HEIGHT = 0.25
 
 
 def reach_of(element: Element, law: Law) -> float:
-    """Return the greatest distance of a contact from the cam's axis, m."""
+    """Return the largest distance of the contact from the cam's axis, m."""
     return float(np.abs(element.touch(Motion.uniform(law, 720)).contact).max())
 
 
 def positions(element: Element, law: Law, angle: FloatArray) -> list[list[FloatArray]]:
-    """Return the follower at each cam angle (rad) as polylines in the cam frame.
+    """Return the drawn follower at each cam angle (rad) in the frame of the cam.
 
-    The polylines have the shape ``(n, 2)`` and are in mm.
+    For each angle there is a list of polylines in mm, each of shape ``(n, 2)``.
     """
     strips = _outline(element, law, Motion.at(law, angle))
     turn = np.exp(-1j * angle)[:, None]
@@ -54,7 +54,7 @@ def positions(element: Element, law: Law, angle: FloatArray) -> list[list[FloatA
 
 
 def _outline(element: Element, law: Law, motion: Motion) -> list[ComplexArray]:
-    """Return the outline of the follower as polylines in the frame of its guide, m.
+    """Return the drawn follower as polylines in the frame of its guide, m.
 
     Each polyline has the shape ``(angles, points)``, complex x + iy.
     """
@@ -75,13 +75,19 @@ def _outline(element: Element, law: Law, motion: Motion) -> list[ComplexArray]:
 
 
 def _stem(element: Guided, law: Law, stand: ComplexArray) -> ComplexArray:
-    """Return the stem of a follower in a guide."""
+    """Return the stem of a follower in a guide as a polyline for each cam angle, m.
+
+    ``stand`` is the position of the follower, complex x + iy.
+    """
     out = 1j * element.side * (element.roller + STEM_LENGTH * reach_of(element, law))
     return np.hstack([stand, stand + out])
 
 
 def _face(element: GuidedFace, law: Law, motion: Motion) -> ComplexArray:
-    """Return the used part of the face, extended to the foot of the stem."""
+    """Return the part of a face that the cam touches, as a line for each cam angle, m.
+
+    It is extended to the foot of the stem.
+    """
     turn_motion = Motion.uniform(law, 720)
     along = element.side * np.exp(1j * element.inclination)
     contact_offset = (
@@ -94,7 +100,7 @@ def _face(element: GuidedFace, law: Law, motion: Motion) -> ComplexArray:
 
 
 def _swung_face(element: SwungFace, law: Law, motion: Motion) -> list[ComplexArray]:
-    """Return a face on an arm, and its connection to the pivot."""
+    """Return a face on a swinging arm, and its connection to the pivot, as lines, m."""
     turn_contact = element.touch(Motion.uniform(law, 720))
     longest = float(np.abs(turn_contact.contact - element.pivot).max()) + FACE_MARGIN * reach_of(
         element, law
@@ -105,17 +111,17 @@ def _swung_face(element: SwungFace, law: Law, motion: Motion) -> list[ComplexArr
     return [np.hstack([foot, foot - longest * along]), np.hstack([pivot, foot])]
 
 
-#: Colours of the first and the second disc.
+#: Colours of the first and the second disc of conjugate cams.
 COLOURS = tuple(map(web, DISCS))
-#: Line styles of the discs, which distinguish them without colour.
+#: Line styles of the first and the second disc, which distinguish them without colour.
 DASHES = ("-", (0, (5, 2)))
-#: Hatches of the discs.
+#: Fill patterns of the first and the second disc.
 HATCHES = ("", "///")
-#: Colour of the follower's positions.
+#: Grey level of the follower's positions except the first (0 black, 1 white).
 FOLLOWER_COLOUR = "0.62"
-#: Colour of the follower's first position.
+#: Colour of the follower's position at cam angle 0.
 FIRST_COLOUR = "black"
-#: Number of points of a contour in the figure.
+#: Number of points of a contour in the figure, one per 0.1° of the cam angle.
 CONTOUR_POINTS = 3600
 #: Distance between labelled positions of the follower if not all are labelled, degrees.
 LABEL_STEP_DEG = 60.0
@@ -127,13 +133,15 @@ LABEL_OFFSET_PT = 11.0
 MIN_POSITIONS = 3
 #: Largest number of positions of the follower. More positions would cover the figure.
 MAX_POSITIONS = 720
-#: Largest radius of curvature that is drawn, as a multiple of the cam's size.
+#: Largest radius of curvature that is drawn, as a multiple of the largest distance of the contour
+#: from the axis.
 MAX_RADIUS_RATIO = 2.5
-#: Height of the line that marks a straight contour, as a fraction of the panel's height.
+#: Height of the line that marks straight parts of the contour, as a fraction of the panel's height.
 FLAT_LINE_HEIGHT = 0.66
-#: Largest |s'| that counts as a dwell, as a fraction of the largest |s'| of the law.
+#: Largest |s'| at which a cam angle counts as part of a dwell, as a fraction of the largest |s'| of
+#: the law.
 DWELL_SLOPE_RATIO = 1e-6
-#: Smallest width of a stage (rise, dwell or fall) that is shaded, degrees.
+#: Smallest width of a stage (rise, dwell or fall) that is shaded in a panel, degrees.
 MIN_SHADED_DEG = 5.0
 #: Smallest width of a stage that is labelled with its name, degrees.
 MIN_LABELLED_DEG = 48.0
@@ -143,9 +151,9 @@ MIN_LABELLED_DEG = 48.0
 def figure(
     cam: CamConfig, law: Law, checks: list[Check], follower_positions: int = POSITIONS
 ) -> Figure:
-    """Return a figure of a cam over a turn.
+    """Return the figure of a cam with its follower, curvature and pressure angle.
 
-    It shows the cam with its follower, the radius of curvature and the pressure angle.
+    ``follower_positions`` is the number of positions of the follower around the cam.
     """
     discs = contours(cam.follower, law, CONTOUR_POINTS)
     page = empty(5.2)
@@ -168,13 +176,13 @@ def figure(
 
 
 def profile_figure(result: ProfileResult) -> Figure:
-    """Return the figure of a result with one cam."""
+    """Return the figure of a check result that contains a single cam."""
     (checked,) = result.cams
     return figure(checked.cam, checked.law, checked.checks, result.positions)
 
 
 def contour_figure(contour: CamContour, positions: int = POSITIONS) -> Figure:
-    """Return the figure of a contour with 3 to 720 positions of the follower."""
+    """Return the figure of a contour, with 3 to 720 positions of the follower."""
     if not MIN_POSITIONS <= positions <= MAX_POSITIONS:
         raise ConfigError(
             f"positions must be between {MIN_POSITIONS} and {MAX_POSITIONS}, got {positions}"
@@ -183,7 +191,10 @@ def contour_figure(contour: CamContour, positions: int = POSITIONS) -> Figure:
 
 
 def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...], count: int) -> None:
-    """Draw the graphical method: the follower moves around the stationary cam."""
+    """Draw the contour with the follower at several positions around the fixed cam.
+
+    This is the graphical method (profile thesis §2.2.1). ``count`` is the number of positions.
+    """
     for contour, colour, dash, hatch in zip(discs, COLOURS, DASHES, HATCHES, strict=False):
         _follower(axes, contour, law, count)
         name = f"contour, {contour.disc.name} cam" if contour.disc.name else "contour"
@@ -208,7 +219,10 @@ def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...], coun
 
 
 def _follower(axes: Axes, contour: Contour, law: Law, count: int) -> None:
-    """Draw the positions of the follower, the first in bold."""
+    """Draw the positions of the follower around the cam, the first in bold.
+
+    ``count`` is their number.
+    """
     element, opposite = contour.disc.element, contour.disc.opposite
     around = positions(element, law, turn_angles(count))
     others = [strip for strips in around[1:] for strip in strips]
@@ -230,7 +244,7 @@ def _follower(axes: Axes, contour: Contour, law: Law, count: int) -> None:
 def _name_angles(axes: Axes, contour: Contour, law: Law, count: int) -> None:
     """Label positions of the follower with their cam angle, at their outer ends.
 
-    Up to `MAX_ALL_LABELLED` positions are all labelled. Of more positions about every
+    Up to `MAX_ALL_LABELLED` positions are all labelled. Of a larger number, about one every
     `LABEL_STEP_DEG` is labelled.
     """
     step = 360.0 / count
@@ -246,7 +260,10 @@ def _name_angles(axes: Axes, contour: Contour, law: Law, count: int) -> None:
 
 
 def _curvature(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...]) -> None:
-    """Draw the radius of curvature with its limit and its least convex value."""
+    """Draw the radius of curvature over the turn with its limit.
+
+    The smallest convex radius of each disc is marked. Large radii are not drawn.
+    """
     size = max(float(np.hypot(*contour.points).max()) for contour in discs) * MM
     max_radius = MAX_RADIUS_RATIO * size
     for contour, colour, dash in zip(discs, COLOURS, DASHES, strict=False):
@@ -280,7 +297,7 @@ def _curvature(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...])
 
 
 def _pressure(axes: Axes, law: Law, discs: tuple[Contour, ...], checks: list[Check]) -> None:
-    """Draw the pressure angle with its limit and its greatest value."""
+    """Draw the pressure angle over the turn, with its limit and its largest value."""
     for contour, colour, dash in zip(discs, COLOURS, DASHES, strict=False):
         degrees = np.degrees(contour.pressure)
         steepest = Scan(law, contour.disc.element).greatest(lambda touch: np.abs(touch.pressure))
@@ -301,9 +318,9 @@ def _pressure(axes: Axes, law: Law, discs: tuple[Contour, ...], checks: list[Che
 
 
 def _stages(axes: Axes, law: Law, named: bool) -> None:
-    """Mark rise, dwell and fall by the sign of s'.
+    """Shade rise and dwell in a panel over the cam angle, by the sign of s'.
 
-    Rise and dwell are shaded over the whole height.
+    If ``named`` is True, rise, dwell and fall are labelled.
     """
     angle = turn_angles(CONTOUR_POINTS)
     slope, steepest = law(angle, 1), max(float(np.abs(e.value)) for e in extremes(law, 1))
@@ -319,7 +336,10 @@ def _stages(axes: Axes, law: Law, named: bool) -> None:
 
 
 def _flats(axes: Axes, degrees: np.ndarray, flat: np.ndarray, colour: str) -> None:
-    """Draw a line in the curvature panel over the angles of straight contour parts."""
+    """Mark straight parts of the contour with a line in the curvature panel.
+
+    ``flat`` is the mask of the cam angles ``degrees`` at which the contour is straight.
+    """
     for start, stop in _runs(flat):
         ends = degrees[[start, stop - 1]]
         foot = axes.get_xaxis_transform()
@@ -328,14 +348,20 @@ def _flats(axes: Axes, degrees: np.ndarray, flat: np.ndarray, colour: str) -> No
 
 
 def _note(axes: Axes, x: float, height: float, text: str, side: str) -> None:
-    """Write a centred text at a cam angle in degrees."""
+    """Write a centred text at a cam angle ``x`` in degrees.
+
+    ``height`` is a fraction of the panel's height, ``side`` the vertical alignment.
+    """
     axes.text(
         x, height, text, ha="center", va=side, color="0.3", transform=axes.get_xaxis_transform()
     )
 
 
 def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """Return start and end (exclusive) index of each run of True values in a mask."""
+    """Return start and end index of each sequence of True values in a mask.
+
+    The end is exclusive.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 

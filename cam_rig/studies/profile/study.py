@@ -1,4 +1,4 @@
-"""Checks of the contours of cams, and their result for `cam-rig profile`."""
+"""Checks of the contours of cams, and the result of ``cam-rig profile``."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from cam_rig.show.result import SI_UNITS, Column, Records, Result
 
 @dataclass(frozen=True)
 class CheckRow:
-    """A check and the name of its cam."""
+    """Table row of `ProfileResult`: one check, and the name of its cam."""
 
     cam: str
     check: Check
 
 
-#: Default number of positions of the follower in a figure.
+#: Default number of positions of the follower around the cam in a figure.
 POSITIONS = 24
 
 
-#: Text in the table of several cams if a cam does not have a value.
+#: Text in the table of several cams if a cam does not have the value of a column.
 NO_VALUE = "–"
 
 
 def _worst(key: str, unit: str, name: str, heading: str) -> Column:
-    """Return the column of the worst value of a check: the value nearest to its limit.
+    """Return the table column of the worst value of a check: the nearest to its limit.
 
-    A cam may have several checks of the same name. `name` is this name.
+    `name` is the name of the check. A cam may have several checks of this name.
     """
     return Column(
         key, unit, ".4g", heading, lambda c: c.worst(name), missing=NO_VALUE, doc=f"worst {name}"
@@ -45,7 +45,7 @@ def _worst(key: str, unit: str, name: str, heading: str) -> Column:
 
 @dataclass(frozen=True, repr=False)
 class ProfileResult(Result):
-    """The checks of one or several cams.
+    """Checks of the contours of one or several cams.
 
     Parameters
     ----------
@@ -128,14 +128,14 @@ class ProfileResult(Result):
     def exit_code(self) -> int:  # type: ignore[override]
         """Exit code of the command: 1 if a check fails, otherwise 0.
 
-        It is 0 if the cam is drawn. If `expected` is True, cams whose file has `cannot_be_made` do
-        not count.
+        It is 0 if the contour or a figure is written. If `expected` is True, cams whose file has
+        `cannot_be_made` do not count.
         """
         counted = [c for c in self.cams if not (self.expected and c.cam.cannot_be_made)]
         return int(not self.drawn and any(c.failed for c in counted))
 
     def tables(self) -> list[Records]:
-        """Return `checks`, displayed for one cam, and `cams`, displayed for several."""
+        """Return the table `checks`, displayed for one cam, and `cams`, for several."""
         first, alone = self.cams[0], len(self.cams) == 1
         kind = first.cam.follower.type.replace("_", " ")
         caption = f"{first.cam.title}: {kind} follower, lift {first.law.lift * 1e3:.5g} mm"
@@ -148,7 +148,7 @@ class ProfileResult(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return the failed checks with remedies, and warnings."""
+        """Return sentences on failed checks with remedies, and warnings."""
         prefix = "warning: " if self.drawn else ""
         lines = []
         for checked_cam in self.cams:
@@ -202,7 +202,10 @@ def check_contours(
 
 
 def checked_cams(cams: Sequence[str | Path | CamConfig], every: bool) -> list[CheckedCam]:
-    """Return each cam with its checks."""
+    """Return each requested cam with its law and the checks of its contour.
+
+    ``every`` adds all cams of ``config/cams``.
+    """
     results = []
     for source in _resolve(cams, every):
         cam = source if isinstance(source, CamConfig) else load_cam(source)
@@ -215,7 +218,10 @@ def checked_cams(cams: Sequence[str | Path | CamConfig], every: bool) -> list[Ch
 
 
 def _resolve(cams: Sequence[str | Path | CamConfig], every: bool) -> list[Path | CamConfig]:
-    """Return the requested cams: those of the arguments, or of a scene, or all."""
+    """Return the requested cams: those named, those of a scene, or all shipped cams.
+
+    ``every`` adds all cams of ``config/cams``. Raises ConfigError if there is no cam.
+    """
     sources: list[Path | CamConfig]
     if (scene := load.find_scene(cams)) is not None:
         library = load.Library.for_scene(scene)

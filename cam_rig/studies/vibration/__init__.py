@@ -1,1 +1,1 @@
-"""Vibration of stem and shaft in steady state, the paper's vibration experiment."""
+"""Vibration of stem and shaft in steady state, as in the paper's experiments."""

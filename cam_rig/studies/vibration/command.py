@@ -1,4 +1,4 @@
-"""cam-rig vibration: vibration of cams in steady state."""
+"""Command ``cam-rig vibration``: vibration of cams in steady state."""
 
 from __future__ import annotations
 

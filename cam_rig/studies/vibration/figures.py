@@ -1,6 +1,6 @@
 """Figure of residual and torsional vibration, as in figs. 4-6 and 9 of the paper.
 
-It has one column per cam, in which the other cams are grey.
+It has one column per cam, in which the curves of the other cams are grey.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from cam_rig.show.looks import title_of
 from cam_rig.studies.vibration.study import VibrationResult
 from cam_rig.units import RPM, FloatArray
 
-#: Labels of the rows. The last row is only drawn for a rig with a shaft.
+#: Axis labels of the rows of panels. The last row is only drawn for a rig with a shaft.
 LABELS = (
     "displacement x\n(fig. 4) [mm]",
     "x − quasi-static x\n(fig. 5) [µm]",
@@ -33,25 +33,26 @@ LABELS = (
     "twist of the shaft\n(fig. 9) [°]",
 )
 
-#: Index of the row whose abscissa starts at the middle of the low dwell.
+#: Index of the row of panels with the residual vibration. Its abscissa is the angle from the middle
+#: of the low dwell.
 RESIDUAL_ROW = 1
-#: Largest angle from the middle of the low dwell that row `RESIDUAL_ROW` displays, °.
+#: Largest angle from the middle of the low dwell that the row `RESIDUAL_ROW` displays, °.
 AROUND = 60.0
-#: Largest number of columns, one per cam. Further cams are in a new block of rows below.
+#: Largest number of columns, one per cam. Further cams are in another block of rows below.
 MAX_COLUMNS = 5
-#: Largest number of letters in each of the two lines above a column.
+#: Largest number of letters in each of the two title lines above a column.
 COLUMN_LETTERS = 14
 
-#: Plot options of the curves of the other cams.
+#: Plot options of the grey curves of the other cams in a column.
 OTHERS: dict[str, Any] = {"color": "0.8", "lw": 0.6, "zorder": 1.5}
 
-#: Type of the curves of a cam: abscissa and values for each row of the figure.
+#: Curves of a cam: abscissa and values for each row of panels.
 Rows = list[tuple[FloatArray, FloatArray]]
 
 
 @styled
 def figure(result: VibrationResult, rpm: float = 0.0) -> Figure:
-    """Draw displacement, residual vibration, acceleration and twist at a speed.
+    """Draw displacement, residual vibration, acceleration and twist at one speed.
 
     ``rpm`` is one of the speeds of the result (default: the last).
     """
@@ -77,7 +78,7 @@ def figure(result: VibrationResult, rpm: float = 0.0) -> Figure:
 
 
 def _legend(cams: list[str]) -> list[Artist]:
-    """Return the legend entries of all columns."""
+    """Return the legend entries that are common to all columns."""
     dwell = Patch(color="0.5", alpha=0.12, lw=0, label="low dwell")
     cam = Line2D([], [], color="0.2", label="the cam named above")
     others = [Line2D([], [], **OTHERS, label="the other cams")] if len(cams) > 1 else []
@@ -85,10 +86,10 @@ def _legend(cams: list[str]) -> list[Artist]:
 
 
 def _rows(law: Law, rig: RigConfig, speed: float) -> Rows:
-    """Return abscissa and values of the curve in each row, for one cam.
+    """Return abscissa and values of the curve in each row of panels, for one cam.
 
-    The abscissa is the cam angle in degrees. That of the residual vibration starts at the middle of
-    the low dwell.
+    ``speed`` is in rad/s. The abscissa is the cam angle in degrees. That of the residual vibration
+    is the angle from the middle of the low dwell.
     """
     turn = steady_turn(law, FollowerParameters.from_rig(rig), speed)
     degrees = np.degrees(turn.angle)
@@ -109,7 +110,7 @@ def _rows(law: Law, rig: RigConfig, speed: float) -> Rows:
 def _column(
     panels: np.ndarray, cam: str, title: str, rows: dict[str, Rows], dwell: LowDwell
 ) -> None:
-    """Draw the column of a cam over the grey other cams."""
+    """Draw the panels of a cam, with the curves of the other cams in grey."""
     for row, axes in enumerate(panels):
         for other in (name for name in rows if name != cam):
             axes.plot(*rows[other][row], **OTHERS)
@@ -125,7 +126,7 @@ def _column(
 
 
 def _share(axes_row: np.ndarray, label: str) -> None:
-    """Give all panels of a row the same y scale, and label the first panel."""
+    """Set the same y limits for all panels of a row, and label the first panel."""
     visible: list[Axes] = [axes for axes in axes_row if axes.get_visible()]
     limits = np.array([axes.get_ylim() for axes in visible])
     for axes in visible:

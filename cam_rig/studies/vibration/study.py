@@ -1,4 +1,4 @@
-"""Vibration of cams in steady state, and the paper's claims (figs. 4-6 and 9)."""
+"""Vibration of cams in steady state, and tests of the paper's claims (figs. 4-6 and 9)."""
 
 from __future__ import annotations
 
@@ -26,24 +26,25 @@ from cam_rig.simulation.inputs import (
 )
 from cam_rig.units import RPM
 
-#: Name of the cam whose law the paper proposes.
+#: Name of the cam with the law that the paper proposes.
 PROPOSED = "bezier15"
-#: Name of the cam with the paper's polynomial of lower degree.
+#: Name of the cam with the paper's polynomial law of lower degree.
 LOWER = "poly345"
-#: Name of the cam with the paper's polynomial of higher degree.
+#: Name of the cam with the paper's polynomial law of higher degree.
 HIGHER = "poly4567"
-#: Measures of residual vibration by field, with their names. The claims are tested with both
-#: measures, because the paper does not state which one it uses.
+#: Displayed names of the two measures of residual vibration, by field of `SteadyVibration`. The
+#: claims are tested with both, because the paper does not state which one it uses.
 RESIDUAL = {"residual_amplitude": "residual amplitude", "peak_to_peak": "peak to peak"}
-#: Default speeds, rpm. They are below the lowest jump speed of the paper's laws, 389 rpm.
+#: Default cam speeds, rpm. They are below the lowest jump speed of the paper's laws, 389 rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
 
 
 @dataclass(frozen=True)
 class Row:
-    """Vibration of a cam at a speed.
+    """Vibration of a cam at one speed.
 
-    The model keeps contact, so it is valid up to the jump speed ``contact_lost_rpm``.
+    ``measured`` are the measures of the vibration. The model keeps contact, so it is valid only
+    below the speed ``contact_lost_rpm`` at which the follower loses contact.
     """
 
     cam: str
@@ -53,15 +54,17 @@ class Row:
 
     @property
     def contact_lost(self) -> bool:
-        """True if the follower loses contact below the speed of the row."""
+        """True if the follower would lose contact at a lower speed than that of the row."""
         return self.contact_lost_rpm < self.rpm
 
 
 @dataclass(frozen=True)
 class Claim:
-    """Claim of the paper, and its test.
+    """Claim of the paper, and the result of its test.
 
-    All followers keep contact at ``cases`` speeds. The claim is true at ``holds`` of them.
+    It is tested at the ``cases`` speeds at which all followers keep contact, and is true at
+    ``holds`` of them. ``source`` is its place in the paper. ``measure`` is the measure of residual
+    vibration, empty for other quantities.
     """
 
     rig: str
@@ -84,7 +87,10 @@ CLAIMS = (
 
 @dataclass(frozen=True, repr=False)
 class VibrationResult(Result):
-    """Vibration of every cam at every speed, and the paper's claims."""
+    """Vibration of every cam at every speed, and tests of the paper's claims.
+
+    ``rows`` has one element per cam and speed.
+    """
 
     schema = "cam_rig.vibration.1"
     plot_function = "cam_rig.studies.vibration.figures:figure"
@@ -126,22 +132,22 @@ class VibrationResult(Result):
 
     @property
     def rpm(self) -> tuple[float, ...]:
-        """Speeds in rpm, each once."""
+        """Distinct cam speeds in rpm."""
         return tuple(dict.fromkeys(row.rpm for row in self.rows))
 
     def at(self, rpm: float) -> dict[str, SteadyVibration]:
-        """Return the measures at one of the speeds, by cam."""
+        """Return the vibration at one of the speeds of the result, by cam."""
         return {row.cam: row.measured for row in self.rows if row.rpm == rpm}
 
     @property
     def in_contact(self) -> list[float]:
-        """Speeds in rpm at which all followers keep contact."""
+        """Cam speeds in rpm at which all followers keep contact."""
         lost = {row.rpm for row in self.rows if row.contact_lost}
         return [rpm for rpm in self.rpm if rpm not in lost]
 
     @property
     def claims(self) -> list[Claim]:
-        """Claims of the paper, tested at the speeds at which all followers keep contact."""
+        """Claims of the paper, each tested at the speeds with contact of all followers."""
         return list(_claims(self))
 
     def tables(self) -> list[Records]:
@@ -151,14 +157,20 @@ class VibrationResult(Result):
         return [table, claims_table(self.claims, self.rpm)]
 
     def summary(self) -> list[str]:
-        """Return the number of speeds at which no claim is tested."""
+        """Return a sentence with the number of speeds at which no claim is tested.
+
+        It is empty if all followers keep contact at all speeds.
+        """
         lost = len(self.rpm) - len(self.in_contact)
         text = f"contact is lost at {lost} of {len(self.rpm)} speeds: no claim is tested there"
         return [text] if lost else []
 
 
 def claims_table(claims: Iterable[Claim], rpm: tuple[float, ...]) -> Records:
-    """Return the table of claims at speeds in rpm, with one row per measure and rig."""
+    """Return the table of tested claims, with one row per claim, measure and rig.
+
+    ``rpm`` are the cam speeds, which a note lists.
+    """
     speeds = ", ".join(f"{speed:g}" for speed in rpm)
     notes = (
         f"Cases: those of {speeds} rpm at which every follower keeps contact.",
@@ -217,18 +229,16 @@ def vibration(
     return measure(cam_set, resolve_speeds(rpm), progress)
 
 
-#: Name of the computation of this study, for the error message of a rig without stem.
+#: Name of the computation of this study in the error message for a rig without a stem.
 BY = "the vibration of a mass on its stem"
 
 
 def measure(
     cam_set: CamSet, rpm: Iterable[float], progress: Progress = NULL_PROGRESS
 ) -> VibrationResult:
-    """Measure every cam at every speed (rpm).
+    """Compute the vibration of every cam at every speed (rpm).
 
-    Repeated speeds are measured once.
-
-    The twist is measured if the rig has a shaft.
+    Repeated speeds are computed once. The twist is included if the rig has a shaft.
     """
     follower, rpm = FollowerParameters.on_stem(cam_set.rig, BY), list(dict.fromkeys(rpm))
     require_speeds(follower, rpm)
@@ -247,6 +257,7 @@ ClaimTest = Callable[[dict[str, SteadyVibration]], bool]
 
 
 def _claims(result: VibrationResult) -> Iterable[Claim]:
+    """Yield the claims of the paper that the cams of the result can test."""
     cases = [result.at(rpm) for rpm in result.in_contact]
 
     def count(claim: str, source: str, test: ClaimTest, measure: str = "") -> Claim:

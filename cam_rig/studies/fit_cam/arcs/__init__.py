@@ -1,1 +1,1 @@
-"""Tangent arcs through gauge readings: contour, search, intervals, selection and cam file."""
+"""Fit of tangent arcs to gauge readings: contour, search, intervals and cam file."""

@@ -1,4 +1,4 @@
-"""Cam file of fitted tangent arcs, with the digits that the readings determine."""
+"""Cam file of fitted tangent arcs, rounded to the digits that the readings determine."""
 
 from __future__ import annotations
 
@@ -24,17 +24,20 @@ from cam_rig.studies.fit_cam.cam_files import (
 )
 from cam_rig.units import round_to_error
 
-#: Largest distance of the contour with rounded numbers from the best contour, in errors of a
-#: reading. The standard errors alone do not determine the number of digits, because the errors of
-#: radii are correlated.
+#: Largest allowed effect of rounding the parameters: the distance of the rounded contour from the
+#: best, in standard errors of a reading (see `Profile.distance`). The standard errors of the
+#: parameters alone do not determine the number of digits, because the errors of the radii are
+#: correlated.
 MAX_ROUNDING_DISTANCE = 0.1
-#: Largest number of digits that are added, one after the other, to the number that follows from the
-#: standard errors.
+#: Upper limit of the number of digits that are added one by one to those from the standard errors.
 MAX_ADDED_DIGITS = 6
 
 
 def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
-    """Return the cam file of fitted tangent arcs, with a follower of type `kind`."""
+    """Return the cam file of fitted tangent arcs, with a follower of type `kind`.
+
+    ``name`` is the name of the cam.
+    """
     arcs, roller = _round_contour(fit)
     columns, intervals = fit.fitted_columns, fit.intervals
     source = f"tangent arcs through {' and '.join(column.readings.name for column in columns)}"
@@ -78,9 +81,9 @@ def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
 
 
 def _round_contour(fit: ArcsFit) -> tuple[Arcs, float]:
-    """Return the fitted contour and roller radius (m), rounded for a cam file.
+    """Return the fitted contour and the roller radius (m), rounded for a cam file.
 
-    The number of digits is the smallest for which rounding has almost no effect on the fit.
+    The number of digits is the smallest with which rounding has almost no effect on the fit.
     """
     search = fit.best.search
     for added_digits in range(MAX_ADDED_DIGITS):
@@ -97,14 +100,14 @@ def _round_contour(fit: ArcsFit) -> tuple[Arcs, float]:
 def _round_to_errors(fit: ArcsFit, fraction: float) -> tuple[Arcs, float]:
     """Return contour and roller radius (m), rounded according to their errors.
 
-    The last digit is the second digit of the standard error times `fraction`. Given radii are not
-    rounded.
+    The last digit is the second digit of the standard error times `fraction`. Radii that are given
+    are not rounded.
     """
     arcs, roller, intervals = fit.arcs, fit.roller_radius, fit.intervals
 
     def rounded(metres: float, interval: ParameterInterval) -> float:
         error = 1e3 * fraction * interval.error
-        if not math.isfinite(error):  # undetermined: four digits if `fraction` is 1
+        if not math.isfinite(error):  # without a standard error: four digits if `fraction` is 1
             error = fraction * 10.0 ** (math.floor(math.log10(abs(1e3 * metres))) - 2)
         return 1e-3 * float(round_to_error(1e3 * metres, error))
 
@@ -124,10 +127,10 @@ def _round_to_errors(fit: ArcsFit, fraction: float) -> tuple[Arcs, float]:
 
 
 def require_identifiable(fit: ArcsFit, is_kind_given: bool) -> None:
-    """Raise ConfigError if follower type or base radius is undetermined.
+    """Raise ConfigError if the readings do not determine follower type or base radius.
 
-    `is_kind_given` is True if the types of the followers are given. A base radius that is given or
-    assumed is not checked.
+    `is_kind_given` is True if the types of the followers are given, which are then not checked. A
+    base radius that is given or assumed is not checked either.
     """
     other = fit.other_kinds
     if other is not None and not is_kind_given:

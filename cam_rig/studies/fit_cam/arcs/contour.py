@@ -1,10 +1,11 @@
-"""Contours of tangent arcs: lifts of followers, and parameters they determine.
+"""Contours of tangent arcs: lifts of followers, and the parameters that lifts determine.
 
-A contour is a base circle, two equal flanks and a nose, each tangent to the next. This is the law
-``arcs_by_radii``. The centre of a roller follows the pitch curve: a contour with the radii R_b +
-R_r, R_f + R_r and R_n + R_r. Lifts under a roller therefore determine only these sums. The lift of
-a flat face is the contour's support function less R_b. It determines only the differences R_f − R_b
-and R_n − R_b.
+A contour consists of a base circle, two equal flanks and a nose, each an arc tangent to the next.
+This is the law ``arcs_by_radii``. R_b, R_f, R_n and R_r are the radii of base circle, flank, nose
+and roller. The centre of a roller follows the pitch curve, a contour with the radii R_b + R_r, R_f
++ R_r and R_n + R_r. Lifts of a roller therefore determine only these sums. The lift of a flat
+follower is the support function of the contour (distance of the tangent from the axis) less R_b. It
+determines only the differences R_f − R_b and R_n − R_b.
 """
 
 from __future__ import annotations
@@ -26,9 +27,10 @@ FollowerKind = Literal["roller", "flat", "point"]
 
 @dataclass(frozen=True)
 class Arcs:
-    """Contour of tangent arcs: radii and lift in m, angle of the nose in rad.
+    """Contour of tangent arcs: base circle, two equal flanks, and a nose.
 
-    The radius of a flank is positive if convex, negative if concave, None if straight.
+    Radii and lift are in m, the angle of the nose in rad. The flank radius is positive if convex,
+    negative if concave, None if straight.
     """
 
     base_radius: float
@@ -45,21 +47,25 @@ class Arcs:
         return "convex" if self.flank_radius > 0.0 else "concave"
 
     def offset(self, distance: float) -> Arcs:
-        """Return the parallel contour at a distance (m), which is inside if negative."""
+        """Return the parallel contour at a distance (m).
+
+        It is outside for a positive distance, and inside for a negative one.
+        """
         flank = None if self.flank_radius is None else self.flank_radius + distance
         base, nose = self.base_radius + distance, self.nose_radius + distance
         return replace(self, base_radius=base, flank_radius=flank, nose_radius=nose)
 
     def lifts(self, follower: ArcFollower, angles: FloatArray) -> FloatArray:
-        """Return the lift (m) of a follower at cam angles (rad).
+        """Return the lift (m) of a follower at cam angles (rad), same shape.
 
-        A flat face bridges a flank that is not convex.
+        A flat follower does not touch a straight or concave flank. It moves from the base circle
+        directly to the nose.
         """
         flank = Blend(self.flank_radius)
         centre = -(self.base_radius + self.lift - self.nose_radius)
         top = Circle(complex(centre, 0.0), self.nose_radius)
         chain = close_chain([Circle(0j, self.base_radius), flank, top, flank])
-        turned = angles - self.nose_angle + math.pi  # the nose's top is at 180° of the contour
+        turned = angles - self.nose_angle + math.pi  # in the contour's frame, the nose is at 180°
         if follower.flat and self.flank != "convex":
             above = centre * np.cos(turned) + self.nose_radius - self.base_radius
             return np.maximum(above, 0.0)
@@ -68,11 +74,11 @@ class Arcs:
 
 @dataclass(frozen=True, eq=False)
 class ArcColumn:
-    """Readings of one follower, with their interpretation and their residuals.
+    """Column of readings with its interpretation, and its residuals from a contour.
 
-    The interpretation is the kind of the follower and the turning sense. ``is_reversed`` is True if
-    the cam was turned in the other sense. ``residuals`` are the lift of the contour less the
-    reading, in m, shape ``(n,)``.
+    The interpretation is the type of the follower, and ``is_reversed``, which is True if the cam
+    was turned in the opposite sense. ``residuals`` are the lift of the contour minus the reading,
+    in m, shape ``(n,)``.
     """
 
     readings: Readings
@@ -88,12 +94,15 @@ class ArcColumn:
         return "roller" if self.follower.roller_radius else "point"
 
     def lifts(self, arcs: Arcs, angles: FloatArray) -> FloatArray:
-        """Return the lift (m) of a contour at angles (rad) in the readings' turning sense."""
+        """Return the lift (m) of a contour at cam angles (rad) as the column counts them.
+
+        If the column is reversed, the contour is evaluated at the negative angles.
+        """
         return arcs.lifts(self.follower, -angles if self.is_reversed else angles)
 
     @property
     def rms(self) -> float:
-        """Residual of the readings, r.m.s. in m."""
+        """R.m.s. residual of the readings, m."""
         return rms(self.residuals)
 
     @property
@@ -103,9 +112,10 @@ class ArcColumn:
 
 
 class Parameter(IntEnum):
-    """Parameter of a pitch curve.
+    """Parameters of a pitch curve: the path of the centre of the roller.
 
-    Its value is its index in every sequence with one value per parameter.
+    They are prime radius (base radius plus roller radius), lift, flank, nose, and angle of the
+    nose. The value is the index in every sequence with one value per parameter.
     """
 
     PRIME = 0
@@ -117,18 +127,19 @@ class Parameter(IntEnum):
 
 @dataclass(frozen=True)
 class Coordinates:
-    """Coordinates of a contour, and the combinations of radii that lifts determine.
+    """Coordinates of a pitch curve, in which each confidence interval is connected.
 
-    ``sums`` is True for flank and nose radius plus the roller radius, False for the radii less the
-    base radius. ``rolling`` is True if a roller has a radius.
-
-    In the coordinates every confidence interval is a connected range. They are, in 1/m, m and rad:
+    The coordinates are, in 1/m, m and rad:
 
     - the curvature 1/(R_b + R_r),
     - the lift,
     - the curvature 1/(R_f + R_r) or 1/(R_f − R_b), 0 if the radius is infinite,
     - the nose radius R_n + R_r or R_n − R_b,
     - the angle of the nose.
+
+    R_b, R_f, R_n and R_r are the radii of base circle, flank, nose and roller. ``sums`` is True if
+    flank and nose are expressed by the sums with R_r, False if by the differences from R_b.
+    Readings determine only these combinations. ``rolling`` is True if the roller radius is not 0.
     """
 
     rolling: bool
@@ -136,21 +147,22 @@ class Coordinates:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters, in the order of the coordinates."""
+        """Names of the parameters for tables, in the order of the coordinates."""
         roller = " + roller radius" if self.rolling else ""
         shift = roller if self.sums else " - base radius"
         radii = f"flank radius{shift}", f"nose radius{shift}"
         return (f"base radius{roller}", "lift", *radii, "nose angle")
 
     def shift(self, prime: float) -> float:
-        """Return the length (m) to add to flank and nose radius of the pitch curve.
+        """Return the length (m) that converts pitch-curve radii of flank and nose.
 
-        ``prime`` is the radius of the base circle of the pitch curve, m.
+        Added to the radius, it gives the radius of the coordinates. ``prime`` is the radius of the
+        base circle of the pitch curve, m.
         """
         return 0.0 if self.sums else -prime
 
     def of(self, pitch: Arcs) -> FloatArray:
-        """Convert a pitch curve to coordinates, ``(5,)``, in 1/m, m and rad."""
+        """Return the coordinates of a pitch curve, ``(5,)``, in 1/m, m and rad."""
         prime = pitch.base_radius
         shift = self.shift(prime)
         flank = 0.0 if pitch.flank_radius is None else 1.0 / (pitch.flank_radius + shift)
@@ -160,9 +172,9 @@ class Coordinates:
 
 
 def parameter_value(parameter: Parameter, coordinate: float) -> float:
-    """Return the value (m, rad) of a parameter from its coordinate.
+    """Return the value (m or rad) of a parameter from its coordinate.
 
-    The value of a curvature is its radius, infinite if the curvature is 0.
+    For a curvature (1/m) it is the radius, infinite if the curvature is 0.
     """
     if parameter not in (Parameter.PRIME, Parameter.FLANK):
         return coordinate

@@ -1,4 +1,4 @@
-"""Parameter of a contour with its 95 % interval, and its form in tables."""
+"""Parameter of a fitted contour with its 95 % interval, and its form in tables."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ from enum import StrEnum
 
 from cam_rig.units import round_to_error
 
-#: Half the width of the interval that contains 95 % of a normal distribution, in standard errors.
+#: Half the width of the 95 % interval of a normal distribution, in standard deviations.
 NORMAL_95 = 1.96
-#: Largest relative standard error of a parameter that is well identifiable. Its 95 % interval then
-#: extends from a third of its value to five thirds.
+#: Largest relative standard error of a parameter that counts as well identifiable. Its 95 %
+#: interval then extends from a third of its value to five thirds.
 MAX_RELATIVE_ERROR = 1.0 / 3.0
 
 
 class Identifiability(StrEnum):
-    """Identifiability of a parameter: determined by the readings, or given or assumed."""
+    """Result of the fit for a parameter: how well the readings determine it.
+
+    A parameter that was fixed in the fit is given or assumed.
+    """
 
     IDENTIFIABLE = "identifiable"
     POOR = "poorly identifiable"
@@ -28,10 +31,11 @@ class Identifiability(StrEnum):
 
 @dataclass(frozen=True)
 class ParameterInterval:
-    """Parameter of a contour, in m or rad, with its 95 % interval.
+    """Parameter of a contour (m or rad) with its 95 % interval.
 
-    The interval of a flank radius can extend from the smallest convex radius, ``low``, over a
-    straight flank (infinite radius) to concave flanks (negative radius), ``high``.
+    ``low`` and ``high`` are the ends of the interval. The interval of a flank radius can contain a
+    straight flank (infinite radius). It then extends from the smallest convex radius, ``low``, over
+    infinity to concave flanks (negative radius) up to ``high``, so that ``low`` is above ``high``.
 
     ``origin`` is "identified", or "given" or "assumed" for a fixed parameter, which has no
     interval. ``unit`` is the unit for display: mm or deg.
@@ -58,9 +62,9 @@ class ParameterInterval:
     def ends(self) -> tuple[float | None, ...]:
         """Limits of the interval for a table, four values in m or rad.
 
-        The first two are its lower and upper end, the others its smallest convex and concave
-        radius. The ends are None if the interval contains a straight flank, the radii are None
-        otherwise. All are None if the parameter is fixed.
+        The first two are its lower and upper end. They are None if the interval contains a straight
+        flank. The others are then the smallest possible convex and concave radius, otherwise None.
+        All are None if the parameter is fixed.
         """
         if self.is_fixed:
             return (None,) * 4
@@ -70,9 +74,10 @@ class ParameterInterval:
 
     @property
     def error(self) -> float:
-        """Standard error from the width of the interval, NaN if that is not finite.
+        """Standard error (m or rad) from the width of the interval.
 
-        It is also NaN if the parameter is fixed or the interval contains a straight flank.
+        It is NaN if the width is not finite, if the parameter is fixed, or if the interval contains
+        a straight flank.
         """
         if self.is_fixed or self.over_straight or not math.isfinite(self.high - self.low):
             return math.nan
@@ -80,7 +85,7 @@ class ParameterInterval:
 
     @property
     def identifiability(self) -> Identifiability:
-        """Identifiability of the parameter.
+        """Class of the parameter: identifiable, poorly or not, given, or assumed.
 
         The relative error of an angle is not checked, because an angle can be 0.
         """
@@ -96,9 +101,10 @@ class ParameterInterval:
 
     @property
     def value_text(self) -> str:
-        """Value as text, rounded to its standard error.
+        """Value as text with its unit, rounded to its standard error.
 
-        A value without a standard error has four digits, or six if it is fixed.
+        A value without a standard error has four digits, or six if it is fixed. An infinite flank
+        radius is "straight".
         """
         if not math.isfinite(self.value):
             return "straight"
@@ -109,7 +115,7 @@ class ParameterInterval:
 
     @property
     def interval_text(self) -> str:
-        """Interval as text, empty for a fixed parameter."""
+        """95 % interval as text, empty for a fixed parameter."""
         if self.is_fixed:
             return ""
         low, high = self._end_text(self.low), self._end_text(self.high)
@@ -123,6 +129,7 @@ class ParameterInterval:
         return f"{start} {high} {self.unit}"
 
     def _end_text(self, end: float) -> str:
+        """Return an end of the interval as text in the unit for display."""
         value, error = self._factor * end, self._factor * self.error
         if math.isfinite(error):
             return round_to_error(value, error)

@@ -1,6 +1,6 @@
-"""Radii that lifts do not determine: roller radius, and base radius under a flat.
+"""Radii that lifts do not determine: the roller radius, or the base radius of a flat follower.
 
-An assumed radius that would leave no nose is replaced. A given one is rejected.
+An assumed radius with which the nose would have no radius is replaced. A given one is rejected.
 """
 
 from __future__ import annotations
@@ -10,22 +10,26 @@ from typing import Literal, NamedTuple
 from cam_rig.errors import ConfigError
 from cam_rig.studies.fit_cam.arcs.contour import Arcs
 
-#: Radii that are given in addition to the readings, or None if neither is given.
+#: Radii that the user has given in addition to the readings, or None if neither is given.
 GivenRadii = Literal["base", "roller", "both"] | None
-#: Smallest radius of nose or base that remains with an assumed roller radius, as a fraction of the
-#: smaller of base and nose radius of the pitch curve (under a flat face: of the base radius). A
-#: smaller radius is a cusp, as with a roller radius of half the lift on a cam with a sharp nose.
+#: Smallest radius of nose or base that an assumed roller radius may leave, as a fraction of the
+#: smaller of base and nose radius of the pitch curve. For flat followers, it is a fraction of the
+#: base radius. A smaller radius is a cusp, as with a roller radius of half the lift on a cam with a
+#: sharp nose.
 MIN_RADIUS_LEFT = 0.1
-#: Radius of nose or base that remains after an assumed roller radius has been replaced, as a
-#: fraction of the same radius as in `MIN_RADIUS_LEFT`.
+#: Radius of nose or base that remains after an assumed radius has been replaced, as a fraction of
+#: the same radius as in `MIN_RADIUS_LEFT`.
 REPLACED_RADIUS_LEFT = 0.5
-#: Lower limit of the radius of nose or base, as a fraction of the radius on the pitch curve. The
-#: limit keeps both radii positive while a given base radius is checked.
+#: Lower limit of the radius of nose or base, as a fraction of the same radius of the pitch curve.
+#: It keeps both radii positive until the given base radius is checked.
 MIN_RADIUS_RATIO = 1e-6
 
 
 class Radii(NamedTuple):
-    """Roller radius and base radius in m, each given or the usual assumption."""
+    """Roller radius and base radius in m, each given or a usual assumption.
+
+    ``given`` states which of them are given.
+    """
 
     roller: float
     base: float
@@ -50,7 +54,7 @@ def contour_of_pitch_curve(
     Parameters
     ----------
     pitch : Arcs
-        Pitch curve.
+        Pitch curve: the contour enlarged by the roller radius.
     flat : bool
         True if all followers are flat, so that the lifts do not determine the base radius.
     radii : Radii
@@ -63,8 +67,8 @@ def contour_of_pitch_curve(
     roller : float
         Its roller radius, m.
     replaced : float or None
-        The usual assumption in m, if it leaves too little radius for nose or base and another
-        radius was assumed, else None.
+        Radius in m that is usually assumed, if it leaves too little radius for nose or base and
+        another radius was assumed, else None.
     """
     roller, base, given = radii
     replaced, smallest = None, min(pitch.nose_radius, pitch.base_radius)
@@ -74,7 +78,7 @@ def contour_of_pitch_curve(
             replaced, base = base, float(f"{difference / (1.0 - REPLACED_RADIUS_LEFT):.2g}")
         return pitch.offset(base - pitch.base_radius), roller, replaced
     if given == "base":
-        # `require_roller` rejects a base radius without a roller or a nose after the fit
+        # After the fit, `require_roller` rejects a base radius that leaves no roller or no nose.
         roller = min(max(pitch.base_radius - base, 0.0), (1.0 - MIN_RADIUS_RATIO) * smallest)
     elif given is None and smallest - roller < MIN_RADIUS_LEFT * smallest:
         replaced, roller = roller, float(f"{REPLACED_RADIUS_LEFT * smallest:.2g}")
@@ -82,9 +86,9 @@ def contour_of_pitch_curve(
 
 
 def require_roller(base: float, pitch: Arcs, interval: str) -> None:
-    """Raise ConfigError if a base radius (m) leaves no roller or no nose.
+    """Raise ConfigError if a base radius (m) leaves no radius for roller or nose.
 
-    ``interval`` is that of the prime radius of the pitch curve, as text.
+    ``pitch`` is the pitch curve. ``interval`` is the 95 % interval of its base radius as text.
     """
     prime, nose = pitch.base_radius, pitch.nose_radius
     together = f"{prime * 1e3:.4g} mm ({interval} with 95 %)"

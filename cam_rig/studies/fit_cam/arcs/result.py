@@ -19,24 +19,26 @@ from cam_rig.studies.fit_cam.arcs.radii import GivenRadii
 from cam_rig.studies.fit_cam.suspects import list_farthest, list_outliers, relative_residuals
 from cam_rig.units import rms
 
-#: Given shape of the flanks, or None if no shape is given.
+#: Shape of the flanks that the user has given, or None.
 Flank = Literal["straight", "curved"] | None
-#: Smallest ratio of the r.m.s. residuals of two interpretations at which the readings exclude the
-#: worse one. With a smaller ratio, the worse interpretation could be the closer one in another set
-#: of readings.
+#: Smallest ratio of the r.m.s. residual of an interpretation to that of the best at which the
+#: readings rule it out. With a smaller ratio it could be the better one in another set of readings.
 MIN_EXCLUDED_RATIO = 1.1
-#: Largest r.m.s. residual of arcs that describe the readings, as a multiple of the readings'
-#: scatter. The scatter is too small if the errors of neighbouring readings are equal.
+#: Largest r.m.s. residual at which tangent arcs are accepted as a description of the readings, as a
+#: multiple of the readings' scatter. It is above 1 because the estimated scatter is too small if
+#: neighbouring readings have equal errors.
 MAX_DESCRIBED_SCATTERS = 4.0
-#: Text of the sense of rotation of a column, by False (as turned) and True (reversed).
+#: Texts for the turning sense of a column, indexed by False (as turned) and True (reversed).
 SENSES = ("as turned", "reversed")
-#: Explanation of missing ends of an interval, in the table of results.
+#: Description of the columns for the ends of an interval, in the table of results.
 NOT_STRAIGHT = "empty if the interval contains straight"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArcsFit(Result):
     """Fitted contour of tangent arcs, its columns, and the other interpretations.
+
+    An interpretation is the follower type and turning sense of each column.
 
     Attributes
     ----------
@@ -55,10 +57,10 @@ class ArcsFit(Result):
     roller_radius : float
         Roller radius in m, given, fitted or assumed, 0 for a point.
     other_radius : float or None
-        Usual assumption in m, if it leaves too little radius for nose or base and another radius
-        was assumed, else None.
+        Radius in m that is usually assumed, if it leaves too little radius for nose or base and
+        another radius was assumed, else None.
     without_radii : Profile or None
-        Best fit without the given radii, if these bound the search, else None.
+        Best fit without the given radii, if these limit the search, else None.
     notes : tuple of str
         Messages about how the tables were read.
     assumed : tuple of str
@@ -126,7 +128,10 @@ class ArcsFit(Result):
 
     @cached_property
     def fitted_columns(self) -> tuple[ArcColumn, ...]:
-        """Readings of each column, with their residuals from the contour."""
+        """Readings of each column with their residuals from the contour.
+
+        The interpretation of a column is that of the best fit.
+        """
         search, roller = self.best.search, ArcFollower(False, self.roller_radius)
         columns = (search.column(self.best.x, i) for i in range(len(search.columns)))
         return tuple(
@@ -136,9 +141,9 @@ class ArcsFit(Result):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Parameters of the contour as reported, in m and rad.
+        """Parameters of the pitch curve as reported, in m and rad.
 
-        The radius of a straight flank is infinite.
+        They are in the order of `Parameter`. The radius of a straight flank is infinite.
         """
         coordinates = self.best.search.coordinates.of(self.arcs.offset(self.roller_radius))
         return tuple(parameter_value(p, float(coordinates[p])) for p in Parameter)
@@ -150,7 +155,7 @@ class ArcsFit(Result):
 
     @property
     def scatter(self) -> float:
-        """Standard deviation (m) of all readings from a smooth law through each column."""
+        """R.m.s. scatter (m) of all readings about a smooth law through each column."""
         sizes = [np.full(c.residuals.size, c.readings.scatter) for c in self.fitted_columns]
         return rms(np.concatenate(sizes))
 
@@ -158,7 +163,7 @@ class ArcsFit(Result):
     def is_described(self) -> bool:
         """True if tangent arcs describe the readings.
 
-        The residual is then within `MAX_DESCRIBED_SCATTERS` scatters.
+        The r.m.s. residual is then at most `MAX_DESCRIBED_SCATTERS` times the scatter.
         """
         return self.rms <= MAX_DESCRIBED_SCATTERS * self.scatter
 
@@ -169,15 +174,19 @@ class ArcsFit(Result):
 
     @cached_property
     def intervals(self) -> tuple[ParameterInterval, ...]:
-        """Interval of each parameter, for any flank unless it is given as straight."""
+        """95 % interval of each parameter, in the order of `Parameter`.
+
+        It allows any flank, unless the flanks are given as straight.
+        """
         profile = self.best if self.flank == "straight" else self.curved
         return tuple(self._interval(parameter, profile) for parameter in Parameter)
 
     @cached_property
     def prime_if_straight(self) -> ParameterInterval | None:
-        """Interval of the prime radius (base plus roller radius) with straight flanks.
+        """95 % interval of the prime radius under the assumption of straight flanks.
 
-        None if straight flanks were given or not selected, or if the prime radius is fixed.
+        The prime radius is base plus roller radius. The interval is None if straight flanks were
+        given or not selected, or if the prime radius is fixed.
         """
         is_selected = self.best is not self.curved
         if is_selected and Parameter.PRIME not in self.best.search.fixed:
@@ -185,6 +194,7 @@ class ArcsFit(Result):
         return None
 
     def _interval(self, parameter: Parameter, profile: Profile) -> ParameterInterval:
+        """Return the interval of a parameter from a fit, or its fixed value."""
         value, name = self.numbers[parameter], self.best.search.coordinates.names[parameter]
         unit = "deg" if parameter == Parameter.ANGLE else "mm"
         if parameter not in profile.search.fixed:
@@ -193,12 +203,15 @@ class ArcsFit(Result):
         return ParameterInterval(name, value, value, value, "given" if is_given else "assumed")
 
     def excludes(self, other: Profile) -> bool:
-        """Return True if the readings rule out another interpretation of the columns."""
+        """Return True if the readings rule out another interpretation of the columns.
+
+        ``other`` is the fit of that interpretation.
+        """
         return other.rms >= MIN_EXCLUDED_RATIO * self.rms
 
     @property
     def other_kinds(self) -> Profile | None:
-        """Likeliest fit with other kinds of follower that the readings do not rule out.
+        """Likeliest fit with other follower types that the readings do not rule out.
 
         It is None if they rule out all others.
         """
@@ -208,7 +221,7 @@ class ArcsFit(Result):
 
     @property
     def not_identifiable(self) -> tuple[str, ...]:
-        """Parameters that these followers cannot identify, one sentence each."""
+        """Sentences on the radii that the readings of these followers cannot identify."""
         if not self.only_flat and (not self.roller_radius or self.given_radii == "both"):
             return ()
         radius, usual = self.roller_radius, "half the lift"
@@ -248,10 +261,10 @@ class ArcsFit(Result):
         """Return the notes on the tables, followed by the conclusions."""
         return [*self.notes, *self.conclusions()]
 
-    # Conclusions, one sentence each.
+    # Sentences of the summary.
 
     def conclusions(self) -> Iterator[str]:
-        """Yield the conclusions, one sentence each.
+        """Yield the sentences of the summary.
 
         They report the residual, the flanks, the interpretation of the columns, the outliers, and
         the parameters that are not identifiable.
@@ -267,7 +280,7 @@ class ArcsFit(Result):
         yield from self.not_identifiable
 
     def _explain_flanks(self) -> Iterator[str]:
-        """Yield sentences on straight flanks that were selected, and on the prime radius then."""
+        """Yield sentences on straight flanks and their effect, if these were selected."""
         if self.best is self.curved:
             return
         flank, prime = self.intervals[Parameter.FLANK], self.intervals[Parameter.PRIME]
@@ -284,7 +297,7 @@ class ArcsFit(Result):
             )
 
     def _warnings(self) -> Iterator[str]:
-        """Yield warnings on another shape, and on contradicted radii."""
+        """Yield warnings if arcs do not describe the readings, or contradict given radii."""
         if not self.is_described:
             yield (
                 "Warning: tangent arcs do not describe the readings: the residual is "

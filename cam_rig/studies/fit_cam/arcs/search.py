@@ -1,4 +1,4 @@
-"""Least-squares search for a contour of tangent arcs. Any of its parameters can be fixed."""
+"""Least-squares search for a contour of tangent arcs, any parameter of which can be fixed."""
 
 from __future__ import annotations
 
@@ -15,44 +15,51 @@ from cam_rig.studies.fit_cam.arcs.contour import ArcColumn, Arcs, Coordinates, P
 from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.units import FloatArray, rms
 
-# Short names of the parameters.
+# Short names of the parameters of a pitch curve, see `Parameter`.
 PRIME = Parameter.PRIME
 LIFT = Parameter.LIFT
 FLANK = Parameter.FLANK
 NOSE = Parameter.NOSE
 ANGLE = Parameter.ANGLE
 
-#: Start value of the prime circle's radius in the search, in lifts: a usual proportion of cams.
+#: Start value of the prime radius (base radius plus roller radius) in the search, as a multiple of
+#: the lift: a usual proportion of cams.
 START_PRIME_LIFTS = 3.0
-#: Start value of the nose radius in the search, as a fraction of the range of the nose radius.
+#: Start value of the nose radius in the search, as a fraction of its largest possible value.
 START_NOSE = 0.3
-#: Start values of the flanks' curvature in the search, as fractions of the largest curvature:
-#: slightly convex, strongly convex, and concave. The search misses a contour without the first
-#: under a large roller, without the second at a sharp nose, and without the third at a nose as
-#: large as the base.
+#: Start values of the flanks' curvature in the search, as fractions of the largest possible
+#: curvature: slightly convex, strongly convex, and concave. Without the first value the search does
+#: not find some contours under a large roller, without the second some with a sharp nose, and
+#: without the third some whose nose is as large as the base circle.
 START_FLANKS = (0.3, 0.7, -0.3)
-#: Relative tolerance of a rough search, which only ranks starts and interpretations.
+#: Relative tolerance of a rough search, which only ranks start points and interpretations.
 ROUGH_RTOL = 1e-8
-#: Largest number of evaluations of the residuals in a rough search.
+#: Largest number of evaluations of the residuals in one rough search.
 MAX_ROUGH_EVALUATIONS = 30
-#: Relative tolerance of the final search, near the rounding of floating-point numbers.
+#: Relative tolerance of the final search, close to floating-point rounding.
 FINAL_RTOL = 1e-12
-#: Error message if no contour is close to the readings, or if no contour has the parameters.
+#: Error message if no contour is close to the readings, or if a contour with the parameters does
+#: not exist.
 NO_CLOSE_CONTOUR = (
     "no base circle, two equal flanks and a nose come near the readings; allowed: a symmetric cam, "
     "else --shape spline"
 )
-#: Residual (m) assigned to each reading if no contour has the parameters, far above any other
-#: residual.
+#: Residual (m) of each reading for parameters with which no contour exists. It is far above any
+#: other residual.
 NO_CONTOUR_RESIDUAL = 1.0
-#: Curvature below which a flank counts as straight, as a fraction of the prime circle's curvature.
-#: Over the length of a flank, such a curvature changes the lift by less than 1e-6 of the radius.
+#: Curvature below which a flank counts as straight, relative to the curvature of the prime circle
+#: (radius: base plus roller radius). Over the length of a flank, such a curvature changes the lift
+#: by less than 1e-6 of the radius.
 STRAIGHT_CURVATURE = 1e-6
 
 
 @dataclass(frozen=True)
 class Role:
-    """Interpretation of a column: the kind of its follower, and the turning sense."""
+    """Interpretation of a column of readings.
+
+    ``is_flat`` is True for a flat follower. ``is_reversed`` is True if the cam was turned in the
+    opposite sense.
+    """
 
     is_flat: bool
     is_reversed: bool
@@ -60,7 +67,7 @@ class Role:
 
 @dataclass(frozen=True, eq=False)
 class ArcSearch:
-    """Least-squares search for the pitch curve, for one interpretation of the columns.
+    """Least-squares search for a pitch curve, for one interpretation of the columns.
 
     The pitch curve is the contour enlarged by the roller radius. Lifts determine only this curve:
     those of a roller are the polar radii of its centre, and those of a flat face are equal on all
@@ -71,14 +78,14 @@ class ArcSearch:
     columns : tuple of Readings
         Readings of each column.
     roles : tuple of Role
-        Interpretation of each column.
+        Interpretation of each column: follower type and turning sense.
     coordinates : Coordinates
-        Coordinates of a contour.
+        Coordinates of a pitch curve.
     fixed : mapping of Parameter to float
         Value of each fixed coordinate.
     min_radius : float
-        Radius in m that base and nose of the pitch curve must exceed: that of a given roller, else
-        0.
+        Lower limit in m of the radii of base and nose of the pitch curve: the radius of a given
+        roller, else 0.
     """
 
     columns: tuple[Readings, ...]
@@ -89,12 +96,12 @@ class ArcSearch:
 
     @property
     def free(self) -> tuple[Parameter, ...]:
-        """Free parameters of the contour."""
+        """Parameters of the pitch curve that are not fixed."""
         return tuple(parameter for parameter in Parameter if parameter not in self.fixed)
 
     @property
     def flats(self) -> tuple[bool, ...]:
-        """Flag of each column, True if its follower is flat."""
+        """Tuple with one flag per column, True if its follower is flat."""
         return tuple(role.is_flat for role in self.roles)
 
     @property
@@ -104,7 +111,7 @@ class ArcSearch:
 
     @property
     def name(self) -> str:
-        """Interpretation of the columns as text: followers and turning senses."""
+        """Interpretation of the columns as text: follower types and turning senses."""
         kinds = ("roller" if self.coordinates.rolling else "point", "flat")
         return ", ".join(
             f"{column.name.rpartition(', ')[2]} {kinds[role.is_flat]}"
@@ -113,18 +120,22 @@ class ArcSearch:
         )
 
     def fix(self, parameter: Parameter, coordinate: float) -> ArcSearch:
-        """Return the search with one more fixed coordinate of the contour."""
+        """Return a copy of the search with one more fixed coordinate.
+
+        ``coordinate`` is its value, as in `Coordinates`.
+        """
         return replace(self, fixed={**self.fixed, parameter: coordinate})
 
-    # Residuals of a contour.
+    # Residuals of the readings from a contour.
 
     def pitch(self, x: FloatArray) -> Arcs:
-        """Return the pitch curve of search variables, one per free parameter.
+        """Return the pitch curve for search variables, one per free parameter.
 
-        The search variables are not bounded. The variables of prime radius and lift are their
-        logarithms. A variable x of the flank is the curvature 1 − e^x, as a fraction of the largest
-        curvature that still joins base and nose, so that x = 0 is a straight flank. The variable of
-        the nose is the logit of its radius within its limits. The angle (rad) is its variable.
+        The search variables are not bounded. Those of prime radius and lift are their logarithms.
+        The variable x of the flank gives the curvature 1 − e^x, as a fraction of the largest
+        curvature with which the flank still joins base and nose, so that x = 0 is a straight flank.
+        The variable of the nose is the logit of its radius within its limits. The variable of the
+        angle is the angle in rad.
 
         Raises
         ------
@@ -155,9 +166,9 @@ class ArcSearch:
         return Arcs(prime, lift, None if is_straight else 1.0 / curvature, nose, angle)
 
     def column(self, x: FloatArray, i: int) -> ArcColumn:
-        """Return column `i` with its residuals from the pitch curve.
+        """Return column `i` with its residuals from the pitch curve of search variables.
 
-        On the pitch curve the follower is a point or flat.
+        Relative to the pitch curve, the follower is a point or flat.
 
         Raises
         ------
@@ -189,15 +200,15 @@ class ArcSearch:
         """Return the r.m.s. residual (m) of all readings for the search variables `x`."""
         return rms(self.residuals(x))
 
-    # Minimum of the residuals.
+    # Search for the smallest residuals.
 
     def solve(self) -> FloatArray:
-        """Search for the best contour, and return its search variables."""
+        """Return the search variables of the best contour, by a rough and a final search."""
         return self.minimize(self.rough_minimum(), FINAL_RTOL)
 
     def rough_minimum(self) -> FloatArray:
-        """Return the search variables of the best rough search from all starts."""
-        starts = np.unique(list(self._starts()), axis=0)  # with a fixed flank some are equal
+        """Return the search variables of the best rough search from all start points."""
+        starts = np.unique(list(self._starts()), axis=0)  # equal starts occur if the flank is fixed
         minima = (self.minimize(start, ROUGH_RTOL, MAX_ROUGH_EVALUATIONS) for start in starts)
         return min(minima, key=self.rms)
 
@@ -207,8 +218,8 @@ class ArcSearch:
         """Return the search variables of the local minimum near `start`.
 
         ``rtol`` is the relative tolerance of the sum of squares and of the variables.
-        ``max_evaluations`` is the largest number of function evaluations (default: no limit except
-        that of scipy).
+        ``max_evaluations`` is the largest number of function evaluations (default: the limit of
+        scipy).
         """
         from scipy.optimize import least_squares
 
@@ -219,9 +230,10 @@ class ArcSearch:
         return np.asarray(solution.x)
 
     def _starts(self) -> Iterator[FloatArray]:
-        """Yield the search variables from which searches start.
+        """Yield the points (search variables) from which searches are run.
 
-        The nose is at the mean angle of the first column, weighted with the squares of its lifts.
+        There is one per value of `START_FLANKS`. The nose is at the mean angle of the first column,
+        weighted with the squares of its lifts.
         """
         first = self.columns[0]
         lift = max(float(column.lifts.max()) for column in self.columns)
@@ -232,8 +244,9 @@ class ArcSearch:
             max_nose = _min_convex_radius(prime, lift)
             room = max_nose - self.min_radius
             nose, flank = START_NOSE * room, max_nose / curvature
-            # The fixed base circle of a flat face is large. The parallel contour on it has equal
-            # lifts. Without it, the search ends at a contour with another flank.
+            # If all followers are flat, the base circle is fixed and large. The start is therefore
+            # the parallel contour on this circle, which has equal lifts. From a smaller contour the
+            # search would end with a different flank.
             if all(self.flats):
                 distance = max(0.0, 1.0 / self.fixed[PRIME] - prime)
                 nose, room, max_nose = nose + distance, room + distance, max_nose + distance
@@ -249,8 +262,10 @@ class ArcSearch:
 
 
 def _min_convex_radius(prime: float, lift: float) -> float:
-    """Return the smallest radius (m) of a convex flank, which is the largest of a nose.
+    """Return the smallest radius (m) of a convex flank.
 
-    It is the mean of the base radius and the top radius, which is base radius plus lift.
+    It is also the upper limit of the nose radius. It is the mean of the base radius and the radius
+    of the nose's top, which is base radius plus lift. ``prime`` is the radius of the base circle,
+    m.
     """
     return prime + 0.5 * lift

@@ -1,8 +1,8 @@
 """Selection of one contour of tangent arcs for the readings of one or several followers.
 
-An interpretation of the columns is the kind of follower (flat or not) and the turning sense of each
+An interpretation of the columns is the type of follower (flat or not) and the turning sense of each
 column. An `ArcSearch` fits each possible interpretation. The likeliest is fitted again with
-straight flanks, and these are used if the readings do not rule them out.
+straight flanks, which are used if the readings do not rule them out.
 """
 
 from __future__ import annotations
@@ -36,23 +36,24 @@ from cam_rig.studies.fit_cam.outliers import (
 
 Columns = tuple[Readings, ...]
 
-#: Largest number of rounds in which outliers are determined from the arcs and the arcs are fitted
-#: again.
+#: Largest number of repetitions in which outliers are determined from the fitted arcs and the arcs
+#: are fitted again.
 MAX_OUTLIER_ROUNDS = 4
-#: R.m.s. residual above which the contour does not fit the readings, as a fraction of the lift. The
-#: tables of other cams have larger residuals.
+#: R.m.s. residual, as a fraction of the lift, above which no contour of arcs is accepted. The
+#: tables of cams of other shapes have larger residuals.
 MAX_RMS_RATIO = 0.05
-#: Base radius (lifts) of the search under a flat face without a given base radius. It is so large
-#: that it does not bound the contour.
+#: Base radius, as a multiple of the lift, in a search with only flat followers and no given base
+#: radius. It has no effect on the lifts, and is so large that it does not limit the contour.
 FREE_BASE_LIFTS = 100.0
-#: Ratio of the nose radius of the pitch curve to a given roller radius, below which the search has
-#: ended at the lower bound of the nose radius.
+#: Ratio of the fitted nose radius of the pitch curve to its lower bound, a given roller radius,
+#: below which the search has ended at this bound.
 BOUND_RATIO = 1.01
-#: Largest ratio of the r.m.s. residual to the smallest one at which an interpretation is refined. A
-#: rough search ends close to its minimum, so refinement does not change the order at larger ratios.
+#: Largest ratio of an interpretation's r.m.s. residual to the smallest at which its fit is refined.
+#: A rough search ends close to its minimum, so refinement does not change the order at larger
+#: ratios.
 MAX_REFINED_RATIO = 2.0
-#: Lower limit of the r.m.s. residual (m) in the likelihood, for exact lifts. It is far below the
-#: residual of any gauge.
+#: Lower limit of the r.m.s. residual (m) in the likelihood, for exact lifts. It is far below that
+#: of any gauge.
 MIN_RMS = 1e-12
 
 
@@ -66,9 +67,10 @@ def fit_arcs(
 ) -> ArcsFit:
     """Fit one contour of tangent arcs to the readings of all columns.
 
-    The lifts are above the zero of their column. The fitted arcs determine the outliers, not the
-    neighbouring readings. A flat face can pass from base circle to nose with a kink, and a good
-    reading at a kink disagrees with its neighbours.
+    The lifts are above the zero of their column. Outliers are those readings that contradict the
+    fitted arcs. Neighbouring readings are not used for this purpose, because a flat follower can
+    pass from base circle to nose with a kink, at which a good reading disagrees with its
+    neighbours.
 
     Parameters
     ----------
@@ -82,7 +84,7 @@ def fit_arcs(
         Base radius in m, used if all followers are flat, because they do not determine it, and if
         both radii are given.
     given_radii : {'base', 'roller', 'both'}, optional
-        Radii that are given (default: no radius). A radius bounds the search only if it is given.
+        Radii that are given (default: no radius). A radius limits the search only if it is given.
         An assumed radius that leaves too little radius for the nose is replaced.
     flank : {'straight', 'curved'}, optional
         Shape of the flanks (default: straight unless the readings rule it out).
@@ -109,11 +111,14 @@ def fit_arcs(
 
     result = _fit_without_outliers(fit, columns)
     if any(column.readings.outliers for column in result.fitted_columns):
-        # Good readings at both kinks of a bridge can be outliers from arcs through the others, and
-        # not from arcs through all. No contour is close to the readings with a very large slip.
+        # A flat follower passes from base circle to nose with a kink on each side. Good readings at
+        # both kinks can be outliers from the arcs that fit the other readings, but not from the
+        # arcs that fit all. The fit is therefore repeated with all readings. A very wrong reading
+        # can make this fit impossible.
         with suppress(LawError):
             other = _fit_without_outliers(fit, tuple(map(include_outliers, columns)))
-            # used if it keeps more readings, and on average the added readings are not outliers
+            # This fit is used if it excludes fewer readings, and if on average the added readings
+            # are not outliers.
             added = other.best.search.count - result.best.search.count
             added_sse = other.best.sse - result.best.sse
             if added > 0 and added_sse < added * (MIN_OUTLIER_SCATTERS * result.rms) ** 2:
@@ -126,9 +131,10 @@ def fit_arcs(
 
 
 def _fit_without_outliers(fit: Callable[[Columns], ArcsFit], columns: Columns) -> ArcsFit:
-    """Return a fit whose arcs determine the outliers that the fit excludes.
+    """Return a fit in which the fitted arcs determine the excluded outliers.
 
-    The last fit is returned if the outliers still change after `MAX_OUTLIER_ROUNDS` repetitions.
+    ``fit`` fits arcs to columns. It is repeated until the outliers no longer change, at most
+    `MAX_OUTLIER_ROUNDS` times. The last fit is returned.
     """
     result = fit(columns)
     for _ in range(MAX_OUTLIER_ROUNDS):
@@ -146,7 +152,7 @@ def _fit_without_outliers(fit: Callable[[Columns], ArcsFit], columns: Columns) -
     return result
 
 
-# Interpretations of the columns, and the likeliest of them.
+# Search for the likeliest interpretation of the columns.
 
 
 def _searches(
@@ -154,8 +160,9 @@ def _searches(
 ) -> Iterator[ArcSearch]:
     """Yield one search for each possible interpretation of the columns.
 
-    A contour and its mirror image differ only in the angle of the nose. The sense of the first
-    column is therefore not reversed. The other columns are tried in both senses.
+    ``kinds`` are True for a flat follower, False for another, None if unknown. A contour and its
+    mirror image differ only in the angle of the nose. The sense of the first column is therefore
+    not reversed. The other columns are tried in both senses.
     """
     free_base = FREE_BASE_LIFTS * max(float(column.lifts.max()) for column in columns)
     all_flats = product(*((True, False) if kind is None else (kind,) for kind in kinds))
@@ -176,7 +183,8 @@ def _searches(
 def _select(searches: list[ArcSearch], radii: Radii, flank: Flank) -> ArcsFit:
     """Solve all searches, and return the fit of the likeliest interpretation.
 
-    Straight flanks are used if the readings do not rule them out.
+    Straight flanks are used if the readings do not rule them out, unless the shape ``flank`` is
+    given. Raises LawError if no contour is close to the readings.
     """
     curved, *others = _solve_all(searches)
     columns = curved.search.columns
@@ -211,11 +219,11 @@ def _select(searches: list[ArcSearch], radii: Radii, flank: Flank) -> ArcsFit:
 
 
 def _solve_all(searches: list[ArcSearch]) -> list[Profile]:
-    """Return the best contour of each search, ordered by likelihood.
+    """Return the best contour of each search, the likeliest first.
 
-    The likeliest is first. A contour with a far larger residual than the smallest is not refined,
-    which saves a quarter of the time for two columns. The order is that of Schwarz's criterion
-    (BIC): of two contours that are equally close, that with fewer free parameters is likelier.
+    The order is that of Schwarz's criterion (BIC): of two contours that are equally close to the
+    readings, that with fewer free parameters is likelier. A contour with a far larger residual than
+    the smallest is not refined, which saves a quarter of the time for two columns.
     """
     rough = [Profile(search, search.rough_minimum()) for search in searches]
     limit = MAX_REFINED_RATIO * min(profile.rms for profile in rough)

@@ -1,8 +1,9 @@
 """Identification of a follower from its jump speeds in several set-ups.
 
-At the jump speed the lowest contact force of a turn is zero. The parameters in a table are fixed
-for each reading. The others have one value for all readings. A mass in a table is the added mass.
-The mass of the follower itself is a free parameter.
+The jump speed is the cam speed at which the lowest contact force of a turn is zero. A set-up is the
+added mass, spring and preload of one reading. The parameters that are columns of the table are
+fixed to the reading's value. The others have one value for all readings. A mass in the table is an
+added mass. The mass of the follower itself is a free parameter.
 """
 
 from __future__ import annotations
@@ -34,23 +35,23 @@ from cam_rig.studies.fit_rig.normal_equations import normal_inverse
 from cam_rig.studies.fit_rig.parameters import PARAMETERS, check_fixed, from_search, parameter_slope
 from cam_rig.units import RPM, FloatArray, rms, round_to_error
 
-#: Largest scatter of the residuals at which a follower fits the readings, as a fraction of the mean
-#: jump speed.
+#: Largest scatter of the residuals at which a follower is accepted as fitting the readings, as a
+#: fraction of the mean jump speed.
 MAX_SCATTER = 0.04
-#: Largest ratio of the scatter to the given reading error at which the given error is used. At a
-#: larger ratio the scatter replaces the given error.
+#: Largest ratio of the residuals' scatter to the given error of a reading at which the given error
+#: is used. At a larger ratio the scatter replaces it.
 MAX_ERROR_RATIO = 2.0
-#: Lower limit of the start value of the follower's mass, kg.
+#: Smallest start value of the mass of the follower without added masses, kg.
 MIN_OWN_MASS = 0.05
-#: Fraction of the sum of squares above which a single reading is reported as an outlier.
+#: Fraction of the sum of squared residuals above which a single reading is reported as an outlier.
 OUTLIER_SHARE = 0.55
 
 
 def _setup_value(name: str) -> Callable[[tuple[JumpReading, float]], float | None]:
-    """Return a function that reads a set-up value from a table row.
+    """Return a function that reads the value ``name`` of a table row's set-up.
 
-    The row consists of a reading and its fitted jump speed (rpm). The value is None if the table
-    does not contain it.
+    The row is a pair of a reading and its fitted jump speed (rpm). The function returns the value
+    in SI, or None if the measured table has no such column.
     """
     return lambda row: row[0].setup.get(name)
 
@@ -59,9 +60,11 @@ def _setup_value(name: str) -> Callable[[tuple[JumpReading, float]], float | Non
 class JumpFit(RigParameters):
     """Follower parameters identified from measured jump speeds.
 
-    ``speeds`` are the fitted jump speeds in rpm, in the order of the readings. ``error`` is the
-    standard deviation of a reading in rpm, given or from the residuals. ``degrees_of_freedom`` is
-    the number of readings less that of free parameters.
+    ``read`` is the measured table. ``speeds`` are the fitted jump speeds in rpm, in the order of
+    the readings. ``error`` is the standard deviation of a reading in rpm. It was given by the user
+    if ``error_given`` is True, otherwise estimated from the residuals. ``degrees_of_freedom`` is
+    the number of readings less the number of free parameters. ``assumed`` has one sentence for each
+    group of values that the rig file takes from another rig.
     """
 
     schema = "cam_rig.fit_jumps.1"
@@ -97,12 +100,12 @@ class JumpFit(RigParameters):
 
     @property
     def residuals(self) -> FloatArray:
-        """Residuals of the jump speeds, fitted less measured, rpm, ``(n,)``."""
+        """Residuals of the jump speeds (fitted minus measured) in rpm, ``(n,)``."""
         return np.array(self.speeds) - self.read.rpm
 
     @property
     def residual_text(self) -> str:
-        """Standard deviation of a reading as text for a rig file."""
+        """Standard deviation of a reading as text, for the rig file."""
         return f"{self.error:.3g} rpm a reading, {len(self.speeds)} readings"
 
     def tables(self) -> list[Records]:
@@ -117,11 +120,15 @@ class JumpFit(RigParameters):
         ]
 
     def summary(self) -> list[str]:
-        """Return the notes on how the table was read, the parameters, and warnings."""
+        """Return notes on how the table was read, the parameters, and warnings."""
         return [*(f"{self.read.file}: {note}" for note in self.read.notes), *self.conclusions()]
 
     def conclusions(self) -> Iterator[str]:
-        """Yield the identified parameters, then reasons and warnings."""
+        """Yield the identified parameters as a sentence, then reasons and warnings.
+
+        The reasons explain missing values. The warnings concern the error of the readings and
+        outliers.
+        """
         parameters = ", ".join(number.to_sentence() for number in self.identified)
         yield (
             f"Identified: {parameters}."
@@ -164,7 +171,7 @@ def fit_jumps(
     table : JumpTable
         Measured jump speeds and their set-ups.
     base : RigConfig
-        Rig with the start values.
+        Rig with the start values of the search.
     model : str, optional
         ``one_mass`` (default) or ``two_mass``, both in steady state.
     fixed : dict of str to float, optional
@@ -221,15 +228,19 @@ def fit_jumps(
 
 
 def _coverage_factor(error_given: bool, surplus: int) -> float:
-    """Return half the width of an interval of 95 % in standard errors.
+    """Return half the width of a 95 % interval in standard errors.
 
-    An error from few residuals uses Student's distribution.
+    It is 1.96 if the error of a reading was given. An error estimated from the residuals has few
+    degrees of freedom ``surplus``, so Student's t distribution is used.
     """
     return NORMAL_95 if error_given else float(student.ppf(0.975, max(surplus, 1)))
 
 
 def _check_readings(table: JumpTable) -> None:
-    """Raise a `ConfigError` for a speed or a value of a table outside its limits."""
+    """Raise a `ConfigError` if a jump speed or a set-up value is outside its limits.
+
+    A set-up value is an added mass, spring or preload of the table.
+    """
     for reading in table.readings:
         for name, value in reading.setup.items():
             limits = PARAMETERS[name]
@@ -250,8 +261,10 @@ def _reading_deviation(
 ) -> tuple[float, bool]:
     """Return the standard deviation of a reading (rpm), and True if it was given.
 
-    ``speeds`` are the fitted jump speeds (rpm), ``surplus`` the number of readings less that of
-    free parameters, and ``error`` the given deviation or None.
+    ``speeds`` are the fitted jump speeds (rpm), ``surplus`` the number of readings less the number
+    of free parameters, and ``error`` the given deviation or None. The given deviation is replaced
+    if the residuals are much larger. Raises a `ConfigError` if they are so large that no follower
+    fits.
     """
     residuals = speeds - trial.table.rpm
     scatter = rms(residuals) * math.sqrt(residuals.size / surplus) if surplus else 0.0
@@ -272,9 +285,14 @@ def _reading_deviation(
 def _read_start_values(
     table: JumpTable, base: RigConfig, fixed: dict[str, float], has_two_masses: bool
 ) -> dict[str, float]:
+    """Return the start values of all parameters in SI, by name.
+
+    They are those of the rig ``base``, overridden by ``fixed``. If the table has added masses, the
+    follower's mass starts at half the smallest of them.
+    """
     follower = base.follower
     values = {name: base.need(name, "the fit").si for name in RIGID}
-    values["restitution"] = 0.0  # landings do not affect a jump speed
+    values["restitution"] = 0.0  # the restitution affects only landings, not the jump speed
     if has_two_masses:
         if "stem_stiffness" not in fixed:
             purpose, one_mass = "the start of a fit of two masses", "use --model one_mass"
@@ -295,6 +313,11 @@ def _estimates(
     null_groups: tuple[tuple[int, ...], ...],
     coverage_factor: float,
 ) -> Iterator[ParameterEstimate]:
+    """Yield an estimate for each free parameter, with its standard error or a reason.
+
+    ``x`` are the fitted search variables and ``errors`` their standard errors. ``null_groups`` are
+    the unidentifiable groups of `normal_inverse`.
+    """
     for k, (name, value) in enumerate(from_search(trial.free, x).items()):
         error = float(errors[k]) * parameter_slope(name, value)
         others = [trial.free[i] for group in null_groups if k in group for i in group if i != k]
@@ -317,6 +340,11 @@ def _unidentified_reason(
     others: list[str],
     table: JumpTable,
 ) -> str:
+    """Return the reason why a parameter is not identified, or an empty text if it is.
+
+    ``others`` are the parameters that it cannot be separated from. Without them, the reason is a 95
+    % interval that is too wide for ``value``. Values are in SI.
+    """
     if others:
         more = "" if "mass" in table.columns else ", or add a column of added masses"
         names = ", ".join(dict.fromkeys(others))

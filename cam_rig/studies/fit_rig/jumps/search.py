@@ -1,4 +1,7 @@
-"""Search for the follower whose jump speeds are closest to those in a table."""
+"""Search for the follower whose jump speeds are closest to those of a table.
+
+A search variable is the value or the logarithm of a free parameter.
+"""
 
 from __future__ import annotations
 
@@ -27,18 +30,20 @@ from cam_rig.studies.fit_rig.parameters import (
 )
 from cam_rig.units import RPM, TURN, FloatArray, rms
 
-#: Keys of the free parameters of one rigid mass.
+#: Rig-file keys of the free parameters of a follower with one rigid mass.
 RIGID = ("mass", "spring_stiffness", "preload", "damping")
-#: Keys of the free parameters that a stem adds to `RIGID`.
+#: Rig-file keys of the additional free parameters of a follower with two masses and a stem.
 STEM = ("stem_stiffness", "roller_share")
-#: Step of a search variable for a difference quotient, relative to the variable.
+#: Step of a search variable for a difference quotient, relative to the scale of the variable.
 DERIVATIVE_STEP = 1e-4
-#: Factors of the stem stiffness of additional starts, up to a nearly rigid stem.
+#: Factors by which the stem stiffness of a start point is increased to obtain additional start
+#: points, up to a nearly rigid stem.
 STIFFNESS_FACTORS = (10.0, 100.0)
-#: Number of additional starts with a stiffer stem that are searched: the best of those tried. A
-#: search of two masses takes half a minute.
+#: Number of start points with a stiffer stem from which a search is run: those with the smallest
+#: error. The number is small because a search of two masses takes half a minute.
 STIFF_STARTS = 2
-#: Number of cam angles per turn at which a start may assume that all readings jump.
+#: Number of cam angles per turn at which a start point is computed under the assumption that all
+#: readings lose contact there.
 BALANCE_ANGLES = 120
 
 
@@ -46,7 +51,9 @@ BALANCE_ANGLES = 120
 class JumpModel:
     """Jump speeds (rpm) of a table's set-ups, as a function of the free parameters.
 
-    ``progress`` is notified of each set-up of a step of the search.
+    A set-up is the added mass, spring and preload of one reading. ``free`` are the names of the
+    free parameters, ``fixed`` all start or known values in SI. ``progress`` is notified of each
+    computed set-up.
     """
 
     law: Law
@@ -57,15 +64,15 @@ class JumpModel:
 
     @cached_property
     def _setups(self) -> tuple[list[dict[str, float]], list[int]]:
-        """Distinct set-ups of the table, and the index of the set-up of each reading."""
+        """Distinct set-ups of the table, and for each reading the index of its set-up."""
         setups = [tuple(sorted(reading.setup.items())) for reading in self.table.readings]
         index = {setup: i for i, setup in enumerate(dict.fromkeys(setups))}
         return [dict(setup) for setup in index], [index[setup] for setup in setups]
 
     def values(self, x: FloatArray, setup: dict[str, float]) -> dict[str, float]:
-        """Return all parameters of the follower in a set-up, by name.
+        """Return all parameters (SI) of the follower in one set-up of the table, by name.
 
-        ``x`` are the search variables. The mass is the follower's plus the added mass.
+        ``x`` are the search variables. The mass is that of the follower plus the added mass.
         """
         values = self.fixed | from_search(self.free, x)
         added_mass = setup.get("mass", 0.0)
@@ -74,7 +81,8 @@ class JumpModel:
     def speeds(self, x: FloatArray) -> FloatArray:
         """Return the computed jump speeds of all readings in rpm, ``(n,)``.
 
-        ``x`` are the search variables. Equal set-ups are computed once.
+        ``x`` are the search variables. Each distinct set-up is computed once. A follower without a
+        jump speed gets `MAX_RPM`.
         """
         setups, indices = self._setups
         speeds = np.full(len(setups), MAX_RPM)
@@ -88,24 +96,28 @@ class JumpModel:
         return speeds[indices]
 
     def relative_errors(self, x: FloatArray) -> FloatArray:
-        """Return the relative errors of the computed jump speeds, ``(n,)``.
+        """Return (computed - measured) / measured jump speed of all readings, ``(n,)``.
 
         ``x`` are the search variables.
         """
         return (self.speeds(x) - self.table.rpm) / self.table.rpm
 
     def search_point(self, values: dict[str, float]) -> tuple[float, ...]:
-        """Convert parameter values to search variables within their limits."""
+        """Convert parameter values (SI) to search variables, clipped to their limits."""
         low, high = search_limits(self.free)
         x = [to_search(name, values[name]) for name in self.free]
         return tuple(np.clip(x, low + 1e-9, high - 1e-9).tolist())
 
 
 def search_jumps(trial: JumpModel) -> FloatArray:
-    """Return the search variables of the least-squares fit, the best of all starts."""
+    """Return the search variables of the least-squares fit to jump speeds, ``(n,)``.
+
+    A search is run from each start point, and the result with the smallest error is returned. The
+    result is empty if no parameter is free.
+    """
     if not trial.free:
         return np.empty(0)
-    rigid = "roller_share" not in trial.fixed  # two masses take a hundred times as long
+    rigid = "roller_share" not in trial.fixed  # jump speeds of two masses take 100 times as long
     tolerance, max_steps = (1e-12, 200) if rigid else (1e-8, 50)
     results = [
         least_squares(
@@ -125,11 +137,11 @@ def search_jumps(trial: JumpModel) -> FloatArray:
 
 
 def _starts(trial: JumpModel) -> list[tuple[float, ...]]:
-    """Return the search variables from which searches start.
+    """Return the points (values of the search variables) from which searches are run.
 
-    A stem may be nearly rigid. The best starts with a stiffer stem are therefore added. Case: exact
-    speeds of two masses, where the best single start leads to another follower
-    (``test_roller_share_is_identified``).
+    The stem of the measured follower may be nearly rigid, so the best points with a stiffer stem
+    are added. Case: exact speeds of two masses, where a search from the best single point converges
+    to a different follower (``test_roller_share_is_identified``).
     """
     candidates = [trial.fixed | start for start in ({}, *_balanced_starts(trial))]
     starts = dict.fromkeys(map(trial.search_point, candidates))
@@ -144,11 +156,12 @@ def _starts(trial: JumpModel) -> list[tuple[float, ...]]:
 
 
 def _balanced_starts(trial: JumpModel) -> Iterator[dict[str, float]]:
-    """Yield values of one mass with which all readings jump at the same cam angle.
+    """Yield start values of one mass with which all readings lift off at one angle.
 
-    Damping raises the jump speeds of a rise and lowers those of a fall. The sum of squares
-    therefore has a minimum for each part of the turn in which s'' < 0 and s' keeps its sign. Case:
-    random machines far from the start (``test_result_does_not_depend_on_the_start``).
+    Damping raises the jump speed if contact is lost in a rise, and lowers it in a fall. The sum of
+    squares therefore has a separate minimum for each part of the turn in which s'' < 0 and s' keeps
+    its sign. The best cam angle of each such part gives one start. Case: random machines far from
+    the start values (``test_result_does_not_depend_on_the_start``).
     """
     fixed = {name: value for name, value in trial.fixed.items() if name not in TWO_MASS_ONLY}
     free = tuple(name for name in trial.free if name in RIGID)
@@ -167,9 +180,10 @@ def _balanced_starts(trial: JumpModel) -> Iterator[dict[str, float]]:
 def _solve_balance(
     rigid: JumpModel, lift: float, slope: float, curvature: float
 ) -> dict[str, float]:
-    """Return the parameters with which all readings jump at one cam angle.
+    """Return the parameters (SI) with which all readings lift off at one cam angle.
 
-    They satisfy m s'' Ω² + c s' Ω + k s + preload = 0 with s, s' and s'' of the angle, by least
+    ``lift``, ``slope`` and ``curvature`` are s, s' and s'' of the law at this angle. The parameters
+    satisfy m s'' Ω² + c s' Ω + k s + preload = 0 for the speeds Ω of all readings, by least
     squares. The equation is linear in the parameters.
     """
     speed = rigid.table.rpm * RPM
@@ -187,16 +201,20 @@ def _solve_balance(
     matrix = np.stack([weights[name] for name in rigid.free], axis=1)
     size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     solution = dict(zip(rigid.free, nnls(matrix / size, -fixed_part)[0] / size, strict=True))
-    # no follower jumps with a parameter of 0, except the damping
+    # Only the damping may be 0. Any other parameter of 0 is replaced by its start value.
     return rigid.fixed | {n: float(v) for n, v in solution.items() if v > 0.0 or n == "damping"}
 
 
-#: Ratio of the smaller to the larger of the changes in the two directions, below which a derivative
-#: is taken as zero.
+#: Ratio of the speed changes for a step down and a step up of a parameter (the smaller to the
+#: larger), below which the derivative is set to zero.
 ONE_SIDED_RTOL = 1e-3
 
 
 def _jacobian(trial: JumpModel, x: FloatArray) -> FloatArray:
+    """Return the derivatives of jump speeds (rpm) by the search variables, ``(m, n)``.
+
+    They are central differences. A derivative is zero if the speed changes on one side only.
+    """
     jacobian = np.empty((len(trial.table.readings), x.size))
     low, high = search_limits(trial.free)
     scales = np.array(list(map(search_scale, trial.free, x.tolist())))
@@ -205,7 +223,8 @@ def _jacobian(trial: JumpModel, x: FloatArray) -> FloatArray:
         ends = [np.clip(x + sign * step, low, high) for sign in (1.0, -1.0)]
         above, below = (trial.speeds(end) for end in ends)
         jacobian[:, k] = (above - below) / (ends[0] - ends[1])[k]
-        # a speed that changes in one direction only fits all values in the other direction
+        # If a speed changes for steps to one side only, all values on the other side fit equally
+        # well, so the reading does not identify the parameter there.
         sides = np.abs([above - speeds, speeds - below])
         if low[k] < ends[1][k] and ends[0][k] < high[k]:
             jacobian[sides.min(axis=0) < ONE_SIDED_RTOL * sides.max(axis=0), k] = 0.0

@@ -1,4 +1,4 @@
-"""Tables of measured jump speeds: added mass, spring, and jump speed."""
+"""Tables of measured jump speeds, with optional columns of added mass, spring and preload."""
 
 from __future__ import annotations
 
@@ -14,25 +14,27 @@ from cam_rig.schema.instrument_table import NOTHING, CellTable, read_lines
 from cam_rig.show.tables import pluralize
 from cam_rig.units import RPM, FloatArray, to_rpm
 
-#: Parameter of the rig for each quantity that a heading of the table can name.
+#: Name of the table's column by the physical quantity of its heading. Except for the speed, this is
+#: the rig-file key of the parameter.
 PARAMETER_OF_QUANTITY = {
     "speed": "speed",
     "mass": "mass",
     "stiffness": "spring_stiffness",
     "preload": "preload",
 }
-#: Unit that is assumed for a heading without a unit, and its factor to SI, by quantity.
+#: Unit that is assumed if a heading has none, and the factor from this unit to SI, by quantity.
 ASSUMED_UNITS = {"speed": ("rpm", RPM), "mass": ("kg", 1.0), "stiffness": ("N/m", 1.0)}
 ASSUMED_UNITS["preload"] = ("N", 1.0)
-#: Largest number of lines without a reading that a note lists.
+#: Largest number of lines without a jump speed whose line numbers a note lists.
 MAX_LISTED_LINES = 5
 
 
 @dataclass(frozen=True)
 class JumpReading:
-    """Measured jump speed in rad/s, and the values of its set-up in SI.
+    """Measured jump speed in rad/s, and the set-up in which it was measured.
 
-    ``line`` is its line in the file. ``setup`` are the parameters that the table contains.
+    ``line`` is the line number in the file. ``setup`` are the values (SI) of the table's other
+    columns by rig-file key: added mass, spring, preload.
     """
 
     line: int
@@ -49,7 +51,8 @@ class JumpReading:
 class JumpTable:
     """Table of measured jump speeds.
 
-    ``columns`` are the parameters that it contains. ``notes`` report how it was read.
+    ``columns`` are the rig-file keys of its columns other than the speed. ``notes`` report how the
+    file was read.
     """
 
     file: str
@@ -64,16 +67,23 @@ class JumpTable:
 
 
 def read_jump_table(path: Path) -> JumpTable:
-    """Read a table of measured jump speeds from a file."""
+    """Read a table of measured jump speeds from a text file.
+
+    The values are converted to SI by the units in the headings. Raises a `ConfigError` with the
+    line of an invalid cell.
+    """
     lines, _ = read_lines(path, "mass, spring and jump speed")
     return _JumpReader(path.name, lines).table()
 
 
 class _JumpReader(CellTable):
-    """Reader of a file of measured jump speeds."""
+    """Reader of a text file with a table of measured jump speeds."""
 
     def table(self) -> JumpTable:
-        """Return the table with all readings of the file."""
+        """Return the table with all readings of the file.
+
+        Lines with an empty jump speed are skipped and reported in a note.
+        """
         if self.first is None or self.first == 0:
             raise self.error("the columns must have a heading, such as mass_kg, spring_N/m, rpm")
         headings = self.headings(len(self.rows[self.first][1]))
@@ -105,9 +115,9 @@ class _JumpReader(CellTable):
         return JumpTable(self.file, tuple(readings), columns, (read, *notes))
 
     def _assign(self, headings: list[Heading]) -> tuple[dict[str, tuple[int, float]], list[str]]:
-        """Return column index and factor to SI of each quantity, and notes.
+        """Return the column index and the factor to SI of each column by name, and notes.
 
-        The notes report assumed units.
+        The notes report which units were assumed because a heading has none.
         """
         columns, notes = dict[str, tuple[int, float]](), list[str]()
         for index, heading in enumerate(headings):
@@ -134,6 +144,11 @@ class _JumpReader(CellTable):
         return columns, notes
 
     def _value(self, line: int, name: str, cell: str, text: str, factor: float) -> float:
+        """Return the value of a cell in SI.
+
+        ``cell`` is the text of the file and ``text`` its number in standard notation. ``factor``
+        converts it to SI. Raises an error for an empty cell or a value outside its range.
+        """
         if not cell:
             raise self.error(
                 f"line {line}: the {name} is empty next to a jump speed; enter a number, or "

@@ -1,8 +1,8 @@
-"""Covariance of a fit under correlated noise, and directions without information.
+"""Covariance of a fitted follower under correlated noise, and unidentifiable parameters.
 
 Neighbouring samples of a sensor have correlated errors. The covariance is therefore the sandwich
-estimator (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ with the autocorrelation R of the residuals, and not the inverse of
-the curvature JᵀJ of the likelihood.
+estimator (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹, where J is the Jacobian and R the autocorrelation of the residuals.
+For white noise it equals (JᵀJ)⁻¹, the inverse of the curvature of the likelihood.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from cam_rig.units import FloatArray, autocorrelation
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Covariance ``(n, n)`` of the search variables, and unidentifiable groups.
+    """Covariance of a fit, and the parameters that it does not identify.
 
-    The parameters of a group can change together without a change of the residuals.
-    ``correlation_lengths`` are the lengths, in samples, over which residuals of lift and of force
-    are correlated, the largest of all segments.
+    ``covariance`` ``(n, n)`` is that of the n search variables. ``null_groups`` are tuples of their
+    indices. The parameters of a group can change together without a change of the residuals.
+    ``correlation_lengths`` are the numbers of samples over which the residuals of the lift and of
+    the force are correlated. Each is the largest of all steady-speed segments.
     """
 
     covariance: FloatArray
@@ -40,7 +41,7 @@ class Uncertainty:
 def sandwich_covariance(solution: FitSolution) -> Uncertainty:
     """Return the covariance (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ of a fit under correlated noise.
 
-    R is the autocorrelation of the noise.
+    J is the Jacobian of the residuals, and R the autocorrelation of the noise.
     """
     inverse, null_groups = normal_inverse(solution.jacobian)
     scores, correlation_lengths = _scores(
@@ -52,7 +53,8 @@ def sandwich_covariance(solution: FitSolution) -> Uncertainty:
 def variance_inflation(solution: FitSolution, k: int) -> float:
     """Return the factor by which correlated noise increases a parameter's variance.
 
-    ``k`` is the index of the parameter among the search variables.
+    It is relative to white noise. ``k`` is the index of the parameter among the search variables.
+    The factor is 1 if no sample depends on the parameter.
     """
     plain = normal_inverse(solution.jacobian)[0][k, k]
     return float(sandwich_covariance(solution).covariance[k, k] / plain) if plain > 0.0 else 1.0
@@ -63,8 +65,9 @@ def _scores(
 ) -> tuple[FloatArray, tuple[float, float]]:
     """Return JᵀRJ ``(n, n)``, and the correlation lengths of lift and force residuals.
 
-    R is computed for each segment and quantity separately, as that of stationary noise. The speed
-    errors, the last rows, are independent.
+    R is the autocorrelation of the residuals. It is computed for each steady-speed segment and each
+    quantity separately, as that of stationary noise. The last rows of J, one per segment, belong to
+    the speed errors, which are independent. The correlation lengths are in samples.
     """
     start = jacobian.shape[0] - len(likelihood.segments)
     total, lengths = jacobian[start:].T @ jacobian[start:], ([1.0], [1.0])
@@ -83,7 +86,8 @@ def _scores(
 def _correlated(jacobian: FloatArray, correlation: FloatArray) -> FloatArray:
     """Return JᵀRJ for stationary noise, ``(n, n)``.
 
-    It is computed by Fourier transform, as Σ P |J|² with the power spectrum P of ``correlation``.
+    ``correlation`` is the autocorrelation R by lag, from lag 0 on. The product is computed by
+    Fourier transform, as Σ P |J|² with the power spectrum P of the noise.
     """
     if correlation.size == 1:
         return np.asarray(jacobian.T @ jacobian)
@@ -91,7 +95,8 @@ def _correlated(jacobian: FloatArray, correlation: FloatArray) -> FloatArray:
     lags = np.zeros(size)
     lags[: correlation.size] = correlation
     lags[size - correlation.size + 1 :] = correlation[:0:-1]
-    power = np.maximum(np.fft.rfft(lags).real, 0.0)  # a truncated correlation has negative power
-    power[1 : (size + 1) // 2] *= 2.0  # the line of the negative frequency is added
+    # The truncation of the autocorrelation can make its power spectrum negative.
+    power = np.maximum(np.fft.rfft(lags).real, 0.0)
+    power[1 : (size + 1) // 2] *= 2.0  # each line also represents its negative frequency
     lines = np.fft.rfft(jacobian, size, axis=0)
     return np.asarray(((lines.conj().T * power) @ lines).real / size)

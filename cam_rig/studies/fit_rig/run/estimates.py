@@ -1,4 +1,4 @@
-"""Estimates of a fit: parameters with errors, or reasons for their absence."""
+"""Estimates of a fit to a run: parameters with errors, or reasons for missing values."""
 
 from __future__ import annotations
 
@@ -23,15 +23,16 @@ from cam_rig.studies.fit_rig.run.search import FitSolution, phase_line_matrix
 from cam_rig.studies.fit_rig.run.turns import MeasuredSegment
 from cam_rig.units import TURN, rms
 
-#: Standard error (absolute, no unit) below which a restitution is identified.
+#: Standard error (dimensionless) below which a restitution counts as identified.
 MAX_RESTITUTION_ERROR = 0.1
-#: Reason why a parameter has no value if some speeds are left out, by key.
+#: Reason why a parameter has no value if some speeds were left out of the fit, by rig-file key.
 LEFT_OUT_REASONS = {
     "restitution": "no follower fits the speeds that were left out",
     "stem_stiffness": "a rigid stem fits the speeds in contact: try --model two_mass",
 }
-#: Largest ratio of the residuals to the noise at which a solution fits the run. It also limits the
-#: correlation length of the lift's residuals, in samples, if no force was measured.
+#: Largest ratio of the residuals' r.m.s. to that of the noise at which a solution is accepted. It
+#: is also the largest accepted correlation length of the lift residuals, in samples, if no force
+#: was measured.
 MAX_MISFIT = 3.0
 
 
@@ -44,8 +45,9 @@ def build_rig_fit(
 ) -> RigFit:
     """Return the result of a fit to a measured run.
 
-    ``scale`` are parameters that are fixed because only ratios to them are identifiable.
-    ``segments`` are all segments of the run.
+    ``fixed`` are the known values in SI by name. ``scale`` are the parameters that were fixed
+    because only ratios to them are identifiable. ``segments`` are all steady-speed segments of the
+    run, including those that the search left out.
     """
     errors, free = sandwich_covariance(solution), solution.likelihood.free
     misfit = explain_misfit(solution, errors.correlation_lengths)
@@ -78,6 +80,11 @@ def _estimate(
     scale: tuple[str, ...],
     excluded: dict[str, str],
 ) -> ParameterEstimate:
+    """Return the estimate of the parameter ``name``, or the reason for its absence.
+
+    ``fixed`` are the known values. ``scale`` are the parameters to which only ratios are
+    identifiable. ``excluded`` are the reasons that apply if speeds were left out, by name.
+    """
     free = solution.likelihood.free
     if name in fixed:
         return ParameterEstimate(name, fixed[name], None, "given")
@@ -108,6 +115,11 @@ def _estimate(
 
 
 def _restitution_estimate(value: float, error: float, stem: bool) -> ParameterEstimate:
+    """Return the estimate of a restitution that was determined after the search.
+
+    ``stem`` is True for two masses. Their restitution has no reliable interval, so it gets a reason
+    instead of a value.
+    """
     if error < MAX_RESTITUTION_ERROR and not stem:
         return ParameterEstimate("restitution", value, error, "identified")
     if stem:
@@ -120,6 +132,7 @@ def _restitution_estimate(value: float, error: float, stem: bool) -> ParameterEs
 
 
 def _fixed_reason(name: str, scale: tuple[str, ...], solution: FitSolution) -> str:
+    """Return the reason why a parameter that was not free in the fit has no value."""
     if name == "restitution" and not any(solution.landings):
         return "no landing was measured: the follower never leaves the cam"
     if name == "stem_stiffness":
@@ -134,6 +147,10 @@ def _fixed_reason(name: str, scale: tuple[str, ...], solution: FitSolution) -> s
 
 
 def _null_reason(others: list[str], solution: FitSolution) -> str:
+    """Return the reason why a free parameter is not identifiable.
+
+    ``others`` are the parameters that could change together with it without effect.
+    """
     if others:
         return f"not identifiable apart from {', '.join(others)}: set one of them with --fix"
     if not any(solution.landings):
@@ -142,8 +159,9 @@ def _null_reason(others: list[str], solution: FitSolution) -> str:
 
 
 def _segment_fit(solution: FitSolution, i: int) -> SegmentFit:
+    """Return the residuals and lift-offs of the fit at steady-speed segment ``i``."""
     predicted = solution.predicted[i]
-    assert predicted is not None  # a search ends with steady turns
+    assert predicted is not None  # every segment of a solution has a periodic turn
     lift, force = predicted.lift.residual, predicted.force.residual
     rpm = solution.likelihood.speed_of(solution.x, i) * 60.0 / TURN
     samples = solution.segments[i].line.turns, lift.size + force.size
@@ -155,7 +173,8 @@ def _segment_fit(solution: FitSolution, i: int) -> SegmentFit:
 def _instruments(solution: FitSolution, errors: Uncertainty) -> Iterator[InstrumentEstimate]:
     """Yield the estimates of the errors of the measuring instruments.
 
-    Offset and clock are a line through the phases: ψ = −offset − clock ω t.
+    The encoder offset and the clock error follow from a weighted straight line through the phases ψ
+    of the steady-speed segments: ψ = −offset − clock ω t.
     """
     likelihood, x, segments = solution.likelihood, solution.x, solution.segments
     instruments = likelihood.instruments
@@ -193,12 +212,13 @@ def _instruments(solution: FitSolution, errors: Uncertainty) -> Iterator[Instrum
 
 
 def explain_misfit(solution: FitSolution, correlation_lengths: tuple[float, float]) -> str:
-    """Return the reason why a fit cannot be trusted, or an empty text.
+    """Return the reason why a fit is not reliable, or an empty text if it is.
 
-    Readings at nearly the same cam angle differ by their noise. The residuals should not be larger.
-    With lifts alone, flights and bounces make many local minima. A search may stop near the
-    follower, where neighbouring residuals are correlated. If a single speed has flights, several
-    minima are equally likely. ``correlation_lengths`` are those of `Uncertainty`.
+    The noise is estimated from the differences between readings at nearly the same cam angle. The
+    residuals should not be much larger. With lifts alone, flights and bounces cause many local
+    minima. A search may stop in one of them close to the solution, where neighbouring residuals are
+    correlated. If only one speed has flights, several minima are equally likely.
+    ``correlation_lengths`` are those of `Uncertainty`.
     """
     flying = sum(map(bool, solution.landings))
     if flying and not any(segment.force.value.size for segment in solution.segments):

@@ -19,8 +19,8 @@ from cam_rig.studies.fit_rig.run.start import rough_start
 from cam_rig.studies.fit_rig.run.turns import measured_segments
 from cam_rig.units import rms
 
-#: R.m.s. difference between the measured lift and the law at the slowest speed, relative to the
-#: lift, above which the run is of a different cam.
+#: R.m.s. difference between the measured lift and the law at the slowest speed, as a fraction of
+#: the total lift, above which the run is taken as that of a different cam.
 MAX_LIFT_ERROR = 0.05
 
 
@@ -45,7 +45,7 @@ def fit_run(
     model : str, optional
         ``one_mass``, ``two_mass`` (two masses and a stem), or None for the likelier.
     fixed : dict of str to float, optional
-        Known values in SI by name.
+        Known values in SI by rig-file key.
     progress : Progress, optional
         Receiver of the progress.
 
@@ -60,7 +60,7 @@ def fit_run(
     run, segments = measured_segments(run)
     rigid = {name: value for name, value in fixed.items() if name not in TWO_MASS_ONLY}
     purpose = "the start values of the fit", "use another --rig"
-    # a rig without a restitution starts from 0, which affects landings only
+    # If the rig has no restitution, the search starts from 0. It affects landings only.
     optional = {"restitution": si_or_none(base.follower.restitution) or 0.0}
     values = {
         n: optional[n] if n in optional else base.need(n, *purpose).si
@@ -100,8 +100,9 @@ def fit_run(
 def _is_of_another_cam(aligned: FitSolution) -> bool:
     """Return True if the measured lift shows that another cam was on the rig.
 
-    The lift at the slowest speed then differs from the law under load. The lift of a follower that
-    has left the cam differs too. The contact force must therefore show that it has not.
+    The measured lift at the slowest speed then differs from the law. A follower that loses contact
+    has a different lift too. The result is therefore True only if the contact force shows that
+    contact was kept.
     """
     slowest = min(range(len(aligned.segments)), key=lambda i: aligned.segments[i].speed)
     segment, predicted = aligned.segments[slowest], aligned.predicted[slowest]

@@ -1,4 +1,4 @@
-"""Zero offset of the force sensor, estimated while the follower is off the cam."""
+"""Zero offset of the force sensor, estimated from samples in which the follower is in flight."""
 
 from __future__ import annotations
 
@@ -10,24 +10,26 @@ from cam_rig.studies.fit_rig.run.instruments import FORCE_ZERO
 from cam_rig.studies.fit_rig.run.search import Candidate, continue_from
 from cam_rig.units import FloatArray
 
-#: Smallest number of samples in flight that identify the zero offset of the force sensor. With
-#: fewer samples, a single sample next to a landing decides.
+#: Smallest number of force samples in flight from which the sensor's zero offset is estimated. With
+#: fewer samples, a single sample next to a landing would decide the result.
 MIN_FLYING_SAMPLES = 4
-#: Smallest zero offset of the force sensor that counts as significant, in standard errors.
+#: Number of standard errors above which a zero offset of the force sensor is significant.
 #: `MIN_ZERO_FRACTION` of the preload is added to this limit.
 MIN_ZERO_ERRORS = 6.0
-#: Smallest zero offset of the force sensor that counts as significant, relative to the preload.
+#: Fraction of the preload that is added to `MIN_ZERO_ERRORS` standard errors, above which a zero
+#: offset of the force sensor is significant.
 MIN_ZERO_FRACTION = 0.005
-#: Number of estimates of the zero offset. Each uses the flights that follow from the previous
-#: estimate.
+#: Number of successive estimates of the force sensor's zero offset. Each uses the flights that
+#: follow from the preload of the previous estimate.
 ZERO_ROUNDS = 5
 
 
 def add_zero_offset(fit: Candidate) -> Candidate:
-    """Return the candidate with the force sensor's zero offset as a free parameter.
+    """Return a start for a search in which the force sensor's zero offset is free.
 
-    In flight the sensor shows its zero. A candidate without flights is returned unchanged. Case: a
-    sensor with an offset, which otherwise is part of the preload
+    In flight the contact force is zero, so the sensor shows its zero offset. A candidate with fewer
+    than `MIN_FLYING_SAMPLES` samples in flight is returned unchanged. Case: a sensor with an
+    offset, which otherwise becomes part of the preload
     (``test_a_sensor_shows_its_zero_in_flight``).
     """
     like, in_flight = fit.likelihood, forces_in_flight(fit)
@@ -45,7 +47,8 @@ def add_zero_offset(fit: Candidate) -> Candidate:
 def find_zero_in_flight(flying: Candidate) -> float | None:
     """Return the zero offset of the force sensor (N), estimated from the flights.
 
-    It is None if the flights do not identify it. Case: two masses fitted to the speeds in contact
+    It is None if it is not significant, if there are too few samples in flight, or if the preload
+    is fixed. Case: two masses fitted to the speeds in contact
     (``test_a_stem_that_leaves_a_cam_of_arcs``).
     """
     like, x, zero = flying.likelihood, flying.x.copy(), 0.0
@@ -65,7 +68,10 @@ def find_zero_in_flight(flying: Candidate) -> float | None:
 
 
 def forces_in_flight(fit: Candidate) -> FloatArray:
-    """Return the measured forces (N) at which the follower is off the cam."""
+    """Return the measured forces (N) while the computed follower is off the cam.
+
+    The shape is ``(n,)``, over all steady-speed segments.
+    """
     flying = [
         fit.likelihood.samples(i)[1].value[predicted.turn.evaluate(predicted.force.angle)[1] == 0.0]
         for i, predicted in enumerate(fit.predicted)

@@ -1,9 +1,10 @@
-"""Residuals of a follower against the measured samples, and their derivatives.
+"""Residuals of a computed follower against the measured samples, and their derivatives.
 
-The same samples identify the errors of the instruments. These are, for each segment, the phase of
-the samples against the encoder and the error of its speed. For all segments together they are the
-error of the sensors' clock, the zero of the lift, and optionally its backlash, the zero of the
-force and a resonance of the force sensor.
+The run consists of segments, each with a steady cam speed. The same samples also identify the
+errors of the instruments. Each segment has its own phase (cam angle minus encoder angle) and speed
+error. All segments share the error of the sensors' clock and the zero of the lift. Optionally they
+also share the backlash of the lift gauge, the zero of the force, and a resonance of the force
+sensor.
 """
 
 from __future__ import annotations
@@ -41,29 +42,34 @@ from cam_rig.studies.fit_rig.run.steady_turn import (
 from cam_rig.studies.fit_rig.run.turns import MeasuredSegment, SegmentSamples
 from cam_rig.units import TURN, FloatArray
 
-#: Step of a search variable for a difference quotient, relative to its scale.
+#: Step of a search variable for a difference quotient, relative to the scale of the variable.
 RELATIVE_STEP = 1e-5
-#: Scale of the search variable for the speed error of a segment, in standard errors of the speed.
+#: Scale of the search variable for the speed error of a steady-speed segment, in standard errors of
+#: the speed. The step of its difference quotient is relative to it.
 SPEED_SCALE = 10.0
-#: Step of an angle for a difference quotient, rad.
+#: Step of the cam angle for a difference quotient, rad.
 ANGLE_STEP = 1e-6
-#: Factor from the search variable of the clock's error (ppm) to the relative error.
+#: Factor from the search variable of the clock's error (ppm) to the relative error of the clock.
 PPM = 1e-6
-#: Expected error of the cam angle of a bounce, as a fraction of the angle since the first landing
-#: of its series. A small error at a landing grows at its bounces.
+#: Possible error of the cam angle of a later landing in a series of bounces, as a fraction of the
+#: angle since the first landing of the series. A small error of a landing grows from bounce to
+#: bounce.
 BOUNCE_ANGLE_FRACTION = 0.5
-#: Number of angles near a sample at which the force is evaluated. The error of a landing in a
-#: series is at most half the width of the series, so some of these angles are outside the series.
+#: Number of cam angles near a sample at which the force is evaluated to find its range. The
+#: possible error of a landing is at most half the width of its series of bounces, so some of these
+#: angles are outside the series.
 FORCE_POINTS = 65
-#: Residual assigned to every sample of a segment without a periodic turn, in standard deviations.
+#: Residual, in standard deviations, of every sample at a speed at which the computed follower has
+#: no periodic turn. It is large, so that a search avoids such parameters.
 NO_TURN_RESIDUAL = 1e3
 
 
 @dataclass(frozen=True, eq=False)
 class PredictedSignal:
-    """Computed quantity at the samples that count in a segment, ``(n,)`` each.
+    """Computed lift or force at the samples of a steady-speed segment, ``(n,)`` each.
 
-    ``residual`` is ``value`` less the measured value. ``angle`` is the cam angle in rad.
+    ``value`` is the computed value, ``residual`` this minus the measured value (both m or N).
+    ``angle`` is the cam angle in rad. Samples that are excluded near landings are not included.
     """
 
     angle: FloatArray
@@ -73,7 +79,7 @@ class PredictedSignal:
 
 @dataclass(frozen=True, eq=False)
 class PredictedSegment:
-    """Computed periodic turn of a segment, with its lift and force at the samples."""
+    """Computed periodic turn at a steady speed, with lift and force at the samples."""
 
     turn: PeriodicTurn
     lift: PredictedSignal
@@ -82,14 +88,16 @@ class PredictedSegment:
 
 @dataclass(eq=False)
 class Likelihood:
-    """Residuals of a fit in standard deviations, and their derivatives.
+    """Residuals of a fit to a run in standard deviations, and their derivatives.
 
-    ``free`` are the names of the follower's free parameters, ``fixed`` the values of the others.
-    ``lift_noise`` (m) and ``force_noise`` (N) are standard deviations. ``relative_force_noise`` is
-    the noise of the force relative to the force, which is added to it. ``backlash``, ``resonance``
-    and ``zero_offset`` are True if the gauge has a backlash, and the force sensor a resonance and a
-    zero offset. ``force_masks`` are masks of the force samples that count, one per segment, by
-    default all True. ``pressing`` are the forces (N) to which their noise is proportional.
+    ``segments`` are the samples at each steady speed. ``free`` are the names of the follower's free
+    parameters, ``fixed`` the values (SI) of the others. ``stem_stiffness`` (N/m) is that of one
+    mass, or None. ``lift_noise`` (m) and ``force_noise`` (N) are standard deviations.
+    ``relative_force_noise`` is a further standard deviation of the force, relative to the force.
+    ``backlash``, ``resonance`` and ``zero_offset`` are True if the lift gauge's backlash, and the
+    force sensor's resonance and zero offset, are free. ``force_masks`` has one boolean mask per
+    segment, True for the force samples that are included (default: all). ``pressing`` are the
+    computed forces (N) to which the relative noise applies, one array per segment.
     """
 
     law: Law
@@ -112,48 +120,57 @@ class Likelihood:
         self.pressing = self.pressing or [np.zeros(size) for size in sizes]
 
     def samples(self, i: int) -> tuple[SegmentSamples, SegmentSamples]:
-        """Return the samples of lift and force that count in a segment.
+        """Return the included samples of lift and of force in a steady-speed segment.
 
-        ``i`` is the index of the segment. Forces next to landings do not count.
+        ``i`` is the index of the segment. Force samples next to landings are excluded.
         """
         return self.segments[i].lift, self.segments[i].force.where(self.force_masks[i])
 
     def sizes(self, i: int) -> tuple[int, int]:
-        """Return the numbers of samples of lift and force that count in a segment."""
+        """Return the numbers of included samples of lift and force in segment ``i``.
+
+        A segment is a time of steady cam speed. Force samples next to landings are excluded.
+        """
         return self.segments[i].lift.value.size, int(self.force_masks[i].sum())
 
     @property
     def noise(self) -> tuple[float, float, float]:
-        """Noise of lift (m) and force (N), and the force's relative noise."""
+        """Standard deviations of lift (m) and force (N), and the force's relative noise."""
         return self.lift_noise, self.force_noise, self.relative_force_noise
 
     def force_deviation(self, i: int) -> FloatArray:
-        """Return the standard deviation (N) of the forces that count in a segment."""
+        """Return the standard deviations (N) of segment ``i``'s included forces, ``(n,)``.
+
+        A segment is a time of steady cam speed. Force samples next to landings are excluded.
+        """
         part = self.relative_force_noise * self.pressing[i][self.force_masks[i]]
         return np.asarray(np.hypot(self.force_noise, part))
 
     @cached_property
     def instruments(self) -> Instruments:
-        """Positions of the instruments' errors among the search variables."""
+        """Positions of the instrument errors in the vector of search variables."""
         lift = any(segment.lift.since.size for segment in self.segments)
         is_free = (True, lift, lift and self.backlash, self.zero_offset, *[self.resonance] * 2)
         single = tuple(name for name, free in zip(SHARED, is_free, strict=True) if free)
         return Instruments(len(self.free), len(self.segments), single)
 
     def single(self, x: FloatArray, name: str) -> float:
-        """Return the value of an instrument error of `SHARED`, or 0 if it is not free.
+        """Return the value of a shared instrument error, or 0 if it is not free.
 
-        ``x`` are the search variables.
+        ``x`` are the search variables. ``name`` is a key of `SHARED`. The unit is that of the key.
         """
         index = self.instruments.index.get(name)
         return 0.0 if index is None else float(x[index])
 
     def values(self, x: FloatArray) -> dict[str, float]:
-        """Return all parameters of the follower by name, for the search variables ``x``."""
+        """Return all parameters of the follower (SI) by name at search variables ``x``."""
         return self.fixed | from_search(self.free, x)
 
     def speed_of(self, x: FloatArray, i: int) -> float:
-        """Return the cam speed (rad/s) of a segment, with its fitted error."""
+        """Return the cam speed (rad/s) of steady-speed segment ``i``.
+
+        It is corrected by its fitted error in the search variables ``x``.
+        """
         segment = self.segments[i].line
         return segment.speed + float(x[self.instruments.speeds][i]) * segment.speed_error
 
@@ -162,8 +179,9 @@ class Likelihood:
     ) -> PeriodicTurn | None:
         """Return the periodic turn at the speed of a segment, or None if no turn repeats.
 
-        A follower that chatters has no periodic turn. ``x`` are the search variables, and ``near``
-        is a turn of nearly the same follower.
+        A segment is a time of steady cam speed, and ``i`` is its index. A follower that chatters
+        has no periodic turn. ``x`` are the search variables. ``near`` is a turn of nearly the same
+        follower, from which the solution starts.
         """
         follower, speed = build_follower(self.values(x), self.stem_stiffness), self.speed_of(x, i)
         try:
@@ -179,7 +197,8 @@ class Likelihood:
     ) -> PredictedSegment | None:
         """Return computed lift and force of a segment, or None without a periodic turn.
 
-        ``x`` are the search variables, and ``near`` is a turn of nearly the same follower.
+        A segment is a time of steady cam speed, and ``i`` is its index. ``x`` are the search
+        variables. ``near`` is a turn of nearly the same follower, from which the solution starts.
         """
         turn = self.steady(x, i, near)
         if turn is None:
@@ -199,7 +218,11 @@ class Likelihood:
     def _sensed(
         self, x: FloatArray, turn: PeriodicTurn, i: int
     ) -> Callable[[FloatArray], FloatArray]:
-        """Return a function for the force (N) that the sensor shows, by cam angle (rad)."""
+        """Return a function for the force (N) that the sensor shows, by cam angle (rad).
+
+        It includes the zero offset and the resonance of the sensor, if they are free. ``turn`` is
+        the periodic turn of segment ``i``.
+        """
         zero = self.single(x, FORCE_ZERO)
         if not self.resonance:
             return lambda angle: turn.evaluate(angle)[1] + zero
@@ -208,7 +231,11 @@ class Likelihood:
         return lambda angle: response(angle) + zero
 
     def angles(self, x: FloatArray, i: int, since: FloatArray) -> FloatArray:
-        """Return the cam angles (rad) of a segment at times (s) since its middle."""
+        """Return the cam angles (rad) of segment ``i`` at times ``since`` its middle (s).
+
+        A segment is a time of steady cam speed. The angles include the fitted phase, speed error
+        and clock error in the search variables ``x``.
+        """
         clock = PPM * self.single(x, CLOCK)
         begin = self.segments[i].angle + float(x[self.instruments.phases][i])
         return np.asarray(begin + self.speed_of(x, i) * (1.0 + clock) * since)
@@ -216,7 +243,8 @@ class Likelihood:
     def residuals(self, x: FloatArray) -> FloatArray:
         """Return all residuals in standard deviations, ``(m,)``.
 
-        Segments without a periodic turn have the residual `NO_TURN_RESIDUAL`.
+        They are lift and force of each steady-speed segment, then one speed error per segment.
+        Samples of a segment without a periodic turn have the residual `NO_TURN_RESIDUAL`.
         """
         blocks = list[FloatArray]()
         for i in range(len(self.segments)):
@@ -229,13 +257,21 @@ class Likelihood:
         return np.concatenate([*blocks, x[self.instruments.speeds]])
 
     def jacobian(self, x: FloatArray) -> FloatArray:
-        """Return the derivatives of the residuals by the search variables, ``(m, n)``."""
+        """Return the derivatives of the residuals by the search variables, ``(m, n)``.
+
+        The rows are in the order of `residuals`.
+        """
         blocks = [self._segment_jacobian(x, i) for i in range(len(self.segments))]
         last = np.zeros((len(self.segments), x.size))
         last[:, self.instruments.speeds] = np.eye(len(self.segments))
         return np.vstack([*blocks, last])
 
     def _segment_jacobian(self, x: FloatArray, i: int) -> FloatArray:
+        """Return the derivatives of a segment's residuals, ``(k, n)``.
+
+        They are those of the k residuals at one steady speed by the n search variables. They are
+        zero without a periodic turn.
+        """
         base, instruments = self.predicted(x, i), self.instruments
         lifts, forces = self.sizes(i)
         out = np.zeros((lifts + forces, x.size))
@@ -269,9 +305,10 @@ class Likelihood:
         return out
 
     def _by_angle(self, x: FloatArray, i: int, base: PredictedSegment) -> FloatArray:
-        """Return the derivatives of a segment's lift and force by the cam angle.
+        """Return the derivatives of a segment's lift and force by the cam angle, ``(k,)``.
 
-        They are central differences.
+        A segment is a time of steady cam speed. The derivatives are central differences at the
+        samples of lift (m/rad), then of force (N/rad).
         """
         sensed = self._sensed(x, base.turn, i)
         steps = (ANGLE_STEP, -ANGLE_STEP)
@@ -282,9 +319,10 @@ class Likelihood:
         )
 
     def start(self, values: dict[str, float], phase: float, zero: float) -> FloatArray:
-        """Return the search variables for given parameter values.
+        """Return the search variables for given parameter values, ``(n,)``.
 
-        ``phase`` (rad) is that of all segments, ``zero`` the zero of the lift (m).
+        ``values`` are in SI by name. ``phase`` (rad) is that of all steady-speed segments, ``zero``
+        the zero of the lift (m). The other instrument errors are 0.
         """
         instruments = self.instruments
         x = np.zeros(instruments.size)
@@ -295,10 +333,11 @@ class Likelihood:
         return x
 
     def exclude_landings(self, x: FloatArray, guard: float) -> bool:
-        """Exclude the force samples next to landings from the fit.
+        """Exclude the force samples next to landings, where the force jumps.
 
-        The force jumps at a landing. ``guard`` is the distance in rad. Returns True if the set of
-        samples changed.
+        ``guard`` is the excluded distance in rad on both sides of a landing. Later landings of a
+        series of bounces have a larger distance. Returns True if the set of included samples
+        changed.
         """
         before, self.force_masks, self.pressing = self.force_masks, [], []
         for i, segment in enumerate(self.segments):
@@ -311,9 +350,11 @@ class Likelihood:
     def _landing_errors(
         self, turn: PeriodicTurn | None, angle: FloatArray, guard: float
     ) -> FloatArray:
-        """Return the possible error (rad) of the landing next to each cam angle.
+        """Return the possible error (rad) of the landing next to each cam angle, ``(n,)``.
 
-        It is 0 at angles that are not next to a landing. ``turn`` is None without a periodic turn.
+        It is ``guard`` for the first landing of a series of bounces, and larger for the later ones.
+        It is 0 at angles that are not within this distance of a landing. ``turn`` is None without a
+        periodic turn.
         """
         errors = np.zeros(angle.size)
         for landing, first in () if self.resonance else list_bounces(turn):
@@ -325,7 +366,9 @@ class Likelihood:
     def landing_errors(self, x: FloatArray, i: int, guard: float) -> FloatArray:
         """Return the possible error (rad) of the landing next to each force sample.
 
-        It is 0 for samples that are not next to a landing.
+        The result has the shape ``(n,)`` for all samples of segment ``i``. It is 0 for samples that
+        are not next to a landing. ``guard`` (rad) is the error of the first landing of a series of
+        bounces.
         """
         return self._landing_errors(
             self.steady(x, i), self.angles(x, i, self.segments[i].force.since), guard
@@ -334,9 +377,10 @@ class Likelihood:
     def force_range_near(
         self, x: FloatArray, i: int, samples: NDArray[np.intp], width: FloatArray
     ) -> FloatArray:
-        """Return the smallest and the largest force near samples of a segment, ``(2, n)``.
+        """Return the smallest and largest computed force near force samples, ``(2, n)``.
 
-        The cam angles are within ``width`` (rad) of the samples. ``samples`` are their indices.
+        The range covers cam angles within ``width`` (rad) of each sample. ``samples`` are indices
+        into segment ``i``. Without a periodic turn the range is -inf to inf.
         """
         turn = self.steady(x, i)
         if turn is None:
@@ -347,10 +391,11 @@ class Likelihood:
         return np.stack([forces.min(axis=0), forces.max(axis=0)])
 
     def without_landings(self, x: FloatArray, guard: float) -> Likelihood:
-        """Return a copy without the samples during landings and their bounces.
+        """Return a copy without the samples during series of bounces.
 
-        They are left out from ``guard`` (rad) before a landing to the end of its bounces. Then the
-        follower is on the cam again, and its motion does not depend on the landing.
+        Lift and force samples are removed from ``guard`` (rad) before the first landing of a series
+        to the end of its bounces. After that the follower is on the cam again, and its motion does
+        not depend on the landings.
         """
         segments = tuple(
             self._segment_without_landings(x, i, guard) for i in range(len(self.segments))
@@ -358,6 +403,7 @@ class Likelihood:
         return replace(self, segments=segments, force_masks=[], pressing=[])
 
     def _segment_without_landings(self, x: FloatArray, i: int, guard: float) -> MeasuredSegment:
+        """Return steady-speed segment ``i`` without lift and force samples in bounces."""
         segment, bounces = self.segments[i], list_bounces(self.steady(x, i))
         parts = []
         for part in (segment.lift, segment.force):
@@ -374,8 +420,8 @@ class Likelihood:
 
 
 def _outside(angle: FloatArray, low: float, high: float) -> NDArray[np.bool_]:
-    """Return for each cam angle (rad) if it is outside ``low`` to ``high``.
+    """Return a mask of the cam angles (rad) outside the range ``low`` to ``high``.
 
-    The turn does not matter.
+    Angles are compared modulo a turn.
     """
     return np.asarray(np.mod(angle - low, TURN) > high - low)

@@ -1,9 +1,10 @@
 """Comparison of two fits by the logarithm of their likelihood ratio.
 
-A search leaves out the forces next to landings. A follower that bounces through the whole turn
-leaves out nearly all forces, including those that contradict it. Two fits are therefore compared by
-these samples too. The angle of a landing may have a small error, so the residual of a sample is its
-distance from all forces within that error.
+A search leaves out the force samples next to landings. A model that bounces through the whole turn
+would thereby leave out nearly all forces, including those that contradict it. The comparison of two
+fits therefore includes these samples. The computed angle of a landing may have a small error. The
+residual of such a sample is therefore its distance from the range of the computed forces within
+that error of the angle.
 """
 
 from __future__ import annotations
@@ -18,18 +19,19 @@ from cam_rig.studies.fit_rig.run.noise_model import update_noise
 from cam_rig.studies.fit_rig.run.search import GUARD, FitSolution, continue_from
 from cam_rig.units import FloatArray
 
-#: Largest increase of a sum of squares (in squared standard deviations) that is attributed to
-#: chance. With twenty parameters χ² exceeds it once in 140 000 cases.
+#: Largest increase of the sum of squared residuals, in squared standard deviations, that is
+#: attributed to chance when two fits are compared. With twenty parameters χ² exceeds it once in 140
+#: 000 cases.
 MAX_CHANCE_SSE = 60.0
 
 
 def contradicts(partial: FitSolution, complete: FitSolution) -> bool:
-    """Return True if the fit to all segments does not explain some segments.
+    """Return True if the fit of all speeds does not explain some of the speeds.
 
-    ``partial`` is the fit to these segments alone. The test is the growth of their sum of squares.
-    If one follower explains all segments, the sum grows by about the number of parameters. Case: a
-    stem that a rigid mass cannot fit in flight
-    (``test_parameters_of_all_speeds_may_contradict_some``).
+    ``partial`` is the fit to these speeds alone, ``complete`` that to all. The test is the increase
+    of the sum of squares of the steady-speed segments of ``partial``. If one follower explains all
+    segments, it increases by about the number of parameters. Case: a stem that a rigid mass cannot
+    fit in flight (``test_parameters_of_all_speeds_may_contradict_some``).
     """
     partial_likelihood, complete_likelihood = partial.likelihood, complete.likelihood
     order = [
@@ -53,7 +55,8 @@ def contradicts(partial: FitSolution, complete: FitSolution) -> bool:
 def log_ratio(first: FitSolution, other: FitSolution) -> float:
     """Return the log of the likelihood of the first fit relative to the other fit.
 
-    The ratio uses the segments and samples that both fits have.
+    A positive value favours ``first``. The ratio uses the steady-speed segments and the samples
+    that both fits include.
     """
     common = [
         (i, other.segments.index(h)) for i, h in enumerate(first.segments) if h in other.segments
@@ -74,13 +77,16 @@ def log_ratio(first: FitSolution, other: FitSolution) -> float:
     return logs[0] - logs[1]
 
 
-#: Limit of the square of a residual in a comparison of restitutions: six standard deviations
-#: squared. It limits the effect of a sample on the wrong side of a landing.
+#: Largest squared residual of one sample in a comparison of restitutions: the square of six
+#: standard deviations. It limits the effect of a sample that falls on the wrong side of a landing.
 MAX_SQUARE = 36.0
 
 
 def log_ratio_of_all(first: FitSolution, other: FitSolution) -> float:
-    """Return the log likelihood ratio of two fits, including samples near landings."""
+    """Return the log likelihood ratio of two fits, including samples near landings.
+
+    A positive value favours ``first``. See `log_ratio` for the ratio without these samples.
+    """
     ratio = log_ratio(first, other)
     for i, segment in enumerate(first.segments):
         if segment in other.segments:
@@ -89,10 +95,10 @@ def log_ratio_of_all(first: FitSolution, other: FitSolution) -> float:
 
 
 def _square_difference(first: FitSolution, i: int, other: FitSolution, k: int) -> float:
-    """Return the difference of the squared errors of two fits for excluded samples.
+    """Return the sum of squares of the other fit minus that of the first fit.
 
-    The samples are those that at least one of the fits excludes. ``i`` and ``k`` are the indices of
-    the segment in both fits.
+    It covers the force samples near landings that at least one of the fits excludes. ``i`` and
+    ``k`` are the indices of the same steady-speed segment in ``first`` and ``other``.
     """
     samples = np.flatnonzero(~(first.likelihood.force_masks[i] & other.likelihood.force_masks[k]))
     if not samples.size:
@@ -113,9 +119,11 @@ def _square_difference(first: FitSolution, i: int, other: FitSolution, k: int) -
 def _squared_distances(
     fit: FitSolution, i: int, samples: NDArray[np.intp], width: FloatArray
 ) -> FloatArray:
-    """Return the squared distances of force samples from all forces near their angle.
+    """Return the squared distances of force samples from the computed forces nearby.
 
-    The angles are within ``width`` (rad). The distances are in standard deviations.
+    A distance is that from the range of the computed forces at cam angles within ``width`` (rad) of
+    the sample, in standard deviations. It is 0 inside this range, and at most the root of
+    `MAX_SQUARE`. ``i`` is the index of the steady-speed segment, ``samples`` are indices into it.
     """
     like = fit.likelihood
     low, high = like.force_range_near(fit.x, i, samples, width)

@@ -1,4 +1,4 @@
-"""Choice of the model: one mass, vibrating force sensor, or masses with a stem.
+"""Choice of the model of a run: one mass, vibrating force sensor, or two masses and a stem.
 
 Each search starts from the result of the previous one, and the likelier model is chosen.
 """
@@ -30,25 +30,30 @@ from cam_rig.studies.fit_rig.run.stem_start import find_stem, has_residual_patte
 from cam_rig.units import TURN
 
 AnyCandidate = TypeVar("AnyCandidate", bound=Candidate)
-#: Smallest log likelihood ratio at which an elastic model replaces a simpler model. In the runs of
-#: ``test_rig_fit.py`` white and correlated noise alone give up to 3, a stem or a resonance 90 or
-#: more.
+#: Smallest log likelihood ratio at which an elastic stem or force sensor replaces a rigid model. In
+#: the runs of ``test_rig_fit.py``, white and correlated noise alone give up to 3, a stem or a
+#: resonance 90 or more.
 MIN_ELASTIC_LOG_RATIO = 30.0
-#: Smallest backlash of a gauge, in standard errors, that becomes a free parameter. Normal errors
-#: exceed six once in 5e8 fits.
+#: Smallest backlash of the lift gauge, in standard errors, at which it becomes a free parameter.
+#: Normally distributed errors exceed six standard errors once in 5e8 fits.
 FREE_BACKLASH_ERRORS = 6.0
-#: Smallest backlash that becomes a free parameter, relative to the lift. A smaller backlash is
-#: rounding.
+#: Smallest backlash at which it becomes a free parameter, relative to the total lift. A smaller
+#: backlash is rounding.
 MIN_BACKLASH_FRACTION = 1e-7
-#: Largest ratio of the residual patterns of two fits at which the patterns are attributed to one
-#: common noise.
+#: Largest ratio of the repeating force residuals of two fits (see `residual_pattern`) at which they
+#: are attributed to the same noise.
 MAX_PATTERN_RATIO = 2.0
-#: Restitutions from which a fit of lifts alone starts, one search each.
+#: Restitutions from which a fit to lifts without forces is started, one search each.
 START_RESTITUTIONS = (0.05, 0.25, 0.45, 0.65)
 
 
 def fit_one_mass(aligned: FitSolution, fixed: dict[str, float]) -> FitSolution:
-    """Fit one rigid mass to a run. The restitution is free if there are landings."""
+    """Fit one rigid mass to a run.
+
+    The restitution is a free parameter if the computed follower lands on the cam. ``fixed`` are
+    known values in SI. If the fit to all speeds contradicts the speeds in contact, the fit to the
+    speeds in contact is returned.
+    """
     if not _has_force(aligned):
         return _fit_lifts(aligned, fixed)
     in_contact = _fit_in_contact(
@@ -64,9 +69,10 @@ def fit_one_mass(aligned: FitSolution, fixed: dict[str, float]) -> FitSolution:
 def fit_two_masses(
     aligned: FitSolution, fixed: dict[str, float], progress: Progress
 ) -> FitSolution:
-    """Fit two masses and a stem to a run, if this model is requested.
+    """Fit two masses and a stem to a run, if the user has requested this model.
 
-    One mass is searched for only as far as the start requires.
+    ``fixed`` are known values in SI. One rigid mass is fitted first, only to the extent required
+    for the start values.
     """
     rigid = {name: value for name, value in fixed.items() if name not in TWO_MASS_ONLY}
     in_contact = _fit_in_contact(
@@ -81,10 +87,11 @@ def fit_two_masses(
 
 
 def fit_elastic(one_mass: FitSolution, fixed: dict[str, float], progress: Progress) -> FitSolution:
-    """Fit a vibrating force sensor and a stem, and return the likeliest model.
+    """Return the likeliest of one rigid mass, a vibrating force sensor, and a stem.
 
-    The simplest model is one mass. The vibration is identified at the speeds in contact, if it is
-    visible there. Bounces of a rigid mass on data of an elastic stem identify nothing.
+    ``one_mass`` is the fit of the simplest model. The vibration is searched for at the speeds in
+    contact, if the residuals show it there. At speeds with flights, a rigid mass does not fit the
+    data of an elastic stem, and its residuals do not identify the stem.
     """
     if any(segment.rings for segment in one_mass.segments):
         progress.describe("a resonance of the force sensor")
@@ -109,12 +116,13 @@ def fit_elastic(one_mass: FitSolution, fixed: dict[str, float], progress: Progre
     return two_masses if log_ratio(two_masses, best) > MIN_ELASTIC_LOG_RATIO else best
 
 
-# One mass.
+# Fits of one rigid mass.
 
 
 def _without_restitution(
     fixed: dict[str, float], names: tuple[str, ...] = ONE_MASS
 ) -> tuple[str, ...]:
+    """Return the names of the parameters that are free, without the restitution."""
     return tuple(name for name in names if name not in fixed and name != "restitution")
 
 
@@ -125,9 +133,9 @@ def _start_values(aligned: FitSolution, fixed: dict[str, float]) -> dict[str, fl
 def _fit_in_contact(
     one_mass: Candidate, free: tuple[str, ...], values: dict[str, float]
 ) -> FitSolution | None:
-    """Fit one mass to the speeds in contact only.
+    """Fit one mass to those speeds only at which the follower keeps contact.
 
-    Returns None if all speeds are in contact, or these speeds have no force.
+    Returns None if contact is kept at all speeds, or if no force was measured at these speeds.
     """
     indices = _contact_segments(one_mass)
     if len(indices) == len(one_mass.segments) or not _has_force(one_mass, indices):
@@ -136,16 +144,19 @@ def _fit_in_contact(
 
 
 def _contact_segments(fit: Candidate) -> list[int]:
-    """Return the indices of the segments in which the follower keeps contact.
+    """Return the indices of the steady speeds at which the follower keeps contact.
 
-    The forces are used too. On a stem a follower leaves a cam with acceleration steps at lower
-    speeds than a rigid mass (``test_a_stem_that_leaves_a_cam_of_arcs``).
+    A speed is included if the computed follower does not land and the measured force shows no loss
+    of contact. The force is needed because a follower on a stem leaves a cam with acceleration
+    steps at lower speeds than a rigid mass (``test_a_stem_that_leaves_a_cam_of_arcs``). If the
+    force excludes all speeds, only the first condition applies.
     """
     in_contact = [i for i, landings in enumerate(fit.landings) if not landings]
     return [i for i in in_contact if fit.segments[i].presses] or in_contact
 
 
 def _has_force(fit: Candidate, segments: list[int] | None = None) -> bool:
+    """Return True if a force was measured at any of the given steady speeds."""
     indices = range(len(fit.segments)) if segments is None else segments
     return any(fit.segments[i].force.value.size for i in indices)
 
@@ -155,7 +166,8 @@ def _fit_all(
 ) -> FitSolution:
     """Fit one rigid mass to all speeds.
 
-    The search starts from the fit of the speeds without landings, if there is one.
+    The search starts from ``in_contact``, the fit to the speeds without landings, if there is one.
+    If the follower lands at some speeds, the restitution is fitted too.
     """
     if in_contact is None:
         free, values = _without_restitution(fixed), _start_values(aligned, fixed)
@@ -170,11 +182,11 @@ def _fit_all(
 
 
 def extend_solution(one_mass: Candidate, partial: FitSolution) -> Candidate:
-    """Return the solution of some speeds as a candidate for all segments of ``one_mass``.
+    """Return a start at all speeds of ``one_mass`` from the solution at some of them.
 
-    The phases of all segments are on the line through those of some, ψ = a + b ω t. A single
-    segment gives no line. All phases are then shifted by the change of its phase. Case: speeds with
-    flights next to speeds in contact (``test_a_partial_solution_is_extended_to_all_speeds``).
+    The phase ψ (cam angle minus encoder angle) of each speed follows the line ψ = a + b ω t through
+    the known phases. If only one phase is known, all phases are shifted by its change. Case: speeds
+    with flights next to speeds in contact (``test_a_partial_solution_is_extended_to_all_speeds``).
     """
     likelihood = partial.likelihood
     start = continue_from(
@@ -198,10 +210,11 @@ def extend_solution(one_mass: Candidate, partial: FitSolution) -> Candidate:
 
 
 def _fit_lifts(aligned: FitSolution, fixed: dict[str, float]) -> FitSolution:
-    """Fit one rigid mass to lifts alone.
+    """Fit one rigid mass to lifts without forces.
 
-    Flights and bounces are identifiable together or not at all. The search therefore starts from
-    several restitutions, and the best result is returned. Case: lifts of a rig far from the start
+    The flights depend on all parameters together, including the restitution. The search therefore
+    starts from several restitutions, and the best result is returned. Raises a `ConfigError` if no
+    result has a periodic motion at every speed. Case: lifts of a rig far from the start values
     (``test_lifts_identify_a_rig_far_from_the_start``).
     """
     free = tuple(name for name in ONE_MASS if name not in fixed)
@@ -218,10 +231,11 @@ def _fit_lifts(aligned: FitSolution, fixed: dict[str, float]) -> FitSolution:
 
 
 def _has_backlash(fit: FitSolution) -> bool:
-    """Return True if the gauge has a backlash.
+    """Return True if the lift gauge has a significant backlash.
 
-    The lift residuals after rises and after falls then differ. Case: a gauge with backlash, which
-    without it changes the damping (``test_backlash_is_identified``).
+    The lift residuals after rises and after falls then differ. The backlash is estimated by one
+    linear step. Case: a gauge with backlash, which otherwise changes the fitted damping
+    (``test_backlash_is_identified``).
     """
     if ZERO not in fit.likelihood.instruments.index:
         return False
@@ -236,13 +250,13 @@ def _has_backlash(fit: FitSolution) -> bool:
     return bool(abs(step[index]) > threshold)
 
 
-# An elastic stem, or an elastic force sensor.
+# Fits with an elastic stem, or with a resonance of the force sensor.
 
 
 def _in_contact_if_patterned(one_mass: AnyCandidate) -> AnyCandidate | FitSolution:
-    """Fit one mass to the speeds in contact, and return that fit if it has a pattern.
+    """Return the fit to the speeds in contact if its force residuals have a pattern.
 
-    If there is no such fit, or its force residual has no pattern, ``one_mass`` is returned.
+    See `has_residual_pattern`. If there is no such fit or pattern, ``one_mass`` is returned.
     """
     in_contact = _fit_in_contact(one_mass, one_mass.smooth, one_mass.values)
     return one_mass if in_contact is None or not has_residual_pattern(in_contact) else in_contact
@@ -254,9 +268,10 @@ def _search_two_masses(
     stem: dict[str, float],
     fixed: dict[str, float],
 ) -> FitSolution:
-    """Fit two masses, starting from a stem and from one mass on the cam.
+    """Fit two masses and a stem.
 
-    The one mass is fitted to the speeds in contact.
+    The search starts from the stem ``stem`` (SI by name) and from ``one_mass_in_contact``, the
+    rigid mass fitted to the speeds in contact. The restitution is fitted afterwards.
     """
     free = _without_restitution(fixed, TWO_MASSES)
     start = one_mass_in_contact.values | {"restitution": 0.0} | stem | fixed
@@ -270,9 +285,10 @@ def _search_two_masses(
 
 
 def _add_restitution(one_mass: Candidate, in_contact: FitSolution) -> FitSolution:
-    """Add the restitution to a fit of the speeds without flights.
+    """Add an estimate of the restitution to a fit of the speeds in contact.
 
-    The restitution is that of the speeds with flights.
+    The restitution is estimated at the speeds with flights, with the other parameters fixed. If the
+    flights show a zero offset of the force sensor, this offset is added instead.
     """
     if len(in_contact.segments) == len(one_mass.segments):
         return in_contact
@@ -289,14 +305,15 @@ def _add_restitution(one_mass: Candidate, in_contact: FitSolution) -> FitSolutio
 def _fit_two_masses_in_contact(
     one_mass: Candidate, free: tuple[str, ...], start: dict[str, float]
 ) -> FitSolution | None:
-    """Fit two masses to the speeds without landings.
+    """Fit two masses to the speeds without landings, or return None without a force.
 
-    Returns None if there is no force. Bounces on a stem depend on every parameter at once, and
-    their likelihood has a local maximum for each. Its curvature there does not identify the others.
-    On the cam the motion is linear. The fastest speed is left out while the force residual has a
-    pattern. The speeds left out may have led to a wrong stem, so a stem is also searched for
-    without them. A pattern that is as strong with fewer speeds is that of correlated noise, not of
-    flights. The largest number of speeds with it is therefore kept
+    Bounces on a stem depend on every parameter at once and cause many local maxima of the
+    likelihood, so speeds with landings are left out. In contact the motion is linear.
+
+    The fastest speed is left out as long as the force residuals have a pattern, because undetected
+    flights cause one. The speeds that are left out may have led to a wrong start for the stem, so
+    the stem is also searched for without them. If the pattern is as strong with fewer speeds, it is
+    correlated noise. The fit with the most speeds of this pattern strength is then returned
     (``test_correlated_noise_of_the_force_drops_no_speed_on_the_cam``).
     """
     indices, trials = _contact_segments(one_mass), list[FitSolution]()
@@ -319,6 +336,7 @@ def _fit_two_masses_in_contact(
 
 
 def _pattern_strength(fit: Candidate) -> float:
+    """Return the statistic of `residual_pattern` relative to its white-noise mean."""
     squares, parts = residual_pattern(fit)
     return squares / max(parts, 1.0)
 
@@ -326,9 +344,10 @@ def _pattern_strength(fit: Candidate) -> float:
 def _restart_from_stem(one_mass: Candidate, fit: FitSolution, indices: list[int]) -> FitSolution:
     """Repeat a fit of two masses from another stem, and return the likelier fit.
 
-    The other search starts from the stem that clearly improves one mass at these segments. Case: a
-    stem that was searched for with flights (``test_a_stem_that_leaves_a_cam_of_arcs``, and
-    ``test_errors_of_two_masses``, seed 179).
+    The other stem is searched for with one rigid mass at the same steady speeds ``indices``. It is
+    used only if it clearly improves the fit of the rigid mass. Case: the first stem was searched
+    for with flights (``test_a_stem_that_leaves_a_cam_of_arcs``, and ``test_errors_of_two_masses``,
+    seed 179).
     """
     rigid = search(
         continue_from(one_mass, one_mass.smooth, one_mass.values, indices, zero_offset=False)
@@ -343,6 +362,10 @@ def _restart_from_stem(one_mass: Candidate, fit: FitSolution, indices: list[int]
 
 
 def _search_resonance(one_mass: FitSolution, stem: dict[str, float]) -> FitSolution:
+    """Fit one mass with a resonance of the force sensor.
+
+    The start values of frequency and damping are those of the stem ``stem`` (SI by name).
+    """
     values = one_mass.values
     end_mass = values["mass"] * (1.0 - stem["roller_share"])
     rate = math.sqrt((stem["stem_stiffness"] + values["spring_stiffness"]) / end_mass)
@@ -354,10 +377,11 @@ def _search_resonance(one_mass: FitSolution, stem: dict[str, float]) -> FitSolut
 
 
 def _fit_ringing(one_mass: FitSolution) -> FitSolution:
-    """Fit one mass under a force sensor that shows pulls.
+    """Fit one mass if the force sensor vibrates, as its negative forces show.
 
-    No cam pulls, so no stem is searched for. The speeds in contact are used, because a landing
-    excites the sensor for the rest of the turn (``test_a_ringing_sensor_is_no_stem``).
+    A cam cannot pull the follower, so the vibration is that of the sensor, and no stem is fitted.
+    Only the speeds in contact are used, because a landing excites the sensor for the rest of the
+    turn (``test_a_ringing_sensor_is_no_stem``).
     """
     likelier = in_contact = _fit_in_contact(one_mass, one_mass.smooth, one_mass.values) or one_mass
     if has_residual_pattern(in_contact):

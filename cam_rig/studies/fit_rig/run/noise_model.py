@@ -1,7 +1,8 @@
 """Noise of the measured lift and force, estimated from the residuals of a fit.
 
-The errors are taken as normal and independent between samples. The lift has one standard deviation
-a_s. The force F has the standard deviation √(a² + b² F²), a constant floor a and a relative part b.
+The errors are taken as normally distributed and independent between samples. The lift has one
+standard deviation. The force F has the standard deviation √(a² + b² F²), with a constant floor a
+and a relative part b.
 """
 
 from __future__ import annotations
@@ -14,16 +15,19 @@ from scipy.optimize import nnls
 from cam_rig.studies.fit_rig.run.likelihood import NO_TURN_RESIDUAL, Likelihood
 from cam_rig.units import FloatArray, rms
 
-#: Number of reweighted least-squares fits that estimate the noise of the force.
+#: Number of least-squares fits that estimate the noise of the force. Each is weighted with the
+#: noise of the previous fit.
 NOISE_ROUNDS = 4
-#: Smallest constant part of the force's noise, relative to the total noise.
+#: Smallest constant part of the force's noise, relative to the total noise. It keeps the weights of
+#: small forces finite.
 MIN_FLOOR_FRACTION = 0.05
 
 
 def update_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:
     """Estimate the noise of lift and force from the residuals of a fit.
 
-    Returns True if it changed by more than 1 %.
+    ``residuals`` are in standard deviations of the previous noise. The noise in ``likelihood`` is
+    changed in place. Returns True if it changed by more than 1 %.
     """
     lifts, forces, pressing, start = [np.empty(0)], [np.empty(0)], [np.empty(0)], 0
     for i, (segment, mask) in enumerate(
@@ -31,7 +35,8 @@ def update_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:
     ):
         middle = start + segment.lift.value.size
         end = middle + int(mask.sum())
-        if (residuals[start:end] != NO_TURN_RESIDUAL).any():  # else it contains no noise
+        # Residuals of a segment without a periodic turn are a constant and contain no noise.
+        if (residuals[start:end] != NO_TURN_RESIDUAL).any():
             lifts.append(residuals[start:middle])
             forces.append(residuals[middle:end] * likelihood.force_deviation(i))
             pressing.append(likelihood.pressing[i][mask])
@@ -49,10 +54,11 @@ def update_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:
 
 
 def estimate_force_noise(residual: FloatArray, force: FloatArray) -> tuple[float, float]:
-    """Return the constant floor (N) and the relative part of the force's noise.
+    """Return the constant floor a (N) and the relative part b of the force's noise.
 
-    Residuals and forces are in N, ``(n,)`` each. The squares of the residuals are a² + b² F² on
-    average. They scatter by √2 of that, which sets the weights of the least squares.
+    ``residual`` and ``force`` are in N, ``(n,)`` each. The mean of the squared residuals is a² + b²
+    F², which is fitted by least squares. A squared residual scatters by √2 times its mean. The
+    weights of the least squares are therefore inverse to the mean.
     """
     squares, scale = residual**2, max(float(np.abs(force).max(initial=0.0)), 1e-12)
     total = float(squares.mean())

@@ -1,8 +1,9 @@
-"""Interval of the restitution by its profile likelihood.
+"""95 % interval of the coefficient of restitution, by its profile likelihood.
 
-A force sample that enters a bounce changes the residuals abruptly, so along the restitution the
-likelihood has plateaus and steps. Its curvature at a point is no measure of its width. The
-likelihood ratio is one. The other parameters are searched for again at each restitution.
+A force sample changes its residual abruptly when it enters or leaves a bounce. As a function of the
+restitution, the likelihood therefore has plateaus and steps, and its curvature at the maximum does
+not measure the uncertainty. The interval consists of the restitutions whose likelihood ratio to the
+best fit is small. At each restitution the other parameters are fitted again.
 """
 
 from __future__ import annotations
@@ -24,34 +25,35 @@ from cam_rig.studies.fit_rig.run.search import (
     search,
 )
 
-#: First step from the likeliest restitution (absolute, no unit). Each further step is twice as
-#: long.
+#: First step of the restitution (dimensionless) from its likeliest value in the search for an end
+#: of the interval. Each further step is twice as long.
 FIRST_STEP = 0.01
-#: Number of bisections of the last step. They locate the end of the interval to an eighth of that
-#: step.
+#: Number of bisections of the last step in the search for an end of the interval. They locate the
+#: end to an eighth of that step.
 HALVINGS = 3
-#: Largest number of searches for the interval. Each starts from the best restitution of the
-#: previous search.
+#: Largest number of searches for the interval. Each starts from the best restitution that the
+#: previous search tried.
 MAX_RESTARTS = 4
-#: Smallest log likelihood ratio by which another restitution must be better to start another
-#: search.
+#: Smallest log likelihood ratio by which another restitution must be better than the fit to start
+#: another search from it.
 MIN_RESTART_LOG_RATIO = 1.0
-#: Allowance of a log likelihood ratio for one sample on the wrong side of a landing, with a
-#: residual of three standard deviations.
+#: Increase of a log likelihood ratio that is tolerated because one sample may be on the wrong side
+#: of a landing by chance, with a residual of three standard deviations.
 SAMPLE_LOG_RATIO = 0.5 * 3.0**2
-#: Restitutions over the whole range that are tested after the search for the interval, if they are
-#: outside the interval.
+#: Restitutions over the whole range. Those outside the interval are tested after the search,
+#: because an equally likely value may be separated from the interval.
 OTHER_RESTITUTIONS = (0.1, 0.3, 0.5, 0.7, 0.9)
-#: Smallest restitution that is reported with a value. For a smaller restitution only the upper
-#: limit is reported.
+#: Smallest restitution that is reported with a value. A smaller restitution is reported as 0 with
+#: an upper limit.
 SMALL_BOUNCE = 0.02
 
 
 def profile_restitution(fit: FitSolution) -> FitSolution:
-    """Return the fit with the restitution in the middle of its interval of 95 %.
+    """Return the fit with the restitution in the middle of its 95 % interval.
 
-    The other parameters are fitted to the samples that no bounce affects. Two masses have no such
-    interval, because their bounces depend on every parameter at once.
+    The other parameters are fitted to the samples that no bounce affects. A fit of two masses is
+    returned unchanged, because their bounces depend on every parameter at once. A fit without
+    landings is returned unchanged too.
     """
     if "roller_share" in fit.values or not any(fit.landings):
         return fit
@@ -67,10 +69,11 @@ def profile_restitution(fit: FitSolution) -> FitSolution:
 
 
 def _without_landings(fit: FitSolution) -> Candidate:
-    """Return a candidate for a fit of the samples that no bounce affects.
+    """Return a start for a fit to the samples that no bounce affects.
 
-    The force's zero is free if these samples identify it. Late in a series of bounces a landing
-    passes samples within a standard error of a parameter. The sum of squares is discontinuous
+    The zero offset of the force is a free parameter if these samples identify it. The samples in
+    bounces are left out for this reason: late in a series of bounces, a change of a parameter by
+    less than its standard error moves a landing past a sample. The sum of squares is discontinuous
     there, and its curvature is that of a narrow local minimum.
     """
     start = Candidate(fit.likelihood.without_landings(fit.x, FIRST_GUARD), fit.x)
@@ -80,10 +83,11 @@ def _without_landings(fit: FitSolution) -> Candidate:
 
 
 def _restitution_interval(fit: FitSolution) -> tuple[FitSolution, float, float]:
-    """Return the likeliest fit, and the limits of the restitution's interval.
+    """Return the likeliest fit, and the lower and upper end of the 95 % interval.
 
-    A search stops in a local maximum. If another restitution is likelier, the next search starts
-    there (``test_error_of_restitution``, seed 27).
+    The interval is that of the restitution. A search may stop in a local maximum of the likelihood.
+    If a trial restitution is likelier than the fit, the next search starts there
+    (``test_error_of_restitution``, seed 27).
     """
     free = fit.likelihood.free
     index, number = free.index("restitution"), PARAMETERS["restitution"]
@@ -102,11 +106,12 @@ def _restitution_interval(fit: FitSolution) -> tuple[FitSolution, float, float]:
 def _widen(
     fit: FitSolution, index: int, low: float, high: float, level: float
 ) -> tuple[float, float]:
-    """Return the restitution's interval, extended to equally likely values outside it.
+    """Return the interval of the restitution, extended to likely values outside it.
 
-    If hardly a sample is in a bounce, the likelihood is nearly constant, and the best of its many
-    narrow maxima is likelier by chance. A maximum outweighs the whole range of the restitution only
-    if its log ratio exceeds the logarithm of the ratio of their widths. Case: a restitution next to
+    ``low`` and ``high`` are the ends of the interval, ``level`` is the log ratio of its ends. If
+    few samples are in a bounce, the likelihood is nearly constant, and the best of its many narrow
+    maxima is best only by chance. A maximum outweighs the whole range of the restitution only if
+    its log ratio exceeds the logarithm of the ratio of their widths. Case: a restitution next to
     the end of a narrow interval (``test_flights_identify_the_restitution``).
     """
     number = PARAMETERS["restitution"]
@@ -121,15 +126,18 @@ def _widen(
 
 
 def _fit_at(fit: Candidate, restitution: float) -> FitSolution:
+    """Fit the other free parameters at a fixed restitution."""
     return search(continue_from(fit, fit.smooth, fit.values | {"restitution": restitution}))
 
 
 def _interval_end(
     fit: FitSolution, index: int, limit: float, level: float
 ) -> tuple[float, list[FitSolution]]:
-    """Return the last likely restitution towards ``limit``, and the likely trial fits.
+    """Return one end of the restitution's interval, and the trial fits inside it.
 
-    A trial is likely if its log ratio is below ``level``.
+    The trials move from the fit's restitution towards ``limit``. A trial is inside the interval if
+    its log likelihood ratio is below ``level``. ``index`` is that of the restitution among the
+    search variables.
     """
     inside = float(fit.x[index])
     likely = list[FitSolution]()
@@ -149,10 +157,11 @@ def _interval_end(
 
 
 def _is_likely(fit: FitSolution, trial: FitSolution, level: float) -> bool:
-    """Return True if a trial fit is about as likely as a fit.
+    """Return True if a trial fit is nearly as likely as a given fit.
 
-    Every segment must be periodic, and the log ratio below ``level``. A single sample may be on
-    either side of a landing by chance. This alone does not end the interval.
+    Every steady-speed segment must have a periodic motion, and the log ratio must be below
+    ``level``. A single sample may be on either side of a landing by chance. The limit that includes
+    such samples is therefore higher by `SAMPLE_LOG_RATIO`.
     """
     if len(trial.segments) < len(fit.segments) or log_ratio(fit, trial) >= level:
         return False

@@ -1,7 +1,7 @@
-"""Start value of the restitution, from a search over its whole range.
+"""Start value of the coefficient of restitution, from trials over its whole range.
 
-Bounces make local maxima of the likelihood, and a search stops in the next one. All restitutions
-are therefore tried before a search.
+Bounces cause many local maxima of the likelihood, and a search stops in the nearest. Restitutions
+over the whole range are therefore tried before a search.
 """
 
 from __future__ import annotations
@@ -17,21 +17,22 @@ from cam_rig.studies.fit_rig.run.likelihood_ratio import MAX_SQUARE, log_ratio_o
 from cam_rig.studies.fit_rig.run.search import Candidate, FitSolution, continue_from, search
 from cam_rig.units import FloatArray
 
-#: Restitutions of the first trials, over the whole range.
+#: Restitutions of the first trials: nearly 0, then 0.025 to 0.9 in steps of 0.025.
 COARSE_RESTITUTIONS = (1e-3, *(0.025 * k for k in range(1, 37)))
-#: Number of equal steps of the second trials, which are between the neighbours of the likely first
-#: trials.
+#: Number of equal steps of the second trials. They cover the likely first trials and their
+#: neighbours.
 FINE_RESTITUTION_STEPS = 16
-#: Number of Gauss-Newton steps that fit the phase of a segment in a trial.
+#: Number of Gauss-Newton steps that fit the phase (cam angle minus encoder angle) of a steady-speed
+#: segment in a trial of a restitution.
 PHASE_STEPS = 4
-#: Step of the phase (rad) for the difference quotients of the Gauss-Newton steps that fit the phase
-#: of a segment.
+#: Step of a segment's phase (rad) for the difference quotients of the Gauss-Newton steps that fit
+#: the phase in a trial of a restitution.
 PHASE_DERIVATIVE_STEP = 1e-6
-#: Largest mean square residual, in squared standard deviations, that noise explains. It is above 1
-#: because of samples next to landings.
+#: Largest mean squared residual, in squared standard deviations, that is attributed to noise. It is
+#: above 1 because of samples next to landings.
 MAX_NOISE_SQUARES = 1.5
-#: 95 % quantile of χ² with one degree of freedom: allowance of the sum of squares for a likely
-#: restitution.
+#: Largest excess of the sum of squares over the best trial at which a restitution is likely: the 95
+#: % quantile of χ² with one degree of freedom.
 CHI_SQUARED_95 = 3.84
 #: Smallest logarithm of the likelihood ratio by which a free restitution must improve a fit. The
 #: tolerance of the search alone reaches 1e-7 if no landing depends on the restitution. A gain of
@@ -42,8 +43,10 @@ MIN_LOG_RATIO = 1e-4
 def search_restitution(fit: Candidate, fixed: dict[str, float]) -> FitSolution:
     """Fit the restitution and the other free parameters.
 
-    The search starts from the likeliest restitution with the values of the candidate. Case: several
-    local maxima (``test_all_restitutions_are_tried_before_a_search``).
+    The restitution is first tried over its whole range with the other values of the candidate
+    ``fit``. The search starts from the likeliest. If ``fixed`` contains the restitution, only the
+    other parameters are fitted. Case: several local maxima
+    (``test_all_restitutions_are_tried_before_a_search``).
     """
     if "restitution" in fixed:
         return search(continue_from(fit, fit.likelihood.free, fit.values))
@@ -56,12 +59,13 @@ def search_restitution(fit: Candidate, fixed: dict[str, float]) -> FitSolution:
 
 
 def free_restitution(fixed: FitSolution, free: tuple[str, ...]) -> FitSolution:
-    """Repeat a fit with the parameters ``free``, which contain the restitution.
+    """Repeat a fit with the restitution as an additional free parameter.
 
-    The result is the new fit if it is likelier by `MIN_LOG_RATIO` and keeps all segments. Otherwise
-    it is the fit ``fixed``, with the restitution among its free parameters at its previous value,
-    and with the derivatives by it. This is the case if bounces are lower than the noise of the
-    lift: no derivative then identifies the restitution, and the search drifts
+    ``fixed`` is the fit without it, ``free`` the names of all free parameters. The new fit is
+    returned if its log likelihood is higher by `MIN_LOG_RATIO` and it keeps all steady-speed
+    segments. Otherwise the old fit is returned, with the restitution free at its old value, and
+    with the derivatives by it. This happens if bounces are lower than the noise of the lift: no
+    derivative then identifies the restitution, and the search drifts
     (``test_error_of_restitution``, seeds 27, 61 and 151).
     """
     released = search(continue_from(fixed, free, fixed.values))
@@ -80,9 +84,10 @@ def free_restitution(fixed: FitSolution, free: tuple[str, ...]) -> FitSolution:
 def estimate_restitution(fit: Candidate) -> tuple[float, float] | None:
     """Return the restitution and its standard error, with the other parameters fixed.
 
-    The error is half the range of possible values, because the other parameters are not free. The
-    result is None if no restitution explains the flights to their noise. Case: a stem with flights
-    at the fastest speeds (``test_a_stem_that_leaves_a_cam_of_arcs``).
+    The error is half the range of possible values. This is wide on purpose, because the other
+    parameters are not varied. The result is None if no restitution explains the flights to their
+    noise. Case: a stem with flights at the fastest speeds
+    (``test_a_stem_that_leaves_a_cam_of_arcs``).
     """
     _, possible, step = _likely_restitutions(fit)
     best = min(possible, key=lambda trial: trial.sse)
@@ -95,9 +100,10 @@ def estimate_restitution(fit: Candidate) -> tuple[float, float] | None:
 def _likely_restitutions(
     fit: Candidate,
 ) -> tuple[list[RestitutionTrial], list[RestitutionTrial], float]:
-    """Return the likely and the possible restitutions as trials, and their step.
+    """Return trials of the likely and of the possible restitutions, and their step.
 
-    The step is the difference between two restitutions.
+    A trial is likely if its sum of squares exceeds the smallest by at most `CHI_SQUARED_95`, and
+    possible up to `MAX_SQUARE`. The step is the difference between neighbouring restitutions.
     """
     coarse = [_try_restitution(fit, bounce) for bounce in COARSE_RESTITUTIONS]
     min_sse = min(trial.sse for trial in coarse)
@@ -120,10 +126,10 @@ def _likely_restitutions(
 
 
 class RestitutionTrial(NamedTuple):
-    """Trial of a fixed restitution: the fit to a run with this value.
+    """Trial of a fixed restitution ``bounce``: the errors of a run with this value.
 
-    ``sse`` is the sum of squares over ``samples`` samples. ``phases`` (rad) are those of the
-    segments.
+    ``sse`` is the sum of squared residuals, in squared standard deviations, over ``samples``
+    samples. ``phases`` (rad) are the fitted phases of the steady-speed segments.
     """
 
     bounce: float
@@ -133,15 +139,17 @@ class RestitutionTrial(NamedTuple):
 
 
 def _try_restitution(fit: Candidate, bounce: float) -> RestitutionTrial:
-    """Fit the phase of each segment at a fixed restitution, and return the trial.
+    """Fit the phases at a fixed restitution, and return the trial.
 
-    The other parameters are those of ``fit``. The sum of squares covers the segments that have
-    lift-offs or landings, and those without a periodic turn.
+    There is one phase (cam angle minus encoder angle) per steady-speed segment. The other
+    parameters are those of ``fit``. The sum of squares covers the segments with lift-offs or
+    landings, and those without a periodic turn.
     """
     start = continue_from(fit, fit.smooth, fit.values | {"restitution": bounce})
     new, x = start.likelihood, start.x
     sse, samples = 0.0, 0
-    for i, segment in enumerate(new.segments):  # all forces, because bounces would hide them
+    # All forces are included: without those near bounces, a wrong restitution could fit.
+    for i, segment in enumerate(new.segments):
         predicted = new.predicted(x, i)
         if predicted is None:
             samples += segment.lift.value.size + segment.force.value.size
@@ -155,7 +163,11 @@ def _try_restitution(fit: Candidate, bounce: float) -> RestitutionTrial:
 
 
 def _fit_phase(start: Candidate, i: int, predicted: PredictedSegment) -> tuple[float, float]:
-    """Return the phase (rad) of a segment that fits its turn, and its sum of squares."""
+    """Return the phase (rad) that fits a steady-speed segment, and its sum of squares.
+
+    ``i`` is the index of the segment. ``predicted`` is its computed turn. The squares are in
+    squared standard deviations, each limited to `MAX_SQUARE`.
+    """
     phase = float(start.x[start.likelihood.instruments.phases][i])
     use_lift, shift = start.segments[i].lift.value.size > 0, 0.0
     for _ in range(PHASE_STEPS):
@@ -168,16 +180,18 @@ def _fit_phase(start: Candidate, i: int, predicted: PredictedSegment) -> tuple[f
     squares = [
         _signal_residuals(start, i, predicted, shift, is_lift) ** 2 for is_lift in (True, False)
     ]
-    # A landing with an error of less than a sample changes one force completely.
+    # The square is limited, because a landing that is early or late by less than a sample can
+    # change the force of that sample completely.
     return phase + shift, float(sum(np.minimum(part, MAX_SQUARE).sum() for part in squares))
 
 
 def _signal_residuals(
     start: Candidate, i: int, predicted: PredictedSegment, shift: float, use_lift: bool
 ) -> FloatArray:
-    """Return a segment's residuals of lift, or force, at angles ``shift`` rad later.
+    """Return a segment's residuals of lift or force at angles ``shift`` rad later.
 
-    They are in standard deviations, of the lift if ``use_lift`` is True.
+    They are those of the lift if ``use_lift`` is True, otherwise of the force, in standard
+    deviations. ``i`` is the index of the steady-speed segment.
     """
     like, x = start.likelihood, start.x
     measured = like.samples(i)

@@ -1,4 +1,4 @@
-"""Result of a fit to a measured run: parameters, residuals by speed, instruments."""
+"""Result of a fit to a measured run: parameters, instrument errors, residuals by speed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from cam_rig.studies.fit_rig.run.models import MIN_BACKLASH_FRACTION
 from cam_rig.studies.fit_rig.run.search import FitSolution
 from cam_rig.units import round_to_error
 
-#: Instrument errors by key, each with its description, displayed unit and SI unit.
+#: Description, displayed unit and SI unit of each estimated instrument error, by its key in the
+#: JSON and CSV output.
 INSTRUMENTS = {
     "encoder_offset": ("encoder at θ = 0", "°", "rad"),
     "clock_drift": ("sensors' clock drift", "ppm", "1"),
@@ -34,9 +35,11 @@ INSTRUMENTS = {
 
 @dataclass(frozen=True)
 class SegmentFit:
-    """Residuals of the fit at one speed, and lift-offs.
+    """Residuals of the fit, and lift-offs, at one steady speed.
 
-    ``lift`` (m) and ``force`` (N) are r.m.s. residuals. ``lift_offs`` are counted per turn.
+    ``rpm`` is the cam speed. ``turns`` and ``samples`` are the numbers of measured turns and of
+    included samples. ``lift`` (m) and ``force`` (N) are r.m.s. residuals, or None if not measured.
+    ``lift_offs`` is the computed number per turn.
     """
 
     rpm: float
@@ -49,9 +52,10 @@ class SegmentFit:
 
 @dataclass(frozen=True)
 class InstrumentEstimate:
-    """Estimate of an instrument error in SI, with its standard error.
+    """Estimate of an instrument error, with its standard error.
 
-    ``key`` is a key of `INSTRUMENTS`.
+    ``key`` is a key of `INSTRUMENTS`. ``value`` and ``error`` are in the SI unit listed there.
+    ``error`` is None if it was not estimated.
     """
 
     key: str
@@ -60,13 +64,13 @@ class InstrumentEstimate:
 
     @property
     def scale(self) -> float:
-        """Value of one displayed unit in SI."""
+        """Factor from the displayed unit to the SI unit."""
         unit = INSTRUMENTS[self.key][1]
         return 1e-6 if unit == "ppm" else SI_UNITS.get(unit, ("", 1.0))[1]
 
     @property
     def value_text(self) -> str:
-        """Instrument error in the displayed unit as text, rounded to its standard error."""
+        """Value in the displayed unit as text, rounded to its standard error."""
         value = self.value / self.scale
         if self.error is None:
             return format_number(value, ".4g")
@@ -74,7 +78,7 @@ class InstrumentEstimate:
 
     @property
     def displayed_error(self) -> float | None:
-        """Standard error in the displayed unit."""
+        """Standard error in the displayed unit, or None if it was not estimated."""
         return None if self.error is None else self.error / self.scale
 
 
@@ -82,8 +86,10 @@ class InstrumentEstimate:
 class RigFit(RigParameters):
     """Follower parameters and instrument errors, identified from a measured run.
 
+    ``segments`` are the residuals by steady speed. ``solution`` is the final state of the search.
     ``correlation_lengths`` are those of `Uncertainty`. ``excluded`` are the speeds in rpm that
-    identify no parameter, or only the restitution.
+    contribute to no parameter, or only to the restitution. ``assumed`` has one sentence for each
+    group of values that the rig file takes from another rig.
     """
 
     schema = "cam_rig.fit_rig.1"
@@ -129,7 +135,7 @@ class RigFit(RigParameters):
 
     @property
     def residual_text(self) -> str:
-        """R.m.s. residuals of lift and force as text for a rig file."""
+        """R.m.s. noise of lift and force as text, for the rig file."""
         values = {number.key: f"{number.value / number.scale:.3g}" for number in self.instruments}
         names = (("lift_noise", "µm"), ("force_noise", "N"))
         parts = [f"{values[key]} {unit}" for key, unit in names if float(values.get(key, 0.0))]
@@ -148,11 +154,15 @@ class RigFit(RigParameters):
         ]
 
     def summary(self) -> list[str]:
-        """Return the notes on how the run was read, the parameters, and warnings."""
+        """Return notes on how the run was read, the parameters, and warnings."""
         return [*self.run.notes, *self.conclusions()]
 
     def conclusions(self) -> Iterator[str]:
-        """Yield the identified parameters, then reasons and warnings."""
+        """Yield the identified parameters as a sentence, then reasons and warnings.
+
+        The reasons explain missing values. The warnings concern excluded speeds and anomalies of
+        the residuals.
+        """
         parameters = ", ".join(number.to_sentence() for number in self.identified)
         model = "two masses and a stem" if self.model == "two_mass" else "one rigid mass"
         yield (
@@ -188,29 +198,32 @@ class RigFit(RigParameters):
         yield from _warnings(self)
 
 
-# Anomalies of the residuals: another cam, backlash, outliers, correlation.
-
-#: Correlation length of residuals (samples) above which they are not white noise.
+# Warnings about anomalies of the residuals: another cam, backlash, outliers, correlation.
+#: Correlation length of residuals, in samples, above which a warning reports that they are not
+#: white noise.
 MIN_CORRELATION_LENGTH = 1.5
-#: Smallest backlash that is reported, in standard errors.
+#: Smallest backlash of the lift gauge that is reported, in standard errors.
 MIN_BACKLASH_ERRORS = 2.0
-#: Residual of the lift above which a different cam is suspected, relative to the lift.
+#: R.m.s. residual of the lift above which a different cam is suspected, as a fraction of the total
+#: lift.
 MAX_LIFT_NOISE = 0.01
-#: Residual of the lift below which it is rounding instead of a gauge's noise, relative to the lift.
+#: R.m.s. residual of the lift below which it is rounding instead of a gauge's noise, as a fraction
+#: of the total lift. Such residuals get no warnings of outliers and correlation.
 ROUNDING_FRACTION = 1e-9
-#: Smallest fraction of the spectrum's power in eight adjacent lines at which a peak is reported.
+#: Smallest fraction of the residuals' spectral power within ±4 lines of its maximum at which the
+#: frequency is reported.
 MIN_PEAK_FRACTION = 0.3
-#: Residual above which a sample is an outlier, in standard deviations.
+#: Residual above which a sample is reported as an outlier, in standard deviations.
 OUTLIER_DEVIATIONS = 10.0
-#: Ratio of standard deviation to median absolute value of normal noise. A deviation from the median
-#: is not affected by outliers.
+#: Ratio of the standard deviation to the median absolute value of normally distributed noise. A
+#: deviation computed from the median is not affected by outliers.
 MEDIAN_TO_DEVIATION = 1.4826
 
 
 def _warnings(fit: RigFit) -> Iterator[str]:
-    """Yield a sentence for each anomaly of a fit.
+    """Yield a sentence for each anomaly of the residuals and instrument errors.
 
-    If another cam is suspected, this is the only sentence.
+    If the lift indicates another cam, this is the only sentence.
     """
     gauges = {number.key: number for number in fit.instruments}
     noise = gauges["lift_noise"].value if "lift_noise" in gauges else None
@@ -254,6 +267,7 @@ def _warnings(fit: RigFit) -> Iterator[str]:
 
 
 def _outliers(fit: RigFit) -> Iterator[str]:
+    """Yield a sentence each on the outliers of lift and of force, if there are any."""
     likelihood, parts = fit.solution.likelihood, {"lift": [np.empty(0)], "force": [np.empty(0)]}
     for i, predicted in enumerate(fit.solution.predicted):
         if predicted is not None:
@@ -272,9 +286,10 @@ def _outliers(fit: RigFit) -> Iterator[str]:
 
 
 def _frequency_text(fit: RigFit, name: str) -> str:
-    """Return the peak of the residual spectrum as text, empty without a peak.
+    """Return the frequency of the residuals' largest spectral peak as text.
 
-    ``name`` is lift or force. The spectrum is that of the segment with the clearest peak.
+    ``name`` is lift or force. The spectrum is that of the steady-speed segment with the clearest
+    peak. The text is empty if no peak contains `MIN_PEAK_FRACTION` of the power.
     """
     best, frequency = MIN_PEAK_FRACTION, None
     for i, predicted in enumerate(fit.solution.predicted):

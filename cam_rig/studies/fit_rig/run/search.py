@@ -1,7 +1,8 @@
-"""Maximum likelihood search: least squares of the residuals of periodic turns.
+"""Maximum likelihood search: least squares of lift and force residuals of periodic turns.
 
-With the noise of `noise_model`, the sum of squares in standard deviations is twice the negative
-logarithm of the likelihood.
+The motion at a steady speed is computed as a turn that repeats. With the noise of `noise_model`,
+the sum of squared residuals in standard deviations is twice the negative logarithm of the
+likelihood, up to a constant.
 """
 
 from __future__ import annotations
@@ -22,60 +23,70 @@ from cam_rig.studies.fit_rig.run.noise_model import update_noise
 from cam_rig.studies.fit_rig.run.turns import MeasuredSegment
 from cam_rig.units import FloatArray
 
-#: Largest number of searches of a fit. Before each the noise and the samples next to landings are
-#: updated.
+#: Largest number of least-squares searches in one fit. Before each of them the noise and the set of
+#: samples next to landings are updated.
 MAX_ROUNDS = 8
-#: Distance (rad) from a landing within which forces are left out in the first search.
+#: Distance (rad) from a landing within which force samples are left out in the first search of a
+#: fit. The force jumps at a landing.
 FIRST_GUARD = 0.05
-#: Distance (rad) from a landing within which forces are left out in the later searches.
+#: Distance (rad) from a landing within which force samples are left out in the later searches of a
+#: fit.
 GUARD = 0.01
-#: Largest number of steps of the first two searches, before the noise is known.
+#: Largest number of evaluations in each of the first two least-squares searches of a fit, in which
+#: the noise is not known yet.
 MAX_FIRST_STEPS = 6
-#: Largest number of steps of the later searches.
+#: Largest number of evaluations in each later least-squares search of a fit.
 MAX_STEPS = 40
-#: Relative decrease of the sum of squares below which a search stops.
+#: Relative decrease of the sum of squares below which a least-squares search stops.
 SSE_RTOL = 3e-7
-#: Smallest and largest damping ratio of a force sensor in the search.
+#: Smallest and largest damping ratio of the force sensor's resonance in the search.
 DAMPING_RATIO_LIMITS = (1e-4, 2.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """Likelihood and search variables ``(n,)``, from which a search can start."""
+    """Start of a search: the likelihood of a measured run, and search variables.
+
+    ``x`` ``(n,)`` are the values of the search variables: follower parameters and instrument
+    errors.
+    """
 
     likelihood: Likelihood
     x: FloatArray
 
     @property
     def segments(self) -> tuple[MeasuredSegment, ...]:
-        """Measured segments of the likelihood."""
+        """Steady-speed segments of the run to which the follower is fitted."""
         return self.likelihood.segments
 
     @property
     def values(self) -> dict[str, float]:
-        """All parameters of the follower by name, free and fixed."""
+        """All parameters of the follower (SI) by name, free and fixed."""
         return self.likelihood.values(self.x)
 
     @property
     def smooth(self) -> tuple[str, ...]:
-        """Free parameters except the restitution."""
+        """Names of the free parameters except the restitution."""
         return tuple(name for name in self.likelihood.free if name != "restitution")
 
     @cached_property
     def predicted(self) -> tuple[PredictedSegment | None, ...]:
-        """Computed lift and force of each segment, or None without a periodic turn."""
+        """Computed lift and force of each steady-speed segment.
+
+        An entry is None if the follower has no periodic turn at the speed of the segment.
+        """
         return tuple(self.likelihood.predicted(self.x, i) for i in range(len(self.segments)))
 
     @property
     def steady(self) -> list[int]:
-        """Indices of the segments with a periodic turn."""
+        """Indices of the steady-speed segments at which the follower has a periodic turn."""
         return [i for i, predicted in enumerate(self.predicted) if predicted is not None]
 
     @property
     def landings(self) -> list[int]:
-        """Number of landings per turn of each segment.
+        """Number of landings per turn, for each steady-speed segment.
 
-        It is 1 without a periodic turn, because such a follower bounces.
+        It is given as 1 for a segment without a periodic turn, because such a follower bounces.
         """
         return [
             1
@@ -87,11 +98,12 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class FitSolution(Candidate):
-    """Result of a search: candidate, Jacobian ``(m, n)`` and residuals ``(m,)``.
+    """Result of a search: search variables, Jacobian and residuals.
 
-    Both are in standard deviations. ``bounce`` is a restitution with its standard error that was
-    estimated separately from the search. ``zero`` (N) is the force that the sensor shows in flights
-    that were left out, or None if it is zero.
+    ``jacobian`` ``(m, n)`` and ``residuals`` ``(m,)`` are in standard deviations of the samples.
+    ``bounce`` is a restitution with its standard error that was estimated separately from the
+    search, or None. ``zero`` (N) is the force that the sensor shows in flights that were left out
+    of the search, or None if it is not significant.
     """
 
     jacobian: FloatArray
@@ -101,9 +113,10 @@ class FitSolution(Candidate):
 
 
 def search(start: Candidate) -> FitSolution:
-    """Search for the maximum of the likelihood by least squares, from ``start``.
+    """Fit the free parameters by maximum likelihood, starting from ``start``.
 
-    The noise and the samples next to landings are updated between searches.
+    Several least-squares searches are run. Before each, the noise is estimated again from the
+    residuals, and the force samples next to landings are excluded again.
     """
     likelihood, x = start.likelihood, start.x
     bounds = _limits(likelihood, x.size)
@@ -131,7 +144,10 @@ def search(start: Candidate) -> FitSolution:
 
 
 def _limits(likelihood: Likelihood, size: int) -> FloatArray:
-    """Return the lower and upper limits of the search variables, ``(2, size)``."""
+    """Return the lower and upper limits of the search variables, ``(2, size)``.
+
+    Instrument errors are unlimited, except the damping ratio of the force sensor.
+    """
     unbounded = np.array([[-np.inf], [np.inf]]) * np.ones(size - len(likelihood.free))
     bounds = np.hstack([search_limits(likelihood.free), unbounded])
     if (index := likelihood.instruments.index.get(RATIO)) is not None:
@@ -146,10 +162,12 @@ def continue_from(
     indices: Sequence[int] | None = None,
     **changes: Any,
 ) -> Candidate:
-    """Return a candidate with other free parameters and values.
+    """Return a new start for a search, with other free parameters and values.
 
-    ``indices`` are the indices of the segments to use. ``changes`` are changed fields of the
-    likelihood, such as ``backlash``. Segments without a periodic turn are left out.
+    ``free`` are the names of the free parameters, ``values`` all parameters in SI. ``indices`` are
+    those of the steady-speed segments to use (default: all). ``changes`` are changed fields of the
+    `Likelihood`, such as ``backlash``. Segments without a periodic turn are left out. Instrument
+    errors are taken from ``candidate``.
     """
     old = candidate.likelihood
     steady = [i for i in candidate.steady if indices is None or i in indices]
@@ -177,8 +195,9 @@ def continue_from(
 
 
 def phase_line_matrix(fit: Candidate) -> FloatArray:
-    """Return the matrix of the line through the segments' phases, ``(n, 2)``.
+    """Return the design matrix of a straight line through the phases, ``(n, 2)``.
 
-    Its columns are 1 and ω t at the middle of each segment.
+    There is one phase per steady-speed segment. The columns are 1 and ω t at the middle of each
+    segment. The coefficients are the negative encoder offset and clock error.
     """
     return np.array([[1.0, h.speed * h.line.middle] for h in fit.segments])

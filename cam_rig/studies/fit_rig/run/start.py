@@ -1,4 +1,4 @@
-"""Start values of a search on the cam: encoder zero, zero of the lift, and follower."""
+"""Start values of a fit from samples in contact: encoder zero, lift zero, and follower."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from cam_rig.laws import Law
 from cam_rig.studies.fit_rig.run.turns import MIN_PRESS_FRACTION, MeasuredSegment
 from cam_rig.units import TURN, FloatArray
 
-#: Number of cam angles that are tried as the encoder's zero, 1° apart.
+#: Number of equally spaced cam angles that are tried as the encoder's zero: one per degree.
 ENCODER_PHASES = 360
-#: Stride of the samples in the search for start values: every n-th sample is used, for speed.
+#: Stride of the samples in the search for start values: every eighth sample is used, for speed.
 SAMPLE_STRIDE = 8
-#: Keys of the parameters whose contributions to the force are fitted, in the order of the columns.
+#: Rig-file keys of the parameters on which the contact force of one mass depends linearly, in the
+#: order of the columns of `force_columns`.
 FORCE_PARTS = ("mass", "damping", "spring_stiffness", "preload")
 
 
@@ -24,10 +25,11 @@ def rough_start(
 ) -> tuple[dict[str, float], float, float]:
     """Return start values, the encoder's phase (rad) and the zero of the lift (m).
 
-    The start values are parameters of the follower by name. On the cam lift and force are linear in
-    the parameters at a fixed phase: s + zero, and m ω² s'' + c ω s' + k s + preload. The phase is
-    the best of `ENCODER_PHASES` phases. Case: a force alone, which gives a negative mass or spring
-    at a wrong phase (``test_a_force_alone_finds_the_encoder_s_zero``).
+    The start values are the follower's parameters by name, with those of ``base`` where the run
+    does not identify them. In contact and at a fixed phase, lift and force are linear in the
+    parameters: s + zero, and m ω² s'' + c ω s' + k s + preload. The phase is the best of
+    `ENCODER_PHASES` equally spaced values. Case: a force alone, which gives a negative mass or
+    spring at a wrong phase (``test_a_force_alone_finds_the_encoder_s_zero``).
     """
     lift = np.hstack(
         [
@@ -54,9 +56,10 @@ def rough_start(
 
 
 def _fit_lift(law: Law, angle: FloatArray, lift: FloatArray) -> tuple[float, float]:
-    """Fit the zero of the lift (m) to readings.
+    """Return the zero of the lift (m) that fits readings at one encoder phase.
 
-    The second result is the squared errors relative to the variance.
+    ``angle`` (rad) and ``lift`` (m) are the readings. The second result is the sum of squared
+    errors relative to the variance of the readings.
     """
     difference = lift - law.motion_at(angle)[0]
     zero = float(np.median(difference))
@@ -66,10 +69,10 @@ def _fit_lift(law: Law, angle: FloatArray, lift: FloatArray) -> tuple[float, flo
 def _fit_force(
     law: Law, angle: FloatArray, speed: FloatArray, force: FloatArray
 ) -> tuple[dict[str, float], float]:
-    """Fit parameters that are not negative to forces in contact.
+    """Fit non-negative parameters of one mass to forces in contact.
 
-    Returns the parameters by name, and the squared errors relative to the variance. A mass or a
-    spring of zero is left out.
+    Returns the parameters by name, and the sum of squared errors relative to the variance of the
+    forces. A mass or a spring of zero is omitted from the result.
     """
     parts, sizes = force_columns(law, speed, angle)
     _, triangle = np.linalg.qr(np.column_stack([parts, force]))
@@ -80,9 +83,11 @@ def _fit_force(
 
 
 def force_columns(law: Law, speed: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return unit columns ``(n, 4)`` of the force by `FORCE_PARTS`, and their norms.
+    """Return the force per parameter as unit columns ``(n, 4)``, and their norms.
 
-    The norms of zero columns are 1. Case: all samples in contact are on a dwell
+    The columns are those of the linear contact force of one mass, in the order of `FORCE_PARTS`, at
+    n samples of speed (rad/s) and cam angle (rad). A column divided by its norm has the length 1.
+    The norm of a zero column is given as 1. Case: all samples in contact are on a dwell
     (``test_force_on_a_dwell_alone_is_fitted``).
     """
     s, slope, curvature = law.motion_at(angle)
@@ -93,7 +98,7 @@ def force_columns(law: Law, speed: FloatArray, angle: FloatArray) -> tuple[Float
 
 
 def _pressed(segment: MeasuredSegment) -> FloatArray:
-    """Return cam angle, speed and force of some samples in contact, ``(3, n)``.
+    """Return cam angle, speed and force of every eighth sample in contact, ``(3, n)``.
 
     The units are rad, rad/s and N.
     """

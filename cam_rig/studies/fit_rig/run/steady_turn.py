@@ -1,4 +1,7 @@
-"""Lift and contact force of a follower over one periodic turn, at any cam angles."""
+"""Lift and contact force of a follower over one periodic turn, at given cam angles.
+
+A turn is periodic if the motion of the follower repeats from turn to turn.
+"""
 
 from __future__ import annotations
 
@@ -20,18 +23,19 @@ from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Largest number of Newton steps in the search for a periodic turn.
+#: Largest number of Newton steps in the search for a periodic turn of two masses.
 MAX_NEWTON_STEPS = 12
-#: Step of the vibration for a difference quotient of the turn map, relative to the scale of the
-#: vibration.
+#: Step of the initial vibration for a difference quotient of the vibration one turn later, relative
+#: to the scale of the vibration.
 MAP_STEP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class OneMassTurn:
-    """Periodic turn of one mass: the last turn of a trajectory, from ``begin`` (s) on.
+    """Periodic turn of one rigid mass.
 
-    The angles of ``events`` are in [0, 2π).
+    It is the last turn of ``trajectory``, from the time ``begin`` (s) on. ``events`` are its
+    lift-offs and landings, with cam angles in [0, 2π).
     """
 
     trajectory: OneMassTrajectory
@@ -39,7 +43,10 @@ class OneMassTurn:
     events: tuple[Event, ...]
 
     def evaluate(self, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return lift (m) and contact force (N) at cam angles (rad) of any turn."""
+        """Return lift (m) and contact force (N) at cam angles (rad), same shape.
+
+        The angles may be in any turn.
+        """
         trajectory = self.trajectory
         law, p, speed = trajectory.law, trajectory.parameters, trajectory.interval.speed
         inside = np.mod(angle, TURN)
@@ -56,9 +63,11 @@ class OneMassTurn:
 
 @dataclass(frozen=True, eq=False)
 class TwoMassTurn:
-    """Periodic turn of two masses, from the vibration ``start`` (η, η̇).
+    """Periodic turn of two masses and a stem.
 
+    ``start`` is the vibration (η, η̇) of the stem in m and m/s at the beginning of the turn.
     ``map`` ``(2, 2)`` is the derivative of the vibration after the turn by that before it.
+    ``events`` are the lift-offs and landings of the turn.
     """
 
     trajectory: Separation
@@ -67,7 +76,10 @@ class TwoMassTurn:
     events: tuple[Event, ...]
 
     def evaluate(self, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return lift (m) and contact force (N) at cam angles (rad) of any turn."""
+        """Return lift (m) and contact force (N) at cam angles (rad), shape ``(n,)``.
+
+        The angles may be in any turn.
+        """
         times = np.mod(angle - self.trajectory.angle, TURN) / self.trajectory.speed
         order = np.argsort(times)
         columns = np.empty((5, times.size))
@@ -81,7 +93,8 @@ PeriodicTurn = OneMassTurn | TwoMassTurn
 def one_mass_turn(law: Law, p: FollowerParameters, speed: float) -> OneMassTurn | None:
     """Return the periodic turn of one rigid mass, or None if no turn repeats.
 
-    ``speed`` is in rad/s.
+    ``p`` is the follower, and ``speed`` the cam speed in rad/s. If contact is lost, the motion is
+    computed over the numbers of turns in `RETURN_TURNS` until two turns are equal.
     """
     turn = TURN / speed
     for settling in RETURN_TURNS:
@@ -97,7 +110,7 @@ def one_mass_turn(law: Law, p: FollowerParameters, speed: float) -> OneMassTurn 
 
 
 def _is_periodic(trajectory: OneMassTrajectory, first: float, second: float) -> bool:
-    """Return True if a trajectory has the same flights in two turns.
+    """Return True if a trajectory has the same flights in two successive turns.
 
     ``first`` and ``second`` are the start times of the turns, s.
     """
@@ -120,12 +133,12 @@ def two_mass_turn(
 ) -> TwoMassTurn | None:
     """Return the periodic turn of two masses, or None if no turn repeats.
 
-    ``speed`` is in rad/s. The result is also None beyond `MAX_DAMPING_RATIO`, which no rig may
-    have.
+    ``p`` is the follower, and ``speed`` the cam speed in rad/s. The result is also None if the
+    damping ratio exceeds `MAX_DAMPING_RATIO`, which is the limit for a rig.
 
-    A turn maps the vibration before it to that after it. Newton's method finds the fixed point of
-    the map. It starts from the turn ``near`` of a follower with nearly the same parameters, with
-    the derivatives of that turn.
+    The vibration after a turn is a function of the vibration before it. Newton's method finds its
+    fixed point. It starts from the turn ``near`` of a follower with nearly the same parameters, and
+    uses the derivatives of that turn. Without it, it starts from `_contact_after`.
     """
     if p.damping_ratio > MAX_DAMPING_RATIO:
         return None
@@ -151,10 +164,10 @@ def two_mass_turn(
 def _contact_after(law: Law, p: TwoMassParameters, speed: float) -> tuple[float, FloatArray] | None:
     """Return a cam angle (rad) with contact, and the vibration (η, η̇) there.
 
-    The vibration is that after `RETURN_TURNS[2]` turns, started from the steady vibration of a
-    follower that never leaves the cam. The angle is the middle of the longest contact of the last
-    turn, where a slightly different follower is in contact too. If contact is never lost, the angle
-    is 0. The result is None if the last turn has no contact.
+    The motion starts from the steady vibration of a follower that never leaves the cam, and is
+    computed over `RETURN_TURNS[2]` turns. The angle is the middle of the longest contact of the
+    next turn, where a slightly different follower is in contact too. If contact is never lost, the
+    angle is 0. The result is None if the last turn has no contact.
     """
     turn, response = TURN / speed, contact_response(law, p, speed)
     state = response.periodic()
@@ -174,6 +187,7 @@ def _contact_after(law: Law, p: TwoMassParameters, speed: float) -> tuple[float,
 def _run_turn(
     law: Law, p: TwoMassParameters, speed: float, angle: float, start: FloatArray
 ) -> Separation:
+    """Return the motion over one turn from a vibration (η, η̇) at a cam angle (rad)."""
     trajectory = Separation(law, p, speed, angle)
     trajectory.run_from(TURN / speed, start)
     return trajectory
@@ -182,7 +196,8 @@ def _run_turn(
 def _jacobian(trajectory: Separation, start: FloatArray, scale: FloatArray) -> FloatArray:
     """Return the derivative ``(2, 2)`` of a turn's final by its initial vibration.
 
-    ``scale`` are the magnitudes of the vibration.
+    ``scale`` ``(2,)`` are the magnitudes of the vibration in m and m/s, to which the steps of the
+    difference quotients are relative.
     """
     jacobian = np.zeros((2, 2))
     for i, step in enumerate(MAP_STEP * scale):
@@ -195,9 +210,10 @@ def _jacobian(trajectory: Separation, start: FloatArray, scale: FloatArray) -> F
 
 
 def list_bounces(turn: PeriodicTurn | None) -> list[tuple[float, float]]:
-    """List the landings of a turn: the cam angle (rad), and that of its first bounce.
+    """List the landings of a periodic turn as pairs of cam angles (rad).
 
-    The second angle is that of the first landing of the same series, and not larger than the first.
+    The first angle is that of the landing. The second is that of the first landing in the same
+    series of bounces, and not larger. The list is empty if ``turn`` is None.
     """
     events = () if turn is None else turn.events
     first = next((k for k, event in enumerate(events) if event.kind == "lift-off"), 0)
@@ -214,9 +230,11 @@ def list_bounces(turn: PeriodicTurn | None) -> list[tuple[float, float]]:
 
 # Response of a force sensor with a resonance to a periodic contact force.
 
-#: Number of cam angles at which the force of a turn is evaluated.
+#: Number of cam angles per turn at which the contact force is evaluated to compute the response of
+#: the sensor.
 TURN_POINTS = 8192
-#: Distance (rad) before and after a landing at which the force on either side is evaluated.
+#: Distance (rad) before and after a landing at which the force on either side of its jump is
+#: evaluated.
 LANDING_OFFSET = 1e-9
 
 
@@ -225,8 +243,9 @@ def sensor_response(
 ) -> Callable[[FloatArray], FloatArray]:
     """Return a function for the force (N) that a sensor with a resonance shows.
 
-    Its argument is the cam angle (rad). ``frequency`` is the natural frequency of the sensor in Hz,
-    ``ratio`` its damping ratio.
+    Its argument is the cam angle (rad). The function is the periodic response to the contact force
+    of ``turn`` and to the impulses of its landings. ``speed`` is the cam speed in rad/s,
+    ``frequency`` the natural frequency of the sensor in Hz, ``ratio`` its damping ratio.
     """
     width = TURN / TURN_POINTS
     angles = width * np.arange(float(TURN_POINTS))
@@ -236,7 +255,8 @@ def sensor_response(
     for event in landings:
         _share_landing_point(force, turn, math.fmod(event.angle, TURN), width)
     spectrum = np.fft.rfft(force)
-    for event in landings:  # impulse in N·s, divided by the time of one point
+    # The impulse (N·s) of a landing is added as a force over the time of one point.
+    for event in landings:
         height = event.impulse * speed / width
         spectrum += height * np.exp(-1j * orders * math.fmod(event.angle, TURN))
     r = orders * speed / (TURN * frequency)
@@ -251,9 +271,11 @@ def sensor_response(
 
 
 def _share_landing_point(force: FloatArray, turn: PeriodicTurn, angle: float, width: float) -> None:
-    """Set the force sample next to a landing to a weighted mean of both sides.
+    """Set the force sample at the jump of a landing to a weighted mean of both sides.
 
-    The force then changes continuously with the angle of the landing.
+    The sampled force then changes continuously with the angle of the landing. ``force`` (N) is
+    changed in place. ``angle`` is that of the landing, ``width`` the distance of the samples, both
+    in rad.
     """
     nearest = round(angle / width)
     before = nearest + 0.5 - angle / width

@@ -1,4 +1,4 @@
-"""Start values of a stem, from the pattern that it leaves in the force residual."""
+"""Start values of an elastic stem, from the pattern in the force residuals of one mass."""
 
 from __future__ import annotations
 
@@ -21,28 +21,30 @@ from cam_rig.studies.fit_rig.run.steady_turn import TURN_POINTS
 from cam_rig.studies.fit_rig.run.turns import MIN_PRESS_FRACTION
 from cam_rig.units import TURN, FloatArray
 
-#: Largest number of equal parts of a turn. The residuals are averaged over each part.
+#: Largest number of equal angular intervals of a turn over which force residuals are averaged.
 MAX_TURN_PARTS = 256
-#: Smallest number of samples in each part of a turn over which residuals are averaged.
+#: Smallest number of samples in each angular interval over which force residuals are averaged.
 MIN_PART_SAMPLES = 6
 
 
 def has_residual_pattern(fit: Candidate) -> bool:
-    """Return True if the force residual repeats from turn to turn, beyond noise.
+    """Return True if force residuals repeat from turn to turn more than noise does.
 
-    Case: a stem or a sensor that vibrates (``test_a_stem_shows_in_the_force``), against one mass,
-    whose residual is noise (``test_noise_gives_no_stem``).
+    Such a pattern is the vibration of a stem or a force sensor
+    (``test_a_stem_shows_in_the_force``). The residuals of a correct model are noise
+    (``test_noise_gives_no_stem``).
     """
     squares, parts = residual_pattern(fit)
     return squares > parts + math.sqrt(2.0 * parts)
 
 
 def residual_pattern(fit: Candidate) -> tuple[float, float]:
-    """Return a statistic of the force residual that repeats each turn, and its parts.
+    """Return a statistic of the force residuals that repeat each turn, and its mean.
 
-    The second result is the number of parts. The squares are in standard deviations. White noise
-    gives the number of parts, within √2 of its root. Noise that is correlated over n samples gives
-    n times as much.
+    The turn of each steady-speed segment is divided into angular intervals. The statistic is the
+    sum over all intervals of n r², with the mean r of the interval's n residuals in standard
+    deviations. Its mean under white noise is the number of intervals N, the second result, and its
+    standard deviation √(2N). Noise that is correlated over k samples gives k times as much.
     """
     squares = parts = 0.0
     for i, predicted in enumerate(fit.predicted):
@@ -58,46 +60,50 @@ def residual_pattern(fit: Candidate) -> tuple[float, float]:
     return squares, parts
 
 
-# Search for the stem whose steady force fits best.
+# Search for the stem with which the steady force fits the measured force best.
 
-
-#: Lowest natural frequency of the stems that are tried, Hz. The machines of ``test_coverage.py``
-#: have stems from 100 to 460 Hz.
+#: Lowest natural frequency of the trial stems, Hz. The machines of ``test_coverage.py`` have stems
+#: from 100 to 460 Hz.
 MIN_STEM_HZ = 8.0
-#: Highest natural frequency of the stems that are tried, Hz.
+#: Highest natural frequency of the trial stems, Hz.
 MAX_STEM_HZ = 3000.0
-#: Ratio of neighbouring natural frequencies in the first trials. Finer trials follow near the best.
+#: Ratio of neighbouring natural frequencies in the first trials of a stem. Finer trials follow
+#: around the best frequency.
 FREQUENCY_RATIO = 1.1
-#: Ratio of neighbouring natural frequencies in the finer trials. A vibration with little damping is
-#: in phase with the forces only if the relative error of its frequency is about its damping ratio,
-#: which is 0.005 or more.
+#: Ratio of neighbouring natural frequencies in the finer trials of a stem. A vibration with little
+#: damping is in phase with the measured forces only if the relative error of its frequency is about
+#: its damping ratio, which is 0.005 or more.
 FINE_FREQUENCY_RATIO = 1.01
-#: Powers of `FINE_FREQUENCY_RATIO` that are tried, up to the neighbours of the best first trial.
+#: Exponents of `FINE_FREQUENCY_RATIO` in the finer trials. They cover the range between the
+#: neighbours of the best first trial.
 FINE_EXPONENTS = range(-10, 11)
-#: Fractions of the mass on the roller's side that are tried.
+#: Fractions of the total mass on the roller's side of the stem that are tried.
 ROLLER_SHARES = (0.25, 0.5)
-#: Damping ratios of the stem that are tried.
+#: Damping ratios of the trial stems.
 STEM_DAMPING_RATIOS = (0.005, 0.05)
-#: Largest r.m.s. change of the forces that the parameters of one mass may contribute next to a
-#: stem, relative to the forces.
+#: Largest r.m.s. change of the forces, relative to the forces, by which the parameters of one mass
+#: may be refitted when a stem is added.
 MAX_MOVABLE_FRACTION = 0.1
-#: Log ratio that the three parameters of a stem reach by chance in one of twenty cases: half the
-#: 95 % quantile of χ² with three degrees of freedom. The best of n stems reaches ln n more.
+#: Log likelihood ratio that the three parameters of a stem reach by chance in one of twenty cases:
+#: half the 95 % quantile of χ² with three degrees of freedom. The best of n tried stems reaches ln
+#: n more.
 CHANCE_LOG_RATIO = 3.91
-#: Largest number of samples per segment that are used to try a stem.
+#: Largest number of force samples per steady-speed segment that are used to try a stem.
 MAX_STEM_SAMPLES = 600
-#: Number of points per period of the stem. Interpolation between them has an error of 0.5 % of the
-#: vibration.
+#: Number of computed force values per period of the stem's vibration. Linear interpolation between
+#: them has an error of 0.5 % of the vibration.
 POINTS_PER_PERIOD = 32
-#: Largest number of points per turn. The error is larger beyond 2048 periods per turn.
+#: Largest number of computed force values per turn. With it, the interpolation error is larger if
+#: the stem vibrates more than 2048 times per turn.
 MAX_POINTS = 2**16
 
 
 class StemTrial(NamedTuple):
     """Trial of a stem: squared errors (N²) of the forces, frequency and parameters.
 
-    ``sse`` is that with the parameters of one mass, ``sse_refitted`` that with parameters fitted to
-    the stem. ``rate`` is its natural frequency in rad/s.
+    ``sse`` is the sum of squared errors with the parameters of one mass unchanged, ``sse_refitted``
+    that with these parameters refitted for the stem. ``rate`` is the stem's natural frequency in
+    rad/s. ``parameters`` are the stem's parameters (SI) by rig-file key.
     """
 
     sse: float
@@ -107,13 +113,14 @@ class StemTrial(NamedTuple):
 
 
 def find_stem(one_mass: Candidate) -> tuple[dict[str, float], float]:
-    """Return the stem whose force fits best with the parameters of one mass.
+    """Return the stem whose steady force fits the measured forces best.
 
-    The stem is given by its parameters by name. The second result is the logarithm of its
-    likelihood ratio to a rigid stem. The parameters of one mass have compensated a part of the
-    stem's effect. A stem that is far likelier with changed parameters is therefore returned
-    (``test_errors_of_two_masses``, seeds 115 and 179). A stem that is likelier only by chance, as
-    the best of many, is not (seeds 59, 79 and 199).
+    The first result contains the stem's parameters (SI) by name. The second is the logarithm of its
+    likelihood ratio to a rigid stem. The other parameters are those of the fit ``one_mass``. That
+    fit has absorbed a part of the stem's effect, so each stem is tried with these parameters
+    unchanged and refitted. The best refitted stem is returned if it is far likelier
+    (``test_errors_of_two_masses``, seeds 115 and 179). It is not returned if it is likelier only by
+    chance, as the best of many trials (seeds 59, 79 and 199).
     """
     values, forces = one_mass.values, _pressing_samples(one_mass)
     by_error = attrgetter("sse"), attrgetter("sse_refitted")
@@ -134,19 +141,31 @@ def find_stem(one_mass: Candidate) -> tuple[dict[str, float], float]:
 
 @dataclass(frozen=True, eq=False)
 class PressingSamples:
-    """Samples in contact of all segments, and the components of their steady force."""
+    """Force samples in contact of all segments, and the parts of their steady force.
 
-    segments: list[tuple[float, FloatArray]]  #: speed (rad/s) and cam angles (rad) of each
-    measured: FloatArray  #: N, ``(n,)`` of all segments
-    parts: FloatArray  #: ``(n, 4)``: the force by `FORCE_PARTS`
-    columns: FloatArray  #: orthonormal basis of the columns of ``parts``
-    lift: NDArray[np.complex128]  #: Fourier coefficients of the law's lift, m
+    A segment is a time of steady cam speed.
+    """
+
+    #: Speed (rad/s) and cam angles (rad) of the samples of each segment.
+    segments: list[tuple[float, FloatArray]]
+    #: Measured contact forces of all segments in N, ``(n,)``.
+    measured: FloatArray
+    #: Force per unit of each parameter of `FORCE_PARTS` at the samples, ``(n, 4)``.
+    parts: FloatArray
+    #: Orthonormal basis of the columns of ``parts``, ``(n, 4)``.
+    columns: FloatArray
+    #: Fourier coefficients of the law's lift over a turn, m.
+    lift: NDArray[np.complex128]
 
     @classmethod
     def of(
         cls, law: Law, segments: list[tuple[float, FloatArray]], measured: FloatArray
     ) -> PressingSamples:
-        """Return samples in contact, with the components of the force of a law."""
+        """Return samples in contact, with the parts of the steady force under a law.
+
+        ``segments`` are the speed (rad/s) and the cam angles (rad) of the samples in each
+        steady-speed segment, ``measured`` all forces in N.
+        """
         speeds = np.concatenate([np.full(angle.size, speed) for speed, angle in segments])
         parts, sizes = force_columns(law, speeds, np.concatenate([angle for _, angle in segments]))
         angles = np.arange(float(MAX_POINTS)) * (TURN / MAX_POINTS)
@@ -156,9 +175,10 @@ class PressingSamples:
     def on_a_stem(self, p: TwoMassParameters) -> FloatArray:
         """Return the steady contact force (N) of two masses, as if the cam could pull.
 
-        The force of the roller is its inertia. The force of the end mass is that of Z₂ = k₂ + c₂ iΩ
-        − m₂ Ω² in series with the stem Z₁ = k₁ + c₁ iΩ. It is Z₁ Z₂ / (Z₁ + Z₂) s for each harmonic
-        of the law.
+        The result has the shape ``(n,)``, one force per sample. The roller contributes its inertia
+        force. The end mass with spring and damper has the dynamic stiffness Z₂ = k₂ + c₂ iΩ − m₂
+        Ω², in series with that of the stem, Z₁ = k₁ + c₁ iΩ. Each harmonic of the lift s
+        contributes the force Z₁ Z₂ / (Z₁ + Z₂) s.
         """
         natural_rate, forces = math.sqrt(p.stiffness / p.end_mass), []
         for speed, angle in self.segments:
@@ -174,10 +194,10 @@ class PressingSamples:
         return np.asarray(inertia + np.concatenate(forces) + p.share * p.preload)
 
     def sse(self, forces: FloatArray) -> tuple[float, float]:
-        """Return the squared errors (N²) of forces, with fixed and with fitted parameters.
+        """Return the squared errors (N²) of forces: as given, and after a linear refit.
 
-        Fitted parameters may change the forces only a little. A very soft stem moves a mass so far
-        that the linear change is not valid. Its errors count in full.
+        The refit changes the parameters of one mass. It is valid only for small changes of the
+        forces. A very soft stem would need a large change. The second result then equals the first.
         """
         errors = forces - self.measured
         move = self.columns.T @ errors
@@ -186,9 +206,9 @@ class PressingSamples:
 
 
 def _pressing_samples(one_mass: Candidate) -> PressingSamples:
-    """Return the samples in contact of all segments.
+    """Return the force samples in contact of all steady-speed segments.
 
-    A segment has at most `MAX_STEM_SAMPLES` of them.
+    Each segment is thinned to at most `MAX_STEM_SAMPLES` samples.
     """
     like, segments, forces = one_mass.likelihood, [], []
     for i in range(len(one_mass.segments)):
@@ -205,7 +225,11 @@ def _pressing_samples(one_mass: Candidate) -> PressingSamples:
 def _try_stems(
     values: dict[str, float], forces: PressingSamples, rates: list[float]
 ) -> Iterator[StemTrial]:
-    """Yield a trial for each stem with one of these natural frequencies (rad/s)."""
+    """Yield a trial for each stem with one of the natural frequencies ``rates``.
+
+    They are in rad/s. Each is tried with all `ROLLER_SHARES` and `STEM_DAMPING_RATIOS`. ``values``
+    are the other parameters of the follower (SI) by name.
+    """
     for rate, share, ratio in product(rates, ROLLER_SHARES, STEM_DAMPING_RATIOS):
         end_mass = values["mass"] * (1.0 - share)
         parameters = {

@@ -1,4 +1,4 @@
-"""Steady segments of a measured run, with their samples over the encoder's angle."""
+"""Steady-speed segments of a measured run, with their samples of lift and force."""
 
 from __future__ import annotations
 
@@ -14,32 +14,33 @@ from cam_rig.simulation.instruments import MeasuredRun, Signal, encoder_count, p
 from cam_rig.simulation.scatter import scatter
 from cam_rig.units import TURN, FloatArray, correlation_length, to_rpm
 
-# Search for steady speeds: straight lines through the counts of an encoder.
-
-#: Largest distance of the angle from a straight line at a steady speed, rad. One count of the
-#: encoder is added to this limit.
+# Search for steady speeds: straight lines through the encoder's angle over time.
+#: Largest distance of the cam angle from a straight line over time at which the speed is steady,
+#: rad. One count of the encoder is added to this limit.
 MAX_RIPPLE = 0.01
-#: Smallest number of turns of a segment with steady speed.
+#: Smallest number of turns in a steady-speed segment.
 MIN_TURNS = 1.0
-#: Smallest number of readings of the angle in a segment.
+#: Smallest number of angle readings in a steady-speed segment.
 MIN_READINGS = 8
-#: Initial positions of an encoder, as fractions of a count, over which rounding errors are
-#: averaged.
+#: Initial angles of the cam, as fractions of an encoder count, over which the rounding errors of
+#: the encoder are averaged.
 STEP_PHASES = np.arange(8.0) / 8.0
-#: Changes of the angle at the end of a segment, as fractions of a count, over which rounding errors
-#: are averaged.
+#: Changes of the cam angle at the end of a segment, as fractions of an encoder count, over which
+#: the rounding errors of the encoder are averaged. They vary the speed slightly.
 SPEED_OFFSETS = np.array([-0.25, 0.0, 0.25])
-#: Largest number of times that the length of a segment is doubled in the search.
+#: Largest number of times that a stretch of readings is doubled in the search for a steady-speed
+#: segment.
 MAX_GROWTHS = 12
 
 
 @dataclass(frozen=True)
 class SteadySegment:
-    """Time from ``begin`` to ``end`` (s) in which the cam turns at ``speed`` (rad/s).
+    """Time from ``begin`` to ``end`` (s) in which the cam turns at a steady speed.
 
-    ``angle`` (rad) is the cam angle at ``begin``. ``speed_error`` (rad/s) and ``angle_error`` (rad)
-    are the standard errors of the speed and of the angle in the middle. ``ripple`` (rad) is the
-    largest difference of the angle from the line, less the steps of the encoder.
+    ``speed`` (rad/s) is that of a straight line through the encoder's angle. ``angle`` (rad) is the
+    angle of this line at ``begin``. ``speed_error`` (rad/s) is the standard error of the speed,
+    ``angle_error`` (rad) that of the angle in the middle. ``ripple`` (rad) is the largest distance
+    of the angle from the line, less the steps of the encoder.
     """
 
     begin: float
@@ -52,12 +53,12 @@ class SteadySegment:
 
     @property
     def rpm(self) -> float:
-        """Cam speed of the segment in rpm."""
+        """Cam speed in the segment in rpm."""
         return to_rpm(self.speed)
 
     @property
     def turns(self) -> float:
-        """Number of turns in the segment."""
+        """Number of turns of the cam in the segment, not necessarily an integer."""
         return self.speed * (self.end - self.begin) / TURN
 
     @property
@@ -66,9 +67,9 @@ class SteadySegment:
         return 0.5 * (self.begin + self.end)
 
     def without_transient(self) -> SteadySegment:
-        """Return the segment without its first turns.
+        """Return the segment without its first `TRANSIENT_TURNS` turns.
 
-        It is returned unchanged if it has less than twice as many turns.
+        It is returned unchanged if it has at most twice as many turns.
         """
         if self.turns <= 2.0 * TRANSIENT_TURNS:
             return self
@@ -78,7 +79,10 @@ class SteadySegment:
 
 
 def find_steady_segments(run: MeasuredRun) -> tuple[SteadySegment, ...]:
-    """Return the segments of a run with a steady speed, each of at least one turn."""
+    """Return the segments of a run with a steady speed, each of at least one turn.
+
+    They are in time order. Raises a `ConfigError` if the run has no such segment.
+    """
     count = encoder_count(run.angle.value)
     time, angle = run.angle.time, run.angle.value
     seeds = np.searchsorted(angle, np.arange(angle[0], angle[-1], 0.5 * TURN)).tolist()
@@ -98,11 +102,12 @@ def find_steady_segments(run: MeasuredRun) -> tuple[SteadySegment, ...]:
 def _separate(
     time: FloatArray, angle: FloatArray, stretches: list[tuple[int, int]]
 ) -> list[tuple[int, int]]:
-    """Return stretches of different speeds in time order, cut where two overlap.
+    """Return stretches of different speeds in time order, without overlaps.
 
-    A stretch is a first and a last index of readings. Around a corner of the angle the readings lie
-    on both lines, to an encoder's count. A stretch of which longer stretches leave less than a turn
-    is dropped.
+    A stretch is a pair of a first and a last index of readings on a straight line. At a change of
+    speed, the readings next to it are on both lines within one encoder count. Overlapping stretches
+    are therefore cut in the middle of the overlap. A stretch is dropped if the longer stretches
+    leave less than one turn of it.
     """
     longest = list[tuple[int, int]]()
     for first, last in sorted(stretches, key=lambda x: x[0] - x[1]):
@@ -121,12 +126,14 @@ def _separate(
 def _grow(
     time: FloatArray, angle: FloatArray, first: int, last: int, count: float
 ) -> tuple[int, int]:
-    """Return the first and last index of the readings that lie on one line.
+    """Return the first and last index of the readings on one straight line.
 
-    The line is that through the middle of the seed, the readings ``first`` to ``last``. The stretch
-    is doubled while it lies on its line, to 1.5 counts. A cam that turns nearly whole counts
-    between readings seems faster or slower by one count over a short stretch. Then the ends that
-    bend into a ramp are cut off. The result is empty if the readings do not lie on a line.
+    The readings ``first`` to ``last`` are the initial stretch. The line is fitted through its
+    middle half. The stretch is doubled as long as its readings are on the line within 1.5 encoder
+    counts. This limit is above 1 for a cam that turns by nearly a whole number of counts between
+    readings: over a short stretch its speed seems wrong by one count. Finally the ends that bend
+    into a ramp are cut off. The result is ``(0, 0)`` if the readings are not on a line. ``count``
+    is that of the encoder, rad.
     """
     for growing in (*[True] * MAX_GROWTHS, False):
         size = last - first
@@ -150,10 +157,10 @@ def _grow(
 
 
 def _line(time: FloatArray, angle: FloatArray, count: float) -> SteadySegment:
-    """Return the steady segment of the line through angle readings.
+    """Return the steady-speed segment of the straight line through angle readings.
 
-    Correlated residuals count as fewer readings in its error. ``count`` is that of the encoder,
-    rad.
+    ``count`` is that of the encoder, rad. Correlated residuals count as fewer independent readings
+    in the standard errors.
     """
     since = time - time[0]
     slope, begin = np.polyfit(since, angle, 1)
@@ -172,10 +179,11 @@ def _line(time: FloatArray, angle: FloatArray, count: float) -> SteadySegment:
 def _rounding_errors(since: FloatArray, speed: float, count: float) -> tuple[float, float]:
     """Return the r.m.s. errors of a line's mean (rad) and slope by encoder steps.
 
-    The error of the slope is in rad/s. Encoder steps of a cam that turns nearly k/n counts between
-    readings drift in n strands. Their error is no noise. It is therefore averaged over phases, and
-    over speeds a quarter count higher and lower. Steps are half a count low in the mean, which is
-    not an error.
+    ``since`` are the times of the readings in s, and the error of the slope is in rad/s. If a cam
+    turns by nearly k/n counts between readings, the rounding errors form n slowly drifting
+    sequences. They are then not random, so they are averaged over initial angles, and over speeds
+    that end a quarter count higher and lower. The readings of an encoder are half a count low on
+    average. This is not counted as an error.
     """
     if count == 0.0:
         return 0.0, 0.0
@@ -190,48 +198,54 @@ def _rounding_errors(since: FloatArray, speed: float, count: float) -> tuple[flo
     return of_mean, of_slope
 
 
-#: Number of turns at the start of a segment that are left out as transient, if the segment has at
-#: least twice as many.
+#: Number of turns at the start of a steady-speed segment that are left out as transient, if the
+#: segment has more than twice as many.
 TRANSIENT_TURNS = 1.0
-#: Largest number of samples of a quantity that are fitted. If there are more, every k-th sample is
-#: used.
+#: Largest number of samples of the lift, and of the force, that are used in a fit. If there are
+#: more, every k-th sample is used.
 MAX_SAMPLES = 40_000
-#: Smallest number of samples of lift and force together in a segment.
+#: Smallest number of samples of lift and force together in a steady-speed segment.
 MIN_SAMPLES = 20
-#: Smallest force, relative to the largest, of a follower that is certainly on the cam.
+#: Smallest force, relative to the largest force of the segment, at which the follower is certainly
+#: on the cam.
 MIN_PRESS_FRACTION = 0.05
-#: Fraction of the samples of a follower in contact that may be below `MIN_PRESS_FRACTION`, because
-#: of noise.
+#: Fraction of a segment's force samples that may be below `MIN_PRESS_FRACTION` because of noise,
+#: although the follower keeps contact.
 UNPRESSED_SHARE = 0.01
-#: Smallest negative force, relative to the largest force, that shows a vibration of the sensor: no
-#: cam pulls.
+#: Smallest magnitude of a negative force, relative to the largest force, that indicates a vibration
+#: of the sensor. A cam cannot pull the follower.
 MIN_PULL_FRACTION = 0.1
 #: Smallest fraction of samples with a negative force of at least `MIN_PULL_FRACTION` at which the
-#: sensor counts as vibrating.
+#: sensor is taken to vibrate.
 PULL_SHARE = 0.001
-#: Largest scatter of the lift from turn to turn at which the lift is steady, relative to the range
-#: of the lift.
+#: Largest scatter of the lift from turn to turn at which the motion is periodic, relative to the
+#: range of the lift.
 MAX_LIFT_SCATTER = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentSamples:
-    """Samples of one quantity in a segment: times ``since`` its middle (s), SI values.
+    """Samples of lift or force in a steady-speed segment.
 
-    Both arrays have the shape ``(n,)``.
+    ``since`` are their times relative to the middle of the segment in s, ``value`` their values in
+    m or N. Both have the shape ``(n,)``.
     """
 
     since: FloatArray
     value: FloatArray
 
     def where(self, selection: NDArray[np.bool_ | np.intp]) -> SegmentSamples:
-        """Return the samples that a mask or indices select."""
+        """Return the samples that a boolean mask or an index array selects."""
         return SegmentSamples(self.since[selection], self.value[selection])
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredSegment:
-    """Steady segment with its measured samples of lift and force."""
+    """Steady-speed segment of a run with its measured samples of lift and force.
+
+    ``line`` contains its times and the straight line through the encoder's angle. ``lift`` and
+    ``force`` are empty if they were not measured.
+    """
 
     line: SteadySegment
     lift: SegmentSamples
@@ -239,19 +253,19 @@ class MeasuredSegment:
 
     @property
     def speed(self) -> float:
-        """Cam speed by the encoder, rad/s."""
+        """Cam speed of the segment by the encoder, rad/s."""
         return self.line.speed
 
     @property
     def angle(self) -> float:
-        """Encoder angle in the middle of the segment, rad."""
+        """Encoder's angle in the middle of the segment, rad."""
         return self.line.angle + self.speed * (self.line.middle - self.line.begin)
 
     @property
     def presses(self) -> bool:
-        """True if the force shows no loss of contact in the segment.
+        """True if the measured force shows no loss of contact in the segment.
 
-        It is also True without a measured force.
+        It is also True if no force was measured.
         """
         force = self.force.value
         return not force.size or bool(
@@ -260,7 +274,10 @@ class MeasuredSegment:
 
     @property
     def rings(self) -> bool:
-        """True if the force is negative at times, as that of a sensor that vibrates."""
+        """True if the force is negative at times, which indicates a vibrating sensor.
+
+        A cam cannot pull the follower.
+        """
         force = self.force.value
         return force.size > 0 and bool(
             np.quantile(force, PULL_SHARE) < -MIN_PULL_FRACTION * force.max()
@@ -268,7 +285,10 @@ class MeasuredSegment:
 
     @property
     def is_restless(self) -> bool:
-        """True if the lift differs between turns by more than a gauge's noise."""
+        """True if the lift differs between turns by more than a gauge's noise.
+
+        The follower then bounces without a periodic motion.
+        """
         since, lift = self.lift.since, self.lift.value
         return lift.size > 0 and scatter(self.speed * since, lift) > MAX_LIFT_SCATTER * float(
             np.ptp(lift)
@@ -276,7 +296,10 @@ class MeasuredSegment:
 
 
 def measured_segments(run: MeasuredRun) -> tuple[MeasuredRun, tuple[MeasuredSegment, ...]]:
-    """Return the usable segments of a run, and the run with notes on the others.
+    """Return the run with notes on unused speeds, and its usable steady segments.
+
+    A steady-speed segment is unused if it has too few samples, or if its lift differs from turn to
+    turn.
 
     Raises
     ------
@@ -326,6 +349,10 @@ def measured_segments(run: MeasuredRun) -> tuple[MeasuredRun, tuple[MeasuredSegm
 
 
 def _check_signal(run: MeasuredRun, name: str, signal: Signal) -> None:
+    """Raise a `ConfigError` if a signal is too short, constant, or of the wrong sign.
+
+    ``name`` is lift or force.
+    """
     label = f"{run.source}: {name} ({signal.source or name})"
     if signal.value.size < MIN_SAMPLES:
         raise ConfigError(
@@ -342,7 +369,10 @@ def _check_signal(run: MeasuredRun, name: str, signal: Signal) -> None:
 
 
 def _samples_within(signal: Signal | None, segments: list[SteadySegment]) -> list[SegmentSamples]:
-    """Return the samples of a quantity in each segment, thinned if there are too many."""
+    """Return the samples of a signal in each segment, thinned if there are too many.
+
+    The entries are empty if the signal is None. See `MAX_SAMPLES`.
+    """
     if signal is None:
         return [SegmentSamples(np.empty(0), np.empty(0))] * len(segments)
     ends = [
