@@ -35,6 +35,9 @@ ARGUMENTS = {
     "params_file": ("", "parameter file (YAML) of the nodes, such as those in config/params; "
                     "launch arguments have priority over it"),
     "namespace": ("", "namespace of the nodes and their topics, such as rig1"),
+    "frame_prefix": ("", "text before the names of the frames, such as rig1/ for the rig of a "
+                     "namespace"),
+    "log_level": ("info", "lowest level of the log lines: debug, info, warn, error or fatal"),
     "use_sim_time": ("", "true: the clocks of the nodes follow /clock, which the drive publishes"),
     "view": ("false", "true: show the run in Rerun while it runs"),
     "rviz": ("false", "true: show the run in RViz, with robot_state_publisher"),
@@ -112,6 +115,7 @@ def make_node(entry: NodeEntry, context: LaunchContext) -> Node:
         namespace=LaunchConfiguration("namespace"),
         parameters=[*([file] if file else []), parameters],
         output="screen",
+        ros_arguments=["--log-level", LaunchConfiguration("log_level")],
         **({"on_exit": shut_down} if entry.essential else optional),
     )
 
@@ -162,7 +166,8 @@ def generate_launch_description() -> LaunchDescription:
             IncludeLaunchDescription(
                 PythonLaunchDescriptionSource(share("launch", "robot.launch.py")),
                 launch_arguments={
-                    name: LaunchConfiguration(name) for name in ("scene", "namespace")
+                    name: LaunchConfiguration(name)
+                    for name in ("scene", "namespace", "frame_prefix")
                 }.items(),
                 condition=IfCondition(LaunchConfiguration("rviz")),
             ),

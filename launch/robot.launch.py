@@ -27,15 +27,18 @@ PUBLISH_FREQUENCY = 1000.0
 
 def make_nodes(context: LaunchContext) -> list[Node]:
     """Return the actions that start both nodes for the rig of a namespace."""
-    arguments = {n: LaunchConfiguration(n).perform(context) for n in ("scene", "namespace")}
+    names = ("scene", "namespace", "frame_prefix", "control")
+    arguments = {name: LaunchConfiguration(name).perform(context) for name in names}
     robot = Robot.of(open_scene(resolve_path("scenes", arguments["scene"] or DEFAULT_SCENE)))
     name = arguments["namespace"].strip("/")
     namespace = f"/{name}" if name else ""
     remaps = [(topic.name, topic.within(namespace)) for topic in REMAPPED] if namespace else []
     # the joint states of a tick arrive at once, and the sensor QoS would keep only five of them
     joints = f"qos_overrides.{topics.JOINT_STATES.within(namespace)}.subscription"
+    control = namespace if arguments["control"].lower() in ("true", "1") else None
     parameters = {
-        "robot_description": ParameterValue(urdf(robot), value_type=str),
+        "robot_description": ParameterValue(urdf(robot, control), value_type=str),
+        "frame_prefix": arguments["frame_prefix"],
         "publish_frequency": PUBLISH_FREQUENCY,
         "use_sim_time": True,
         f"{joints}.reliability": "reliable",
@@ -75,6 +78,16 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument(
                 "namespace", default_value="", description="namespace of the rig, such as rig1"
+            ),
+            DeclareLaunchArgument(
+                "frame_prefix",
+                default_value="",
+                description="text before the names of the frames, such as rig1/",
+            ),
+            DeclareLaunchArgument(
+                "control",
+                default_value="false",
+                description="true: the URDF has the element ros2_control",
             ),
             DeclareLaunchArgument(
                 "rviz", default_value="true", description="false: robot_state_publisher alone"

@@ -225,6 +225,8 @@ class DriveProgram:
         self.ticks = tick_count(scene)
         self.sent, self._speed_limits = 0, speed_limits(scene)
         self.running = True
+        self._stop_at: int | None = None  # number of sent states at which the cam stops
+        self._sent_before_reset = 0
         self.schedule = SetpointSchedule(scene)
         self._mount = mount
         self._requested_cam, self._requested_at = "", -REQUEST_RETRY_S
@@ -241,6 +243,11 @@ class DriveProgram:
         """True from an emergency stop to the next reset."""
         return self.schedule.state.halted
 
+    @property
+    def at_start(self) -> bool:
+        """True if no state was sent since the start or the last reset."""
+        return self.sent == self._sent_before_reset
+
     def take(self, now: float) -> CamState | None:
         """Take the next state if it may be sent at wall-clock time `now` (s).
 
@@ -255,6 +262,8 @@ class DriveProgram:
         self.schedule.advance()
         self.pacing.record_sent(state.time_ns, now)
         self._record_sent(state)
+        if self.sent == self._stop_at:
+            self.run(False)
         return state
 
     def expects(self, cam: str) -> bool:
@@ -322,7 +331,16 @@ class DriveProgram:
         """
         if not running or not self.running:
             self.pacing.pause()
-        self.running = running
+        self.running, self._stop_at = running, None
+
+    def run_ticks(self, count: int) -> None:
+        """Turn the cam by a number of ticks, then stop it.
+
+        The first state of a run starts the first tick and is not counted.
+        """
+        stop_at = max(self.sent, 1) + count
+        self.run(True)
+        self._stop_at = stop_at
 
     def halt(self) -> CamState | None:
         """Make an emergency stop.
@@ -343,6 +361,7 @@ class DriveProgram:
         if self.schedule.overrides_cam:
             self._requested_cam = ""  # the operator's cam is still mounted
         self.schedule.rewind()
+        self._sent_before_reset = self.sent
 
     def _record_sent(self, state: CamState) -> None:
         self.flow.record_sent(state.time_ns)

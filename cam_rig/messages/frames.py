@@ -90,18 +90,24 @@ def _mount(parent: str, child: str, xyz: Vector = (0, 0, 0), rpy: Vector = (0, 0
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """Rig of a scene as a robot: a link per cam, the mounted cam, and the follower."""
+    """Rig of a scene as a robot: a link per cam, the mounted cam, and the follower.
+
+    `frame_prefix`, such as "rig1/", is put before the frames of messages. The links of the URDF
+    have no prefix, as robot_state_publisher expects.
+    """
 
     loaded: LoadedScene
     mounted: CamConfig
     shape: FollowerShape
+    frame_prefix: str = ""
 
     @classmethod
-    def of(cls, loaded: LoadedScene, cam: str | None = None) -> Robot:
+    def of(cls, loaded: LoadedScene, cam: str | None = None, frame_prefix: str = "") -> Robot:
         """Return the rig of a scene as a robot, with a mounted cam (default: the first)."""
         name = loaded.scene.cams[0] if cam is None else cam
         law = loaded.law_of(name)
-        return cls(loaded, loaded.cams[name], follower_shape(loaded.cams[name], law))
+        shape = follower_shape(loaded.cams[name], law)
+        return cls(loaded, loaded.cams[name], shape, frame_prefix)
 
     @property
     def size(self) -> float:
@@ -127,6 +133,15 @@ class Robot:
         forces = [max_contact_force(self.loaded, cam, self.top_speed) for cam in self.cams]
         slopes = [abs(peak(self.loaded.laws[cam], 1).value) for cam in self.cams]
         return max(forces), max(slopes) * self.top_speed
+
+    @property
+    def max_torque(self) -> float:
+        """Upper bound of the shaft torque (N m) of all cams at `top_speed`.
+
+        It is the product of the largest contact force and the largest ds/dθ.
+        """
+        force, velocity = self.max_force_and_velocity
+        return force * velocity / self.top_speed
 
     @property
     def law(self) -> Law:

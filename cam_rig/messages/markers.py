@@ -139,7 +139,7 @@ class FollowerMarkers:
         return [next(sources[flies]) for flies in in_flight.tolist()]
 
     def _contact_example(self, x: float, y: float, tip_x: float, tip_y: float) -> Any:
-        size, head = self._robot.size, example_header(GUIDE)
+        size, head = self._robot.size, example_header(self._robot.frame_prefix + GUIDE)
         ball, shaft = (0.04 * size,) * 3, (0.02 * size, 0.05 * size, 0.0)
         ends = point(x, y, self._front), point(tip_x, tip_y, self._front)
         black, orange = colour(colours.BLACK), colour(colours.FORCE)
@@ -148,7 +148,8 @@ class FollowerMarkers:
         return new("visualization_msgs/MarkerArray", [contact, force])
 
     def _flight_example(self, x: float, y: float, to_x: float, to_y: float) -> Any:
-        size, head, red = self._robot.size, example_header(GUIDE), colour(colours.GAP)
+        size, red = self._robot.size, colour(colours.GAP)
+        head = example_header(self._robot.frame_prefix + GUIDE)
         ends = point(x, y, self._front), point(to_x, to_y, self._front)
         line, letters = (0.02 * size, 0.0, 0.0), (0.0, 0.0, 0.1 * size)
         position = point(0.5 * size, 0.0, self._front)
@@ -166,7 +167,8 @@ def cam_markers(robot: Robot) -> bytes:
     outline, half = contour_of(cam, robot.law).T, 0.5 * DISC_THICKNESS * size
     strip = [point(float(x), float(y), half) for x, y in close_outline(outline)]
     solid = [point(*map(float, corner)) for corner in _solid(outline, half)]
-    head, width, unscaled = header(0, cam.name), (0.01 * size, 0.0, 0.0), (1.0, 1.0, 1.0)
+    head = header(0, robot.frame_prefix + cam.name)
+    width, unscaled = (0.01 * size, 0.0, 0.0), (1.0, 1.0, 1.0)
     black, cam_colour = colour(colours.BLACK), colour(of_cam(cam.name))
     markers = [
         marker(head, "cam", 0, LINE_STRIP, width, black, strip, frame_locked=True),

@@ -141,6 +141,7 @@ class Transforms:
 
     def __init__(self, robot: Robot) -> None:
         self._joints, self._fixed = robot.moving, robot.fixed
+        self._prefix = robot.frame_prefix
         self._template = CdrTemplate("tf2_msgs/msg/TFMessage", self._example, 4 * len(self._joints))
 
     def moving(self, stamps: Indices, angle: FloatArray, lift: FloatArray) -> list[bytes]:
@@ -160,7 +161,10 @@ class Transforms:
         """Return the serialized message of /tf_static at a rig time (ns)."""
         transforms = [
             _transform(
-                header(stamp_ns, joint.parent), joint.child, joint.xyz, quaternion(joint.rpy)
+                header(stamp_ns, self._prefix + joint.parent),
+                self._prefix + joint.child,
+                joint.xyz,
+                quaternion(joint.rpy),
             )
             for joint in self._fixed
         ]
@@ -169,8 +173,8 @@ class Transforms:
     def _example(self, *numbers: float) -> Any:
         transforms = []
         for joint, (x, y, z, w) in zip(self._joints, np.reshape(numbers, (-1, 4)), strict=True):
-            head, translation = example_header(joint.parent), (x, y, 0.0)
-            transforms.append(_transform(head, joint.child, translation, (0.0, 0.0, z, w)))
+            head, child = example_header(self._prefix + joint.parent), self._prefix + joint.child
+            transforms.append(_transform(head, child, (x, y, 0.0), (0.0, 0.0, z, w)))
         return new("tf2_msgs/TFMessage", transforms)
 
 
@@ -202,7 +206,7 @@ def _transform(
 InstantMaker = Callable[[Instants], list[bytes]]
 
 
-def joint_states(_robot: Robot) -> InstantMaker:
+def joint_states(robot: Robot) -> InstantMaker:
     """Return a function that makes the messages of /joint_states.
 
     The joint ``cam`` has angle with all turns, speed and shaft torque. The joint ``follower`` has
@@ -211,7 +215,8 @@ def joint_states(_robot: Robot) -> InstantMaker:
 
     def example(*numbers: float) -> Any:
         pairs = np.array(numbers).reshape(3, 2)
-        return new("sensor_msgs/JointState", example_header("base_link"), list(JOINTS), *pairs)
+        head = example_header(robot.frame_prefix + "base_link")
+        return new("sensor_msgs/JointState", head, list(JOINTS), *pairs)
 
     template = CdrTemplate(topics.JOINT_STATES.type, example, 6)
     return lambda i: template.fill(
@@ -219,7 +224,7 @@ def joint_states(_robot: Robot) -> InstantMaker:
     )
 
 
-def contact_force(_robot: Robot) -> InstantMaker:
+def contact_force(robot: Robot) -> InstantMaker:
     """Return a function that makes the messages of /follower/contact.
 
     The force is that of the cam on the follower, along its travel.
@@ -228,7 +233,8 @@ def contact_force(_robot: Robot) -> InstantMaker:
     def example(force: float) -> Any:
         vectors = (new("geometry_msgs/Vector3", 0.0, y, 0.0) for y in (force, 0.0))
         wrench = new("geometry_msgs/Wrench", *vectors)
-        return new("geometry_msgs/WrenchStamped", example_header("follower"), wrench)
+        head = example_header(robot.frame_prefix + "follower")
+        return new("geometry_msgs/WrenchStamped", head, wrench)
 
     template = CdrTemplate(topics.FOLLOWER_CONTACT.type, example, 1)
     return lambda i: template.fill(i.time_ns, i.force)
@@ -290,6 +296,8 @@ class MotionMessages:
         Number of instants per turn (default 0: that of the scene).
     topics : tuple of Topic
         Topics of the messages (default: all derived topics except /clock).
+    frame_prefix : str
+        Text before the names of the frames, such as "rig1/" (default: none, as in bags).
     """
 
     def __init__(
@@ -297,12 +305,13 @@ class MotionMessages:
         loaded: LoadedScene,
         samples_per_turn: int = 0,
         topics: tuple[Topic, ...] = (*INSTANT_MAKERS, *CAM_MAKERS),
+        frame_prefix: str = "",
     ) -> None:
         self.topics, self.sample_rate = topics, int(loaded.scene.sample_rate.si)
         self._loaded, scene = loaded, loaded.scene
         points = (samples_per_turn or scene.samples_per_turn) / scene.schedule.ticks_per_turn
         self._points = max(1, round(points))  # per tick
-        self._robot = cache(lambda cam: Robot.of(loaded, cam))
+        self._robot = cache(lambda cam: Robot.of(loaded, cam, frame_prefix))
         self._maker = cache(lambda topic, cam: INSTANT_MAKERS[topic](self._robot(cam)))
 
     def of_cam(self, cam: str, time_ns: int = 0) -> list[DerivedMessage]:

@@ -149,6 +149,8 @@ VIEWER_ACK = Topic("/viewer/ack", "std_msgs/msg/Header", "tick")
 _event = partial(Topic, per="any", stamped=False)
 #: Message at the end of the run: its outcome (level, message), number of ticks and rig time.
 FINISHED = _event("/rig/finished", "diagnostic_msgs/msg/DiagnosticStatus", owner="cam_drive")
+#: State of the rig for supervisors: activity, cam, speed, progress and, at the end, the outcome.
+RIG_STATE = _event("/rig/state", "diagnostic_msgs/msg/DiagnosticStatus", depth=1, owner="cam_drive")
 #: Path of the folder of the bag that the recorder has closed. It is not latched, because it is
 #: valid for one run.
 CLOSED = _event("/recorder/closed", "std_msgs/msg/String", latched=False, owner="recorder")
@@ -161,6 +163,9 @@ REAL_TIME_FACTOR = _event(
 )
 #: Command to the drive: cam speed (rpm) from the next tick on, 0 for the scene's speeds.
 CAM_RPM = _event("/cam/rpm", "std_msgs/msg/Float64", latched=False)
+#: Command of a ros2_control controller to the drive: velocity (rad/s) of the joint ``cam`` from the
+#: next tick on, 0 to stop.
+JOINT_COMMANDS = _event("/joint_commands", "sensor_msgs/msg/JointState", latched=False)
 #: Parameter changes of all nodes. Those of the law server report the mounted cam.
 PARAMETER_EVENTS = Topic(
     "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "any", latched=False, depth=1000

@@ -17,6 +17,7 @@ from xml.etree.ElementTree import Comment, Element, SubElement
 import numpy as np
 
 from cam_rig.live.law_server import contour_of
+from cam_rig.live.state_validation import speed_limits
 from cam_rig.messages.frames import (
     ARC,
     BASE,
@@ -29,6 +30,7 @@ from cam_rig.messages.frames import (
     RobotJoint,
     Vector,
 )
+from cam_rig.messages.topics import JOINT_COMMANDS, JOINT_STATES
 from cam_rig.show import looks as colours
 from cam_rig.units import FloatArray
 
@@ -181,10 +183,17 @@ BENCH_SIZE = 0.125
 #: Number of significant digits of joints, from which other programs compute the positions of the
 #: links. All other numbers have six digits.
 JOINT_DIGITS = 12
+#: Hardware component of the package joint_state_topic_hardware_interface, which exchanges commands
+#: and states through topics.
+CONTROL_PLUGIN = "joint_state_topic_hardware_interface/JointStateTopicSystem"
 
 
-def urdf(robot: Robot) -> str:
-    """Return the URDF of a rig, which is the content of /robot_description."""
+def urdf(robot: Robot, namespace: str | None = None) -> str:
+    """Return the URDF of a rig, which is the content of /robot_description.
+
+    With a `namespace` of the rig's topics ("" for the root) the URDF also contains the element
+    ``ros2_control`` for the hardware component `CONTROL_PLUGIN`.
+    """
     root = Element("robot", name="cam_rig")
     for name, (rgba, _) in MATERIALS.items():
         channels = [(rgba >> shift & 0xFF) / 255.0 for shift in (24, 16, 8)]
@@ -197,6 +206,8 @@ def urdf(robot: Robot) -> str:
         _link(root, robot, link, bodies.get(link, []))
     for joint in joints:
         _joint(root, robot, joint)
+    if namespace is not None:
+        root.append(_ros2_control(robot, namespace))
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -224,6 +235,10 @@ def _joint(root: Element, robot: Robot, joint: RobotJoint) -> None:
     if joint.kind == "fixed":
         return
     SubElement(element, "axis", xyz="0 1 0" if joint.kind == "prismatic" else "0 0 1")
+    if joint.kind == "continuous":
+        effort, speed = robot.max_torque, speed_limits(robot.loaded.scene)[1]
+        limits = {"effort": format_numbers((effort,)), "velocity": format_numbers((speed,))}
+        SubElement(element, "limit", limits)
     if joint.limits is not None:
         # load at the scene's highest speed, in N and m/s, or in N m and rad/s of an arm
         ratio = abs(joint.follows or 1.0)
@@ -235,6 +250,26 @@ def _joint(root: Element, robot: Robot, joint: RobotJoint) -> None:
     if joint.follows is not None:
         follows = format_numbers((joint.follows,), JOINT_DIGITS)
         SubElement(element, "mimic", joint=FOLLOWER, multiplier=follows, offset="0")
+
+
+def _ros2_control(robot: Robot, namespace: str) -> Element:
+    """Return the element for ros2_control: velocity commands of the cam, states of both joints."""
+    element = Element("ros2_control", name="cam_rig", type="system")
+    hardware = SubElement(element, "hardware")
+    SubElement(hardware, "plugin").text = CONTROL_PLUGIN
+    for name, topic in (
+        ("joint_commands_topic", JOINT_COMMANDS),
+        ("joint_states_topic", JOINT_STATES),
+    ):
+        SubElement(hardware, "param", name=name).text = topic.within(namespace)
+    cam = SubElement(element, "joint", name=CAM)
+    command = SubElement(cam, "command_interface", name="velocity")
+    for name, speed in (("min", 0.0), ("max", speed_limits(robot.loaded.scene)[1])):
+        SubElement(command, "param", name=name).text = format_numbers((speed,))
+    for joint in (cam, SubElement(element, "joint", name=FOLLOWER)):
+        for quantity in ("position", "velocity", "effort"):
+            SubElement(joint, "state_interface", name=quantity)
+    return element
 
 
 def _bodies(robot: Robot) -> dict[str, list[Body]]:

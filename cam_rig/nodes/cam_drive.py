@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
 from cam_rig.dynamics.kinetostatic import shaft_torque
@@ -18,7 +21,7 @@ from cam_rig.live.drive import DriveProgram
 from cam_rig.live.flow_control import MIN_PACE_WINDOW_S, PACE_WINDOW_S, LostTime
 from cam_rig.live.law_server import require_own_law
 from cam_rig.messages import topics
-from cam_rig.messages.codec import array_of, decode_law
+from cam_rig.messages.codec import CAM_JOINTS, array_of, decode_law
 from cam_rig.nodes.base.diagnostics import ERROR, OK, WARN, Activity, Diagnostics
 from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.clock_source import ClockSource
@@ -43,6 +46,7 @@ class DriveControls:
         node.parameter_table.add_check("rpm", lambda rpm: self._program.require_speed(rpm * RPM))
         node.add_post_set_parameters_callback(self._on_parameters)
         node.subscribe(topics.CAM_RPM, self._on_rpm)
+        node.subscribe(topics.JOINT_COMMANDS, self._on_joint_commands)
         for action in (self.start, self.stop, self.reset, self.emergency_stop):
             node.create_trigger(action.__name__, action)
 
@@ -85,9 +89,34 @@ class DriveControls:
                 self._node.set_pacing(parameter.value)
 
     def _on_rpm(self, message: Float64) -> None:
-        (result,) = self._node.set_parameters([Parameter("rpm", value=float(message.data))])
+        self._set_rpm(float(message.data), topics.CAM_RPM.name)
+
+    def _set_rpm(self, rpm: float, topic: str) -> None:
+        (result,) = self._node.set_parameters([Parameter("rpm", value=rpm)])
         if not result.successful:
-            raise RefusedError(f"{topics.CAM_RPM.name}: {result.reason}")
+            raise RefusedError(f"{topic}: {result.reason}")
+
+    def _on_joint_commands(self, message: JointState) -> None:
+        """Apply the velocity (rad/s) of the joint ``cam``, where 0 stops the cam.
+
+        A message without this joint is for other robots. A controller repeats its command at each
+        of its cycles, so an unchanged velocity is ignored.
+        """
+        topic, joint = topics.JOINT_COMMANDS.name, CAM_JOINTS[0]
+        if joint not in message.name:
+            return
+        if len(message.velocity) != len(message.name):
+            raise RefusedError(f"{topic}: velocity must have one value per joint")
+        velocity = message.velocity[message.name.index(joint)]
+        if velocity == 0.0:
+            self._program.run(False)
+            return
+        if self._program.halted:
+            raise RefusedError(f"{topic}: the emergency stop is active; call reset")
+        if velocity / RPM != self._node.get_parameter("rpm").value:
+            self._set_rpm(velocity / RPM, topic)
+        if not self._program.running:
+            self.start()
 
 
 class LawServerClient:
@@ -175,6 +204,10 @@ class CamDrive(ClockSource):
         self.set_pacing(self.settings["pacing"])
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         self._controls = DriveControls(self)
+        self._simulation = None
+        if find_spec("simulation_interfaces") is not None:  # an optional ROS package
+            control = import_module("cam_rig.nodes.simulation_control")
+            self._simulation = control.SimulationControl(self, self._controls)
         server.watch(self.program.expects, self.program.on_mounted)
         self.start_flow(consumers, self.program.flow)
 
@@ -188,6 +221,12 @@ class CamDrive(ClockSource):
             self._clock_timer.cancel()
         else:
             self._clock_timer.reset()
+
+    def send_due(self) -> None:
+        """Publish the states that may be published now, and continue a waiting step request."""
+        super().send_due()
+        if self._simulation is not None:
+            self._simulation.update()
 
     def send_next(self) -> bool:
         """Publish the next state and return True, or return False if it must wait."""

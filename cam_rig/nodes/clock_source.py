@@ -21,6 +21,7 @@ from cam_rig.nodes.base.diagnostics import ERROR, OK, WARN, Activity
 from cam_rig.nodes.base.rig_node import RigNode, progress_text, scene_identity
 from cam_rig.nodes.base.run_end import POLL_S, FinishedRun, find_endpoints, have_left
 from cam_rig.nodes.convert import to_header, to_joint_state, to_time
+from cam_rig.nodes.rig_state import RigState
 from cam_rig.runner.node_table import OPTIONAL, WAIT, blocking_text, order_by_chain
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, to_rpm
@@ -77,6 +78,8 @@ class ClockSource(RigNode):
         self._speed_log = SpeedLog()
         #: Rig time (ns) of the last message on /clock, and of the last state.
         self.clock_ns = self.newest_ns = -1
+        #: State that was published last, None before the first.
+        self.newest: CamState | None = None
         self._progress_at = time.monotonic()
         self._not_ready: set[str] = set()
         #: Consumers that were connected and have left.
@@ -132,6 +135,7 @@ class ClockSource(RigNode):
         self.subscribe(topics.READY, self._on_ready)
         self._due_timer = self.create_wall_timer(1.0, self._on_due)
         self._due_timer.cancel()
+        self._rig_state = RigState(self)
         self.create_wall_timer(CHECK_PERIOD_S, self._check_progress)
         self.get_logger().info(self.activity().text)
 
@@ -158,6 +162,7 @@ class ClockSource(RigNode):
             # rclpy does not provide one-shot timers, so that _on_due cancels the timer
             self._due_timer.timer_period_ns = max(MIN_TIMER_NS, int(due * 1e9))
             self._due_timer.reset()
+        self._rig_state.update()
 
     def _on_due(self) -> None:
         self._due_timer.cancel()
@@ -240,7 +245,7 @@ class ClockSource(RigNode):
 
     def report_sent(self, state: CamState, tick: int) -> None:
         """Report a published state to the runner, and log a new speed."""
-        self._progress_at, self.ticks = time.monotonic(), tick
+        self._progress_at, self.ticks, self.newest = time.monotonic(), tick, state
         seconds = state.time_ns / NS
         self._report_progress(tick=tick, cam=state.cam, rpm=to_rpm(state.speed), time=seconds)
         if text := self._speed_log.update(state, self.is_commanded):
@@ -282,6 +287,7 @@ class ClockSource(RigNode):
         self._is_bag_closed = False
         self.remember_endpoints()
         self._finished_publisher.publish(run.to_message(self.get_name()))
+        self._rig_state.publish_end(level, text)
         if self.settings["on_finish"] == WAIT:
             return
         signals, progress_timeout = self.interrupts, self.settings["progress_timeout"]

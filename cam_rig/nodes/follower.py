@@ -41,7 +41,8 @@ class Follower(RigNode):
         self._samples_publisher = self.advertise(topics.FOLLOWER_SAMPLES)
         self._state_publisher = self.advertise(topics.FOLLOWER_STATE)
         points = self.settings["samples_per_turn"] or self._loaded.scene.samples_per_turn
-        messages = MotionMessages(self._loaded, points, FOLLOWER_TOPICS)
+        prefix = self.settings["frame_prefix"]
+        messages = MotionMessages(self._loaded, points, FOLLOWER_TOPICS, prefix)
         self._motion = MotionPublisher(self, messages, points, self.settings["visualization_rate"])
         self._state_received_at = 0.0
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)

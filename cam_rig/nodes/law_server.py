@@ -43,7 +43,9 @@ class LawServer(RigNode):
         self._ack_publisher = self.advertise(topics.LAW_SERVER_ACK)
         self._loaded = open_scene(Path(self.settings["scene"]))
         self._states = tick_count(self._loaded.scene) + 1
-        self._markers = MotionMessages(self._loaded, topics=LAW_SERVER_TOPICS)
+        self._markers = MotionMessages(
+            self._loaded, topics=LAW_SERVER_TOPICS, frame_prefix=self.settings["frame_prefix"]
+        )
         self._marker_publishers = {t: self.advertise(t) for t in self._markers.topics}
         self._mounting = CamMounting(self._loaded, self.settings["cam"])
         self._publish_law()

@@ -122,6 +122,11 @@ _SAMPLES_PER_TURN = Spec(
     0,
     MAX_SAMPLES_PER_TURN,
 )
+_FRAME_PREFIX = Spec(
+    "frame_prefix",
+    "",
+    "text before the names of the frames of messages for viewers, such as rig1/; not in bags",
+)
 #: Topics that every node publishes.
 COMMON = (topics.DIAGNOSTICS, topics.READY)
 #: Consumers that the drive waits for by default. Displays are optional.
@@ -168,6 +173,7 @@ ABOUT = {
             SCENE, ON_FINISH,
             Spec("cam", "", "cam, a name in config/cams, mounted until the drive requests another; "
                  "empty: the first of the scene", live=True),
+            _FRAME_PREFIX,
         ),
         (topics.CAM_STATE, topics.FINISHED),
         "-p scene:=quick -p cam:=cycloidal",
@@ -188,7 +194,7 @@ ABOUT = {
         ),
         (
             topics.LAW_COEFFICIENTS, *_ACKNOWLEDGEMENTS, topics.LAW_SERVER_ACK, topics.CLOSED,
-            topics.READY, topics.CAM_RPM, topics.PARAMETER_EVENTS,
+            topics.READY, topics.CAM_RPM, topics.JOINT_COMMANDS, topics.PARAMETER_EVENTS,
         ),
         "-p scene:=quick -p pacing:=20 -p autostart:=false",
         services=("start", "stop", "reset", "emergency_stop"),
@@ -199,6 +205,7 @@ ABOUT = {
             SCENE, ON_FINISH, _SAMPLES_PER_TURN,
             Spec("visualization_rate", 100.0, "rate of /joint_states and similar topics in a "
                  "paced run, Hz, wall clock", 1.0, 1000.0),
+            _FRAME_PREFIX,
         ),
         (topics.LAW_COEFFICIENTS, topics.CAM_STATE, topics.REAL_TIME_FACTOR, topics.FINISHED),
         "-p scene:=quick -p samples_per_turn:=360",
@@ -268,7 +275,7 @@ ABOUT = {
         "-p input_uri:=bags/golden",
         published=(
             topics.CLOCK, topics.CAM_STATE, topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW,
-            topics.REAL_TIME_FACTOR, topics.FINISHED,
+            topics.REAL_TIME_FACTOR, topics.FINISHED, topics.RIG_STATE,
         ),
     ),
 }  # fmt: skip

@@ -37,13 +37,17 @@ class PublishingMonitor:
         self._publishers: list[tuple[Topic, RigPublisher]] = []
         self._checked_at = time.monotonic()
         self._times: list[float] = []  # publishing_s of each publisher at the last check
-        node.create_wall_timer(PERIOD_S, lambda: self.check(time.monotonic()))
-        node.create_wall_timer(RETRY_PERIOD_S, self.retry)
+        node.create_wall_timer(RETRY_PERIOD_S, self._on_timer)
 
     def add(self, topic: Topic, publisher: RigPublisher) -> None:
         """Monitor a publisher."""
         self._publishers.append((topic, publisher))
         self._times.append(publisher.publishing_s)
+
+    def _on_timer(self) -> None:
+        self.retry()
+        if (now := time.monotonic()) - self._checked_at >= PERIOD_S:
+            self.check(now)
 
     def retry(self) -> None:
         """Publish the delayed messages of all writers that are no longer blocked."""
