@@ -1,4 +1,4 @@
-# Needs git, make and a Python 3.11-3.13 with venv; everything else goes into .venv.
+# Needs git, make and a Python 3.11-3.14 with venv; everything else goes into .venv.
 # Another Python: make clean, then make setup PYTHON=python3.12
 
 PYTHON ?= python3
@@ -78,11 +78,11 @@ clean: ## remove .venv and everything built; bags stay
 # pip is the last thing venv writes, so a half-made .venv is made again.
 $(BIN)/pip:
 	@command -v $(PYTHON) >/dev/null || { \
-		echo 'cam_rig needs Python 3.11 to 3.13, and there is no $(PYTHON):' \
+		echo 'cam_rig needs Python 3.11 to 3.14, and there is no $(PYTHON):' \
 			'name one with PYTHON=...' >&2; exit 1; }
 	@$(PYTHON) -c 'import platform as p, sys; v = sys.version_info[:2]; \
-		(3, 11) <= v <= (3, 13) or sys.exit( \
-			"cam_rig needs Python 3.11 to 3.13, and $(PYTHON) is %s: " \
+		(3, 11) <= v <= (3, 14) or sys.exit( \
+			"cam_rig needs Python 3.11 to 3.14, and $(PYTHON) is %s: " \
 			"name another with PYTHON=..." % p.python_version())'
 	@echo 'Making .venv with $(PYTHON)'
 	@$(PYTHON) -m venv --clear .venv

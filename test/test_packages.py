@@ -135,7 +135,7 @@ def names_in(file):
     return {line for line in lines if not line.startswith("#")}
 
 
-@pytest.mark.parametrize("distribution", ["kilted", "jazzy"])
+@pytest.mark.parametrize("distribution", ["lyrical", "kilted", "jazzy"])
 def test_rosdep_resolves_every_key(distribution):
     """Each dependency in package.xml is a system key of rosdep or a released package.
 
@@ -349,7 +349,7 @@ def test_the_image_starts_a_launch_file_that_there_is():
     """
     found = dict(instructions())
     assert found["FROM"] == "ros:${DISTRO}-ros-base"
-    assert found["ARG"] == "DISTRO=kilted"
+    assert found["ARG"] == "DISTRO=lyrical"
     assert "Kilted and Jazzy" in PAGE
     assert json.loads(found["ENTRYPOINT"]) == [copied()["docker/entrypoint.sh"]]
     _, _, package, launch, *_ = json.loads(found["CMD"])
