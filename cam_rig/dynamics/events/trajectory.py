@@ -71,7 +71,7 @@ class Phase:
 
     begin: float  #: start time, s since the start of the interval
     end: float  #: end time, s since the start of the interval
-    #: Vibration (η, η̇) of the end mass at the start, ``(2,)``. It is 0 in flight and for one mass.
+    #: Vibration (η, η̇) of the end mass at the start, ``(2,)``: 0 in flight, unused for one mass.
     vibration: FloatArray
     flight: Flight | None = None  #: free motion of the follower, or None in contact
 
