@@ -188,9 +188,9 @@ MAX_TURNS = 25
 #: Step of the initial shaft state, relative to the peak twist, for the finite differences that
 #: approximate the derivative of the state after one turn.
 SLOPE_STEP = 0.03
-#: Smallest spectral value (smallest singular value) of the derivative of the state's change over
-#: one turn. Below it some change of the state is kept over a turn: the shaft is in resonance with
-#: the cam and has no periodic state.
+#: Lower limit of the smallest singular value of the derivative of the state's change over one turn.
+#: Below it a turn hardly changes some disturbance of the state: the shaft is in resonance with the
+#: cam and has no periodic state.
 MIN_SLOPE_NORM = 1e-8
 
 
