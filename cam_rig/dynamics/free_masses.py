@@ -1,6 +1,8 @@
 """Two-mass follower: parameters, linear model in contact, and motion in flight.
 
-In flight the state is the stretch of the stem and the centre of mass.
+The roller mass is on the cam, and the end mass is at the other end of the elastic stem, on the
+closing spring. In flight the state is the stretch of the stem and the position of the centre of
+mass, with their rates.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
 
-#: Keys of the numbers in a rig file that the two-mass model needs and the one-mass model does not.
+#: Keys of the numbers in a rig file that the two-mass model needs and the one-mass model does not
+#: need.
 TWO_MASS_KEYS = ("roller_share", "stem_stiffness", "stem_damping")
 #: Name of the two-mass model in the error message for a missing number.
 NEEDED_BY = "two masses (the model two_mass)"
@@ -68,8 +71,8 @@ class TwoMassParameters:
     spring_stiffness: float  #: k₂, N/m
     stem_damping: float  #: c₁, N·s/m
     damping: float  #: c₂, N·s/m
-    preload: float  #: N
-    restitution: float | None = 0.0
+    preload: float  #: force of the closing spring at zero lift, N
+    restitution: float | None = 0.0  #: Newton's coefficient of a landing, or None
 
     def __post_init__(self) -> None:
         vars(self).update(check_numbers(vars(self), "restitution"))
@@ -128,17 +131,18 @@ class TwoMassParameters:
         return self.stem_stiffness / self.stiffness
 
     def static_position(self, cam: FloatArray) -> FloatArray:
-        """Return (y, ẏ) of the end mass without vibration, ``(2, n)``, m and m/s.
+        """Return (y, ẏ) of the end mass in contact without vibration, ``(2, n)``.
 
-        The first two rows of ``cam`` are the cam's s (m) and ṡ (m/s).
+        The displacement y is in m, and ẏ in m/s. The first two rows of ``cam`` are the cam's s (m)
+        and ṡ (m/s).
         """
         return np.stack([self.share * cam[0] - self.preload / self.stiffness, self.share * cam[1]])
 
     @cached_property
     def inner_matrix(self) -> FloatArray:
-        """Matrix A of the two masses in flight, in the state (w, ẇ, Y, Ẏ), ``(4, 4)``.
+        """Matrix A of the equation ẋ = A x + b of the two masses in flight, ``(4, 4)``.
 
-        `free_masses` explains the state.
+        The state x is (w, ẇ, Y, Ẏ), with the stretch w of the stem and the centre of mass Y.
         """
         m1, m2 = self.roller_mass, self.end_mass
         total, both = m1 + m2, 1.0 / m1 + 1.0 / m2
@@ -152,10 +156,11 @@ class TwoMassParameters:
 
 @lru_cache(maxsize=64)
 def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> LinearResponse:
-    """Return the linear model of the end mass during contact, at a speed (rad/s).
+    """Return the linear model of the end mass while the roller mass is on the cam.
 
-    The state is the vibration (η, η̇) about the static position. A velocity jump does not act on
-    the state here, because it may end the contact.
+    The state is the vibration (η, η̇) of the end mass about its static position, in m and m/s.
+    ``speed`` is the cam speed, rad/s. A velocity jump of the law does not act on the state in this
+    model, because it may end the contact. The caller handles it.
     """
     p, damping = parameters, parameters.stem_damping + parameters.damping
     matrix = np.array([[0.0, 1.0], [-p.stiffness / p.end_mass, -damping / p.end_mass]])
@@ -166,7 +171,7 @@ def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> L
 
 @lru_cache(maxsize=64)
 def force_output(parameters: TwoMassParameters) -> Outputs:
-    """Return the output of `contact_response` that is the contact force (N)."""
+    """Return the contact force (N) as an output of the linear model `contact_response`."""
     p = parameters
     state = np.array([[-p.stem_stiffness, -p.stem_damping]])
     spring_share = p.spring_stiffness / p.stiffness  # 1 − α, without cancellation
@@ -176,12 +181,12 @@ def force_output(parameters: TwoMassParameters) -> Outputs:
     return Outputs(state, law, np.array([p.share * p.preload]))
 
 
-#: Largest condition number of the mode shapes at which the modes are used. At a larger number two
-#: modes are nearly equal, and their digits would cancel.
+#: Largest condition number of the matrix of mode shapes at which the motion in flight is computed
+#: with the modes. At a larger number two modes are nearly equal, and their digits would cancel.
 MAX_CONDITION = 1e3
-#: Largest number of Newton steps for a factor of the characteristic polynomial.
+#: Largest number of steps of Newton's method for the factors of the characteristic polynomial.
 MAX_NEWTON_STEPS = 12
-#: Relative correction at which Newton's method has converged.
+#: Relative correction at which Newton's method for these factors has converged.
 NEWTON_RTOL = 1e-15
 
 
@@ -227,10 +232,11 @@ def from_inner(parameters: TwoMassParameters, inner: FloatArray) -> FloatArray:
 
 
 def _pairs(p: TwoMassParameters) -> Pairs | None:
-    """Return the pairs that couple the stem and the centre of mass least.
+    """Return the transformation of the two masses in flight to two decoupled pairs.
 
-    The four rates of the flight can be grouped into pairs in several ways. Returns None if no way
-    has a condition number below `MAX_CONDITION`.
+    The four eigenvalues can be grouped into two pairs in several ways. The result is the way whose
+    pairs are closest to the motion of the stem and of the centre of mass. It is None if no way has
+    a condition number below `MAX_CONDITION`.
     """
     candidates = [
         _shape_pairs(p, *sides)
@@ -250,10 +256,10 @@ def _condition(shapes: FloatArray) -> float:
 
 
 def _characteristic(p: TwoMassParameters) -> FloatArray:
-    """Return a₃, a₂, a₁, a₀ of the characteristic polynomial λ⁴ + a₃ λ³ + ….
+    """Return the coefficients a₃, a₂, a₁, a₀ of the characteristic polynomial, ``(4,)``.
 
-    It is that of both masses in flight. Each coefficient is a sum of positive terms, so no digits
-    cancel.
+    The polynomial λ⁴ + a₃ λ³ + a₂ λ² + a₁ λ + a₀ is that of both masses in flight. Each coefficient
+    is a sum of positive terms, so no digits cancel.
     """
     m1, m2, k1, k2 = p.roller_mass, p.end_mass, p.stem_stiffness, p.spring_stiffness
     c1, c2 = p.stem_damping, p.damping
@@ -262,7 +268,7 @@ def _characteristic(p: TwoMassParameters) -> FloatArray:
     return np.array([cubic, square, c1 * k2 + c2 * k1, k1 * k2]) / (m1 * m2)
 
 
-#: Coefficients p and q of a factor λ² + p λ + q.
+#: Coefficients p and q of a quadratic factor λ² + p λ + q of a characteristic polynomial.
 Factor = tuple[float, float]
 
 
@@ -292,10 +298,11 @@ def _factors(polynomial: FloatArray) -> list[tuple[Factor, Factor]]:
 
 
 def _refine_factors(polynomial: FloatArray, p: float, q: float) -> tuple[Factor, Factor] | None:
-    """Refine approximate factors of a quartic by Newton's method.
+    """Refine an approximate factor of a quartic polynomial by Newton's method.
 
-    The equations P q + p Q = a₁ and q Q = a₀ are solved. Returns ((P, Q), (p, q)), or None if the
-    method fails or a factor is unstable.
+    The quartic λ⁴ + a₃ λ³ + … has the coefficients ``polynomial`` after the first, and the factor
+    is λ² + p λ + q. The equations P q + p Q = a₁ and q Q = a₀ are solved, where λ² + P λ + Q is the
+    other factor. Returns ((P, Q), (p, q)), or None if the method fails or a factor is unstable.
     """
     a3, a2, a1, a0 = polynomial.tolist()
     for _ in range(MAX_NEWTON_STEPS):
@@ -317,11 +324,11 @@ def _refine_factors(polynomial: FloatArray, p: float, q: float) -> tuple[Factor,
 
 
 def _shape_pairs(p: TwoMassParameters, stem: Factor, spring: Factor) -> Pairs | None:
-    """Return the transformation to pairs for the stem and for the centre of mass.
+    """Return the transformation to one pair for the stem and one for the centre of mass.
 
-    ``stem`` and ``spring`` are the rates (2δ, κ) of the pairs. In the first pair the stem stretch
-    is (w, ẇ) = (q, q̇), and Y follows from its equation of motion. In the second pair (Y, Ẏ) = (q,
-    q̇), and w follows. Returns None if the shapes do not exist.
+    ``stem`` and ``spring`` are the coefficients (2δ, κ) of the pairs (q, q̇). In the first pair the
+    stem stretch is (w, ẇ) = (q, q̇), and the centre of mass Y follows from its equation of motion.
+    In the second pair (Y, Ẏ) = (q, q̇), and w follows. Returns None if the mode shapes do not exist.
     """
     shapes, matrix = np.eye(4), p.inner_matrix
     for first, pair in ((0, stem), (2, spring)):
@@ -337,9 +344,10 @@ def _shape_pairs(p: TwoMassParameters, stem: Factor, spring: Factor) -> Pairs | 
 
 
 def _inverse(shapes: FloatArray) -> FloatArray | None:
-    """Return the inverse of [[1, G], [H, 1]], or None if it is singular.
+    """Return the inverse of a block matrix [[1, G], [H, 1]], or None if it is singular.
 
-    It is computed by blocks, because the entries have very different sizes.
+    ``shapes`` is the matrix, ``(4, 4)``, with blocks of shape ``(2, 2)``. The inverse is computed
+    by blocks, because the entries have very different sizes.
     """
     right, left = shapes[:2, 2:], shapes[2:, :2]
     (a, b), (c, d) = np.eye(2) - right @ left
@@ -353,11 +361,12 @@ def _inverse(shapes: FloatArray) -> FloatArray | None:
 
 
 def _follower_weights(row: FloatArray, first: int, other: int, pair: Factor) -> Factor | None:
-    """Return the weights f = (c + d B)(a + b B)⁻¹ of q and q̇ in the other coordinate.
+    """Return the weights of q and q̇ in the dependent coordinate of a mode shape.
 
-    B is the matrix of the pair, B² = −κ − 2δ B, and ``row`` is the equation of motion of the
-    dependent coordinate. Each weight is written out, so that it is accurate to its last digit.
-    Returns None if a + b B is singular.
+    In a pair (q, q̇) one coordinate, the stem stretch or the centre of mass, is q. The other one
+    follows from its equation of motion, ``row``. The weights are f = (c + d B)(a + b B)⁻¹ with the
+    matrix B of the pair, B² = −κ − 2δ B. They are written out, so that each is accurate to its last
+    digit. Returns None if a + b B is singular.
     """
     damping, stiffness = pair
     a, b = -stiffness - row[other], -damping - row[other + 1]

@@ -60,8 +60,8 @@ RETURN_TURNS = (2, 4, 8, 16, 32)
 #: errors of hundreds of turns, which grow with each landing.
 PERIOD_RTOL = 1e-9
 
-#: Number of turns from rest after which the worksheets for students evaluate a motion. A student's
-#: test bench shows four digits.
+#: Number of turns from rest after which lab sheets (worksheets for students) evaluate a motion. The
+#: simulated test bench of a student shows four digits.
 LAB_TURNS = 6
 
 
