@@ -259,8 +259,8 @@ def curvature_checks(scan: Scan, follower: Follower, min_base: float | None) -> 
 def corner_check(law: Law, tolerance: float) -> Check:
     """Return the check that the contour has no corner.
 
-    The contour has a corner at a cam angle at which s' jumps. ``tolerance`` is the allowed jump of
-    s' per rad, as a fraction of the lift.
+    The contour has a corner at a cam angle at which s' jumps. ``tolerance`` is the largest allowed
+    jump of s' divided by the lift, 1/rad.
     """
     jumps = np.abs(law.jumps(1))
     worst = int(np.argmax(jumps))
