@@ -58,8 +58,9 @@ ARC_ERROR = 1e-9
 #: Smallest number of points of a curve with arcs or splines. Its straight parts are divided into
 #: many points, because a spline through only their ends would bulge.
 ARC_POINTS = 20_000
-#: Number of segments of a full circle for `ezdxf.path.make_path`, three per Bézier curve. The 32
-#: Bézier curves of a circle have an error of 1e-9 of its radius.
+#: Number of Bézier curves with which `ezdxf.path.make_path` replaces a circle, an arc or an
+#: ellipse. An arc of a polyline gets a third of them, 32, whose error is at most 1e-9 of the
+#: radius.
 ARC_SEGMENTS = 96
 #: Number of points of a curve at which its refinement stops.
 MAX_POINTS = 1_000_000
@@ -73,7 +74,7 @@ MAX_ECCENTRICITY = 1e-6
 #: around it. A larger curve may be a contour inside of its pitch curve, because a roller is seldom
 #: larger than its cam.
 MAX_BORE_RATIO = 0.5
-#: Number of points of a closed curve of straight lines above which it can be a contour. If the
+#: Smallest number of lines of a closed curve of straight lines that can be a contour. If the
 #: drawing has other curves, a curve with fewer lines counts as a frame or a keyway.
 MIN_LINES = 12
 
