@@ -44,7 +44,10 @@ def pressure_pa(level: NDArray[np.float64] | float) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class RadiationParameters:
-    """Acoustic constants of a rig."""
+    """Acoustic constants of a rig, from the contact force to the sound pressure.
+
+    They describe the sound of the structure, of landings, and of the background.
+    """
 
     gain: float  #: sound pressure per rate of the contact force, Pa·s/N
     corner_frequency: float  #: corner frequency of the structure's low-pass filter, Hz
@@ -52,7 +55,8 @@ class RadiationParameters:
     background_reference_speed: float  #: cam speed to which ``background`` refers, rad/s
     background_slope: float  #: increase of the background level per octave of cam speed, dB
     contact_time: float  #: duration of the force pulse of a landing, s, or 0 without landings
-    background_corner_frequency: float  #: Hz, above which the background falls by 6 dB per octave
+    #: Frequency above which the spectrum of the background falls by 6 dB per octave, Hz.
+    background_corner_frequency: float
 
     @classmethod
     def from_rig(cls, rig: RigConfig, *, lands: bool = True) -> RadiationParameters:
@@ -310,7 +314,8 @@ def _pulse(duration: float, rate: float) -> FloatArray:
     return np.asarray(rate * np.diff(integral))
 
 
-# Contact force to r.m.s. sound pressure, by energy, as the microphone node publishes it.
+# R.m.s. sound pressure from the contact force. The powers of structure, landings and background are
+# added. The microphone node publishes this pressure.
 
 
 @dataclass(frozen=True)
@@ -364,7 +369,7 @@ def rms_pressure(
     return MicrophoneState(float(structure[-1]), float(force[-1])), math.sqrt(power)
 
 
-# Steady sound of a cam whose follower stays on it: exact, without samples or transients.
+# Sound in steady state of a follower that stays on the cam: exact, without samples or transients.
 
 #: Number of Gauss-Legendre nodes per sub-interval of the mean over a turn. A sub-interval lasts at
 #: most one time constant 1/ω_c of the structure.

@@ -32,8 +32,8 @@ SILENCE_DB = -200.0
 class Reading:
     """Reading of the sound-level meter for one block, with levels in dB re 20 µPa."""
 
-    #: Time-weighted sound level, energy-averaged over the block. In a steady sound of whole turns
-    #: it is the equivalent level, independent of the cam angle at the end of the block.
+    #: Time-weighted sound level, averaged as power over the block. If the sound is steady and the
+    #: block covers whole turns, it is the equivalent level, whatever the cam angle at its end.
     level: float
     at_end: float  #: time-weighted level at the end of the block
     highest: float  #: maximum of the time-weighted level in the block
@@ -147,7 +147,10 @@ class SoundLevelMeter:
         return self.state.overload
 
     def _apply_weighting(self, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the frequency-weighted samples, and the state of the filter after them."""
+        """Return the frequency-weighted samples, and the state of the filter after them.
+
+        ``pressure`` are samples in Pa, ``(n,)``. The state of the meter is not changed.
+        """
         if self._sections.size == 0:
             return pressure, self.state.filter
         from scipy.signal import sosfilt  # imported here, because it takes a second
@@ -284,7 +287,10 @@ def weighting_filter(curve: str, rate: int) -> FloatArray:
     zeros, poles = ZEROS[curve], np.exp(-2.0 * math.pi * np.array(POLES[curve]) / rate)
 
     def zeros_power(x: FloatArray) -> FloatArray:
-        """Return the squared magnitude that the fitted zeros must have at x = cos ω."""
+        """Return the squared magnitude that the fitted zeros must have at x = cos ω.
+
+        ω is the digital frequency, 2π times the frequency divided by the sample rate.
+        """
         below = np.prod([1.0 + p * p - 2.0 * p * x for p in poles], axis=0)
         above = (2.0 - 2.0 * x) ** zeros
         frequency = np.arccos(x) * rate / (2.0 * math.pi)
@@ -292,7 +298,7 @@ def weighting_filter(curve: str, rate: int) -> FloatArray:
 
     polynomial = Chebyshev.interpolate(zeros_power, FITTED_ZEROS)
     x = polynomial.roots().astype(complex)
-    z = x + np.sqrt(x * x - 1.0)  # x = (z + 1/z)/2: one root of each pair is in the unit circle
+    z = x + np.sqrt(x * x - 1.0)  # x = (z + 1/z)/2. Of z and 1/z one is inside the unit circle
     fitted = np.where(np.abs(z) > 1.0, 1.0 / z, z)
     gain = math.sqrt(float(polynomial(0.0)) / float(np.prod(np.abs(1j - fitted) ** 2)))
     return np.asarray(zpk2sos(np.append(fitted, np.ones(zeros)), poles, gain))
@@ -345,10 +351,10 @@ BAND_ORDER = 6
 #: Smallest ratio of half the sample rate to the mid-band frequency of a third-octave band. A band
 #: with a smaller ratio is omitted.
 MIN_RATE_RATIO = 0.5 / 0.44
-#: Smallest ratio of half the decimated sample rate to the upper edge of a band, so that the band
-#: is below the transition of the decimation filter.
+#: Smallest ratio of half the decimated sample rate to the upper edge frequency of a third-octave
+#: band. The band is then below the transition of the decimation filter.
 HEADROOM = 1.25
-#: Largest factor by which the rate of a low band is decimated.
+#: Largest factor by which the sample rate is decimated for a low third-octave band.
 MAX_DECIMATION = 500
 #: r.m.s. pressure (Pa) that replaces silence, so that the level is finite.
 MIN_PRESSURE = float(np.finfo(float).eps)
@@ -408,7 +414,7 @@ MAX_SAMPLE = 32767
 
 @dataclass(frozen=True)
 class Measurement:
-    """Levels and flags of a recorded sound."""
+    """Levels and flags of a recorded sound, the result of `measure`."""
 
     levels: dict[str, float]  #: dB re 20 µPa, by the standard's names such as LAeq and LAFmax
     bands: Spectrum  #: levels of the third-octave bands

@@ -65,12 +65,12 @@ class TwoMassParameters:
     Paper, eq. 14-19. There k₁ is the stem and k₂ the closing spring, as here.
     """
 
-    roller_mass: float  #: m₁, kg
-    end_mass: float  #: m₂, kg
-    stem_stiffness: float  #: k₁, N/m
-    spring_stiffness: float  #: k₂, N/m
-    stem_damping: float  #: c₁, N·s/m
-    damping: float  #: c₂, N·s/m
+    roller_mass: float  #: m₁, mass on the cam, kg
+    end_mass: float  #: m₂, mass at the other end of the stem, kg
+    stem_stiffness: float  #: k₁, stiffness of the stem, N/m
+    spring_stiffness: float  #: k₂, stiffness of the closing spring, N/m
+    stem_damping: float  #: c₁, damping in the stem, N·s/m
+    damping: float  #: c₂, damping between end mass and ground, N·s/m
     preload: float  #: force of the closing spring at zero lift, N
     restitution: float | None = 0.0  #: Newton's coefficient of a landing, or None
 
@@ -201,7 +201,8 @@ def free_masses(parameters: TwoMassParameters) -> FreeSystem:
     p = parameters
     total = p.roller_mass + p.end_mass
     share = p.roller_mass / total
-    # Rows z̈, √(m₂/m₁) ÿ, √(k₁/m₁) ẇ and √(k₂/m₁) ẏ: an energy of the rates, times 2/m₁.
+    # Rows for z̈, √(m₂/m₁) ÿ, √(k₁/m₁) ẇ and √(k₂/m₁) ẏ. The sum of their squares is 2/m₁ times an
+    # energy of the rates, which does not grow. It bounds the later acceleration z̈ of the roller.
     roots = np.sqrt(np.array([p.end_mass, p.stem_stiffness, p.spring_stiffness]) / p.roller_mass)
     energy = [
         [0.0, share - 1.0, 0.0, 1.0],
@@ -216,7 +217,11 @@ def free_masses(parameters: TwoMassParameters) -> FreeSystem:
 
 
 def to_inner(parameters: TwoMassParameters, state: FloatArray) -> FloatArray:
-    """Convert (z, ż, y, ẏ) to stem stretch and centre of mass (w, ẇ, Y, Ẏ), ``(4,)``."""
+    """Convert (z, ż, y, ẏ) of two masses to the state (w, ẇ, Y, Ẏ) of a flight, ``(4,)``.
+
+    z is the displacement of the roller mass and y that of the end mass. w = y − z is the stretch of
+    the stem, and Y is the centre of mass.
+    """
     p, z, y = parameters, state[:2], state[2:]
     stretch = y - z
     centre = z + p.end_mass / (p.roller_mass + p.end_mass) * stretch
@@ -224,7 +229,11 @@ def to_inner(parameters: TwoMassParameters, state: FloatArray) -> FloatArray:
 
 
 def from_inner(parameters: TwoMassParameters, inner: FloatArray) -> FloatArray:
-    """Convert states (w, ẇ, Y, Ẏ) to the masses' (z, ż, y, ẏ), ``(4,)`` or ``(4, n)``."""
+    """Convert states (w, ẇ, Y, Ẏ) of a flight to (z, ż, y, ẏ) of the two masses.
+
+    The shape of both is ``(4,)`` or ``(4, n)``. w is the stretch of the stem, Y the centre of mass,
+    z the displacement of the roller mass, and y that of the end mass.
+    """
     p = parameters
     stretch, centre = inner[:2], inner[2:]
     contact_mass = centre - p.end_mass / (p.roller_mass + p.end_mass) * stretch
@@ -288,7 +297,7 @@ def _factors(polynomial: FloatArray) -> list[tuple[Factor, Factor]]:
         second_pair = np.delete(roots, [0, other])
         slow = min(first_pair, second_pair, key=lambda pair: abs(np.prod(pair)))
         if abs(slow.sum().imag) > 1e-6 * np.abs(slow).max():
-            continue  # one root each of two conjugate pairs: the factor is not real
+            continue  # the two roots belong to different conjugate pairs: the factor is not real
         factors = _refine_factors(scaled, -float(slow.sum().real), float(np.prod(slow).real))
         if factors is not None:
             (fast_p, fast_q), (slow_p, slow_q) = factors

@@ -122,7 +122,7 @@ def wrap(angle: float, turns: int = 0) -> tuple[int, float]:
         return turns, angle
     whole = math.floor(angle / TURN)
     remainder = angle - whole * TURN
-    if not 0.0 <= remainder < TURN:  # the rounding of an angle of 1e18 is many turns
+    if not 0.0 <= remainder < TURN:  # the rounding error of an angle of 1e18 rad is many turns
         remainder = math.fmod(angle, TURN)
         remainder = remainder + TURN if remainder < 0.0 else remainder
         whole = round((angle - remainder) / TURN)
@@ -161,8 +161,8 @@ class Interval:
     stop_ns: int
     angle: float  #: cam angle at the start, in [0, 2π), rad
     speed: float  #: cam speed at the start, rad/s
-    acceleration: float = 0.0  #: rad/s²
-    turns: int = 0  #: whole turns before the start
+    acceleration: float = 0.0  #: cam acceleration, rad/s²
+    turns: int = 0  #: whole turns of the cam before the start
 
     def __post_init__(self) -> None:
         for name in ("start_ns", "stop_ns"):
@@ -332,8 +332,8 @@ class Event(NamedTuple):
     kind: EventKind
     time: float  #: rig time, s
     angle: float  #: cam angle with all turns, rad
-    impulse: float = 0.0  #: N·s, 0 at a lift-off
-    energy_lost: float = 0.0  #: J, 0 at a lift-off
+    impulse: float = 0.0  #: impulse of a landing, N·s, 0 at a lift-off
+    energy_lost: float = 0.0  #: energy lost in a landing, J, 0 at a lift-off
 
 
 @dataclass(frozen=True)
@@ -437,7 +437,9 @@ def require_continuation(state: FollowerState | None, interval: Interval) -> Non
     if state is None or state.cam_angle is None:
         return
     difference = abs(math.remainder(interval.angle - state.cam_angle, TURN))
-    if difference > 2.0 * ANGLE_TOLERANCE:  # a validator with this tolerance may round
+    # Twice the tolerance, because the check of incoming drive data with the single tolerance may
+    # accept an angle that exceeds it by rounding.
+    if difference > 2.0 * ANGLE_TOLERANCE:
         raise DynamicsError(
             f"an interval from {interval.angle:.9g} rad on, for a follower that ended at "
             f"{state.cam_angle:.9g} rad of its turn; allowed: {2.0 * ANGLE_TOLERANCE:g} rad apart, "

@@ -145,4 +145,4 @@ def shaft_torque(law: Law, parameters: FollowerParameters, angle: float, speed: 
     contact force, or 0 if the force is negative.
     """
     force = state_at(law, parameters, angle, speed).contact_force
-    return max(force, 0.0) * law.at(angle)[1] + 0.0  # not −0, whose message has other bytes
+    return max(force, 0.0) * law.at(angle)[1] + 0.0  # converts −0 to 0, so that messages are equal

@@ -23,7 +23,8 @@ from cam_rig.units import TURN
 #: Largest rounding error of the cam angle at the border of two intervals, rad. It is that of an
 #: angle of 1e5 turns that is stored in one float.
 JOINT_ATOL_RAD = 1e-9
-#: Largest difference of cam angles (rad) of two events that count as simultaneous.
+#: Largest difference of the cam angles (rad) of two events, for example a lift-off and a velocity
+#: jump, that count as simultaneous.
 SAME_ANGLE_RAD = 1e-12
 
 

@@ -93,7 +93,7 @@ SAMPLES = 4096
 class FlywheelTurn:
     """Steady turn of a cam on its shaft, driven by a constant motor torque."""
 
-    inertia: float  #: I_v of the flywheel, kg·m², infinite at constant flywheel speed
+    inertia: float  #: moment of inertia I_v of the flywheel, kg·m², infinite at constant speed
     fluctuation: float  #: speed fluctuation (max − min)/mean of the flywheel
     cam_fluctuation: float  #: speed fluctuation (max − min)/mean of the cam
     #: Speed fluctuation by the handbook formula ΔE/((I_v + I) ω²), which assumes a rigid shaft and
@@ -231,11 +231,11 @@ class SteadyVibration:
     residual_amplitude: float
     #: Peak-to-peak vibration about the static fraction of the lift in the window, m.
     peak_to_peak: float
-    acceleration: float  #: largest |ẍ|, m/s²
+    acceleration: float  #: largest |acceleration| of the mass on its stem, m/s²
     rigid_acceleration: float  #: largest acceleration of the law itself, m/s²
     #: Peak-to-peak twist, cam angle less flywheel angle, rad. None for a rig without a shaft.
     twist: float | None
-    #: (max − min)/mean speed of the flywheel. None if its speed is constant.
+    #: Speed fluctuation (max − min)/mean of the flywheel. None if its speed is constant.
     fluctuation: float | None = None
 
 
@@ -326,7 +326,7 @@ def residual_vibration(
     amplitudes = np.array(
         [max(free_amplitude(run, speed, angle) for angle in angles) for speed in speeds.tolist()]
     )
-    # The highest speed is the critical one: there the vibration follows the law least.
+    # The highest speed is checked, because there the mass on its stem follows the law least.
     last = int(np.argmax(speeds))
     total = float(np.abs(steady_turn(law, follower, float(speeds[last])).vibration).max())
     if not amplitudes[last] <= MAX_RESIDUAL_RATIO * total:

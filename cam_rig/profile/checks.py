@@ -127,7 +127,11 @@ CROSSING_POINTS = 3600
 
 
 def reach_checks(scan: Scan) -> Iterator[Check]:
-    """Yield the checks of the distances and angles that the follower must reach."""
+    """Yield the checks that the follower can be at all positions of the law.
+
+    They compare the distance from the cam's axis, and for a follower on an arm the angle of the arm
+    and the distance of the cam from the pivot, with their geometric limits.
+    """
     element, law = scan.element, scan.law
     nearest = min_clearance(element, law)
     remedy = "the cam would not hold its shaft: let base_radius be larger"
@@ -135,7 +139,8 @@ def reach_checks(scan: Scan) -> Iterator[Check]:
     if isinstance(element, Swung):
         yield from _arm_checks(element, law)
     yield from pivot_checks(scan)
-    if isinstance(element, SwungFace):  # 1 + φ' of eq. 2.28: at 0 the contact is at infinity
+    # The checked value is 1 + φ' of eq. 2.28. If it is 0, the contact is at infinity.
+    if isinstance(element, SwungFace):
         back = greatest_between(lambda angle: -law(angle, 1), law.breaks)
         turn = Extreme(1.0 - back.value / element.arm, back.angle)
         remedy = "the face falls faster than the cam turns: let the fall be longer or the lift less"
@@ -313,7 +318,7 @@ def find_min_base_radius(follower: Follower, law: Law) -> float | None:
     least = search_base_radius(margin, base_radius)
     if not least:
         return least
-    # the larger the base radius, the sooner the cam cuts the pivot
+    # A larger base radius brings the cam closer to the pivot of the arm.
     plates = discs_on(follower, law, least * (1.0 + BASE_RTOL))
     checks = (check for disc in plates for check in pivot_checks(Scan(law, disc.element)))
     return least if all(check.passed for check in checks) else None

@@ -124,7 +124,11 @@ class Element(ABC):
 
     @abstractmethod
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact with the cam of a follower that moves by the law."""
+        """Return the contact of the element with the cam at the angles of a motion.
+
+        The follower moves by the law. The result has the point of contact, the curvature of the
+        contour and the pressure angle at each cam angle.
+        """
 
     @abstractmethod
     def place_on(self, points: ComplexArray) -> FloatArray:
@@ -136,7 +140,10 @@ class Element(ABC):
 
     @abstractmethod
     def lift_at(self, position: FloatArray) -> FloatArray:
-        """Return the displacement s (m) of the follower at a position of the element (m)."""
+        """Return the displacement s (m) of the follower at positions of the element (m).
+
+        It is the inverse of the relation by which the position follows from s.
+        """
 
     @abstractmethod
     def clearance(self, s: FloatArray) -> FloatArray:

@@ -286,7 +286,7 @@ class _ContourTable(CellTable):
                 )
             steps = np.diff(angle[members], append=angle[members[:1]])
             if min(np.count_nonzero(steps < 0.0), np.count_nonzero(steps > 0.0)) <= 1:
-                continue  # in order, from any angle on
+                continue  # the rows are in order around the cam, from any angle on
             placed = members[np.argsort(angle[members], kind="stable")]
             repeated = (np.diff(angle[placed]) == 0.0) & (np.diff(radius[placed]) != 0.0)
             if repeated.any():

@@ -83,14 +83,14 @@ def discs(follower: Follower, law: Law, base_radius: float | None = None) -> tup
         case kinds.ConstantDiameter():  # rollers 2 R_p + s_max apart
             other = GuidedCentre(roller, 0.0, base + roller + stroke(law), side=-1)
             plates = [Disc("", GuidedCentre.on_base(base, roller, 0.0), other)]
-        case kinds.Conjugate():  # the second cam lowers what the first cam lifts (§2.2.2)
+        case kinds.Conjugate():  # the second roller sinks as the first one rises (§2.2.2)
             first = GuidedCentre.on_base(base, roller, eccentricity)
             start = first.start + stroke(law)
             if follower.roller_distance is not None:
                 start = follower.roller_distance.si - first.start
             second = GuidedCentre(roller, -eccentricity, start, side=-1)
             plates = [Disc("first", first), Disc("second", second)]
-        case kinds.OscillatingConjugate():  # two arms of one rocker
+        case kinds.OscillatingConjugate():  # the follower is a rocker with two arms
             plates = _rocker(follower, law, base)
     return tuple(plates)
 

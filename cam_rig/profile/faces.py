@@ -28,7 +28,7 @@ class Guided(Element):
     side: int  #: 1 above the cam, −1 below it
 
     def lift_at(self, position: FloatArray) -> FloatArray:
-        """Return the displacement s (m) of the follower at a height of the element (m)."""
+        """Return the displacement s (m) of the follower at heights of the element (m)."""
         return self.side * (position - self.start)
 
     def stand(self, s: FloatArray) -> ComplexArray:
@@ -66,7 +66,10 @@ class Swung(Element):
         return self.start + self.side * s / self.arm
 
     def lift_at(self, position: FloatArray) -> FloatArray:
-        """Return the displacement s (m) of the follower at an arc length (m)."""
+        """Return the displacement s (m) of the follower at positions of the arm (m).
+
+        The position is the arc length at the end of the arm.
+        """
         return self.side * (position - self.arm * self.start)
 
     def moves(self, points: ComplexArray) -> ComplexArray:

@@ -165,7 +165,10 @@ class FollowerShape:
 
 
 def follower_shape(cam: CamConfig, law: Law) -> FollowerShape:
-    """Return the shape of a cam's follower for drawings."""
+    """Return the outline and the positions of a cam's follower, for drawings.
+
+    It is the follower of the first disc.
+    """
     element = discs(cam.follower, law)[0].element
     assert isinstance(element, Guided | Swung)
     return FollowerShape(element, extremes(law, 0)[1].value)

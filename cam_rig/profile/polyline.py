@@ -53,7 +53,10 @@ class ContourPath:
         return points, contour.radius + self.offset, contour.pressure
 
     def require_room(self) -> None:
-        """Raise a `ProfileError` if the cutter is too large for a concave part."""
+        """Raise a `ProfileError` if a cutter is too large for a concave part of the contour.
+
+        The radius of the cutter is `offset`.
+        """
         concave = sharpest_concave(Scan(self.law, self.disc.element))
         if concave is not None and concave.value <= self.offset:
             raise ProfileError(

@@ -236,7 +236,7 @@ def _read_drawing(path: Path) -> tuple[Drawing, list[DXFEntity]]:
             document.units = 0
         drawn = [e for e in document.modelspace() if isinstance(e, (*CURVES, Insert))]
         count = _count_entities(document, drawn, {})
-        every = disassemble.recursive_decompose(drawn)  # without dimensions and hatches
+        every = disassemble.recursive_decompose(drawn)  # expands the blocks
         entities = list(islice(every, MAX_ENTITIES + 1 if count <= MAX_ENTITIES else 0))
     except FileNotFoundError:
         raise ProfileError(f"{path}: no such file") from None
@@ -380,7 +380,7 @@ def _flatten(path: Path, entity: Spline, factor: float) -> FloatArray:
     # the outer knots of an unclamped spline lie beyond its range
     parameters = np.unique(knots[degree : len(knots) - degree])
     points = _evaluate(spline, parameters)
-    divided = np.arange(len(parameters) - 1)  # chords that are not known to be short enough
+    divided = np.arange(len(parameters) - 1)  # indices of the chords that are still to be checked
     while divided.size and len(parameters) < MAX_POINTS:
         thirds = (
             parameters[divided, None]
@@ -441,7 +441,7 @@ def _join_chains(loose: list[_Curve]) -> tuple[list[_Curve], str]:
     """
     if not loose:
         return [], ""
-    # end 2i is the start of curve i, end 2i + 1 its end
+    # Row 2i contains the first point of curve i, row 2i + 1 its last point.
     ends = np.array([[curve.points[0], curve.points[-1]] for curve in loose]).reshape(-1, 2)
     tree = cKDTree(ends)
     meeting = [tree.query_ball_point(end, JOIN_DISTANCE) for end in ends]

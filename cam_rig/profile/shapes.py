@@ -16,7 +16,10 @@ def circle(radius: float, points: int = 96) -> FloatArray:
 
 
 def close_outline(points: FloatArray) -> FloatArray:
-    """Return an outline ``(n + 1, 2)`` with its first point repeated at the end."""
+    """Return an outline ``(n, 2)`` with its first point repeated at the end.
+
+    The shape of the result is ``(n + 1, 2)``.
+    """
     return np.vstack([points, points[:1]])
 
 

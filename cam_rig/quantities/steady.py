@@ -236,7 +236,7 @@ def _settle_from_rest(law: Law, rig: RigConfig, scene: SceneConfig, speed: float
         current = _scaled_state(state, scale)
         last, change = change, _difference(current, before)
         if change == 0.0 or (change < last < math.inf and change**2 / (last - change) < FORCE_RTOL):
-            return SteadyStart(state)  # remainder of a geometric series
+            return SteadyStart(state)  # the further changes are bounded as a geometric series
         before = current
     return SteadyStart(state, is_steady=False)
 

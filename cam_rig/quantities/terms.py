@@ -140,7 +140,7 @@ class Term:
 
     @property
     def words(self) -> str:
-        """Text for tables, such as "lift at 90°"."""
+        """Title of the quantity with its domain for tables, such as "lift at 90°"."""
         title, where = self.quantity.title, self.quantity.where
         if where in ("", "event"):
             return f"{title} {self.event}" if where else title
@@ -150,7 +150,7 @@ class Term:
 
     @property
     def key(self) -> str:
-        """Text that `parse_term` reads, such as ``lift@90deg``."""
+        """Text of the term in the format of `parse_term`, such as ``lift@90deg``."""
         where = self.quantity.where
         if where in ("", "event"):
             return f"{self.name}@{self.event}" if where else self.name
@@ -175,7 +175,7 @@ class Limit:
 
     @property
     def words(self) -> str:
-        """Text for tables, such as "lift at 90° ≥ 30 mm"."""
+        """Limit as text for tables, such as "lift at 90° ≥ 30 mm"."""
         quantity, value = self.term.quantity, "the start's"
         if self.value is not None:
             value = f"{self.value / quantity.factor:.4g} {quantity.unit}".rstrip()

@@ -90,12 +90,14 @@ def find_landing(flight: FlightOverCam, limit: float) -> Gap:
     rounding.
     """
     cam, rounding = flight.cam, 0.0
-    if cam.law.has_velocity_jumps:  # r of (13): a jump may be up to this time before the limit
+    # By rounding, a velocity jump may be up to this time before the limit: r of inequality (13).
+    if cam.law.has_velocity_jumps:
         rounding = max(SAME_ANGLE_RAD / cam.speed, 4.0 * angle_rounding_time(cam))
         rounding = min(rounding, MAX_JUMP_ROUNDING_S)
     point, last = _initial_gap(flight), limit - rounding
     while point.time < limit:
-        # Within the rounding of a velocity jump the piece before it is evaluated (13).
+        # A time that may be that of a velocity jump, by rounding, is evaluated in the piece of the
+        # law before the jump (13).
         piece_time = point.time - (rounding if point.time > last else 0.0)
         point = _search_window(flight, point, limit, piece_time)
         if point.has_landed:
@@ -242,10 +244,10 @@ def is_positive_between(
     """
     if value <= 0.0 or end_value <= 0.0:
         return False
-    if min(value, end_value) > curvature * width * width / 8.0:  # (2)
+    if min(value, end_value) > curvature * width * width / 8.0:  # inequality (2)
         return True
     forward = positive_duration(value, rate, curvature)
-    return width < forward + positive_duration(end_value, -end_rate, curvature)  # (3)
+    return width < forward + positive_duration(end_value, -end_rate, curvature)  # inequality (3)
 
 
 def _search_window(flight: FlightOverCam, point: Gap, limit: float, piece_time: float) -> Gap:
@@ -261,7 +263,7 @@ def _search_window(flight: FlightOverCam, point: Gap, limit: float, piece_time: 
     end = min(time + window, limit)
     if piece_time == time:
         end = min(end, (high - cam.angle) / cam.speed)
-    if not end > time:  # advance to the next float
+    if not end > time:  # the window is shorter than the resolution of a float: advance to the next
         next_time = time + max(EPS * time, MIN_WINDOW_S)
         return Gap(next_time, point.gap, point.rate, point.rounding, False)
     duration, span = window if end == time + window else end - time, high - low
@@ -271,7 +273,7 @@ def _search_window(flight: FlightOverCam, point: Gap, limit: float, piece_time: 
     curvature = law.polynomials[piece][LawRow.CURVATURE_ORDINATES]
     curvature = restrict(curvature, law.size, first, max(first, last))
     rates = flight.lift_off.rates if time == 0.0 else advance(flight.lift_off, time).rates
-    acceleration = acceleration_ordinates(flight.lift_off, rates, duration)  # (10)
+    acceleration = acceleration_ordinates(flight.lift_off, rates, duration)  # series of lemma (10)
     # Rounding error of s'' in m/rad²: that of s'' itself, and that of s before differentiation.
     differences = (law.size - 1) / law.pieces[piece]["span"]
     curvature_size = ACCELERATION_ROUNDING_ERRORS * law.pieces[piece]["max_curvature"]

@@ -73,7 +73,11 @@ def dispatch(kernel: Kernel, *arguments: Any) -> Any:
 
 
 def select_backend() -> str:
-    """Return the name of the backend for the next call, `PLAIN` or `COMPILED`."""
+    """Return the backend for the next event search, `PLAIN` or `COMPILED`.
+
+    It is the value of the environment variable `VARIABLE` if that is set to one of them. Otherwise
+    it is `COMPILED` after plain Python has spent `LOAD_AFTER_S` in kernels.
+    """
     requested = os.environ.get(VARIABLE, "")
     if requested in (PLAIN, COMPILED):
         return requested
@@ -105,8 +109,8 @@ def _load(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
         failures = (*failures, numba.core.errors.NumbaError)
         if numba.config.DISABLE_JIT:
             return kernel
-        # Python raises KeyboardInterrupt in the main thread, which waits here. A compilation cannot
-        # be interrupted: it ends in its thread, or with the process.
+        # Compile in a second thread, because a compilation cannot be interrupted. The main thread,
+        # which waits here, can still raise KeyboardInterrupt.
         with ThreadPool(1) as pool:
             compiled: Kernel = pool.apply(_compile, (kernel, arguments))
         return compiled
@@ -137,7 +141,7 @@ def _compile(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
         _print(f"compiling {name}, once (about 15 s)")
     try:
         compiled.compile(types)
-    except Exception as error:  # damaged bytes raise any error when they are unpickled
+    except Exception as error:  # damaged cache files may raise any error when they are unpickled
         if not indexes or isinstance(error, numba.core.errors.NumbaError):
             raise
         _print(f"compiling {name} again, because its stored code is damaged (about 15 s)")

@@ -43,13 +43,13 @@ CELLS = 8
 #: Record of the scalars of one part of a turn in which the follower is in contact.
 CONTACT_PART = np.dtype(
     [
-        ("start", "f8"),  # cam angle, rad
+        ("start", "f8"),  # cam angle at the start of the part, rad
         ("span", "f8"),  # cam angle that the part covers, rad
-        ("duration", "f8"),  # s
-        ("size", "i8"),  # number of ordinates of its polynomials
-        ("force_rounding", "f8"),  # ε_F, rounding error of the force, N
-        ("max_force_curvature", "f8"),  # upper bound of |P̈|, N/s²
-        ("flow", "f8", (2, 2)),  # e^{Ah} of (η, η̇) over the part
+        ("duration", "f8"),  # duration of the part, s
+        ("size", "i8"),  # number of Bernstein ordinates of its polynomials
+        ("force_rounding", "f8"),  # ε_F, upper bound of the rounding error of the contact force, N
+        ("max_force_curvature", "f8"),  # upper bound of |P̈|, P is the force without vibration, N/s²
+        ("flow", "f8", (2, 2)),  # matrix e^{Ah} of the free vibration (η, η̇) over the part
         ("cell_minima", "f8", (CELLS,)),  # lower bound of P − ε_F in each cell, N
     ],
     align=True,
@@ -66,15 +66,15 @@ class StemContactRow(IntEnum):
     DISPLACEMENT = 0  #: forced vibration X of the end mass, m
     VELOCITY = 1  #: its rate Ẋ, m/s
     FORCE = 2  #: contact force P without free vibration, N
-    WEIGHTED_FORCE = 3  #: P in N, weighted
-    WEIGHTED_FORCE_RATE = 4  #: Ṗ in N/s, weighted
+    WEIGHTED_FORCE = 3  #: P, weighted, N
+    WEIGHTED_FORCE_RATE = 4  #: rate Ṗ of P, weighted, N/s
 
 
 class StemVibration(NamedTuple):
     """Vibration of the end mass about its static position, in contact."""
 
-    displacement: float  #: η, m
-    velocity: float  #: η̇, m/s
+    displacement: float  #: displacement η from the static position, m
+    velocity: float  #: rate η̇ of the displacement, m/s
 
 
 class StemContactTable(NamedTuple):
@@ -87,10 +87,10 @@ class StemContactTable(NamedTuple):
 
     parts: Records  #: scalars of the parts, records of `CONTACT_PART`, ``(n,)``
     polynomials: Matrices  #: forced motion and force, rows of `StemContactRow`, ``(n, 5, size)``
-    stiffness: float  #: κ of η̈ = −κ η − 2δ η̇, 1/s²
-    damping: float  #: 2δ, 1/s
-    force_per_displacement: float  #: p, N/m
-    force_per_velocity: float  #: q, N·s/m
+    stiffness: float  #: κ of the free vibration η̈ = −κ η − 2δ η̇, 1/s²
+    damping: float  #: 2δ of the free vibration, 1/s
+    force_per_displacement: float  #: p, contact force per η, N/m
+    force_per_velocity: float  #: q, contact force per η̇, N·s/m
     #: Matrix from the free vibration (η, η̇) to the Bernstein ordinates (N) of its share of the
     #: force p η + q η̇ in the following ``window`` seconds, ``(d + 1, 2)``.
     series: Matrix
@@ -109,9 +109,9 @@ class ContactLoss(NamedTuple):
     """Result of the search for a loss of contact of two masses."""
 
     is_lost: bool  #: True if contact is lost within the duration of the search
-    time: float  #: time of the loss, s, infinite if contact is kept
-    stretch_start: float  #: start time of the last stretch, s
-    stretch: ContactStretch  #: the last stretch that was searched
+    time: float  #: time of the loss since the start of the search, s, infinite if contact is kept
+    stretch_start: float  #: time at which ``stretch`` starts, since the start of the search, s
+    stretch: ContactStretch  #: initial state in the last part of the turn that was searched
 
 
 def find_loss_of_contact(
@@ -233,7 +233,7 @@ def _find_loss_in_stretch(
         duration = min(contact.window, limit - time)
         u = find_fall(
             _force_ordinates(contact, stretch, time, duration), force_rounding
-        )  # (6), (7)
+        )  # by (6) and (7) of docs/proofs.md
         if u >= 0.0:
             return time + u * duration
         time = _step_while_pressed(contact, stretch, min(time + duration, limit), limit)

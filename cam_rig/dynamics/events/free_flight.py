@@ -52,30 +52,31 @@ MIN_RATE_RATIO = 0.1
 #: True.
 FREE_SYSTEM = np.dtype(
     [
-        ("size", "i8"),  # n
+        ("size", "i8"),  # number n of states
         ("window", "f8"),  # duration for which ``series`` is exact to rounding, s
-        ("matrix", "f8", (MAX_STATES, MAX_STATES)),  # A
-        ("load", "f8", (MAX_STATES,)),  # b
+        ("matrix", "f8", (MAX_STATES, MAX_STATES)),  # A of ẋ = A x + b
+        ("load", "f8", (MAX_STATES,)),  # b of ẋ = A x + b
         ("contact_row", "f8", (MAX_STATES,)),  # weights of x in the contact mass's displacement
         ("energy", "f8", (MAX_STATES, MAX_STATES)),  # E of inequality (5) in docs/proofs.md
-        ("series", "f8", (SERIES_SIZE, MAX_STATES)),  # ẋ → ordinates of the contact acceleration
-        ("modes", "f8", (MAX_STATES, MAX_STATES)),  # V of x = V ξ
-        ("inverse", "f8", (MAX_STATES, MAX_STATES)),  # V⁻¹
-        ("modal_load", "f8", (MAX_STATES,)),  # V⁻¹ b
+        # Matrix from ẋ to the Bernstein ordinates of the contact mass's acceleration in a window.
+        ("series", "f8", (SERIES_SIZE, MAX_STATES)),
+        ("modes", "f8", (MAX_STATES, MAX_STATES)),  # V of the transformation x = V ξ to pairs
+        ("inverse", "f8", (MAX_STATES, MAX_STATES)),  # inverse V⁻¹ of ``modes``
+        ("modal_load", "f8", (MAX_STATES,)),  # load V⁻¹ b of the pairs
         ("pair_damping", "f8", (MAX_STATES // 2,)),  # 2δ of each pair, 1/s
         ("pair_stiffness", "f8", (MAX_STATES // 2,)),  # κ of each pair, 1/s²
-        ("modal_contact_row", "f8", (MAX_STATES,)),  # ``contact_row`` V
-        ("modal_energy", "f8", (MAX_STATES, MAX_STATES)),  # E V, zero below row n
-        ("has_pairs", "?"),  # True if V is well conditioned
+        ("modal_contact_row", "f8", (MAX_STATES,)),  # product of ``contact_row`` and V
+        ("modal_energy", "f8", (MAX_STATES, MAX_STATES)),  # product E V, zero below row n
+        ("has_pairs", "?"),  # True if V is well conditioned, so that the pairs are used
     ],
     align=True,
 )
 #: Record of the constants of a decoupled pair of states (q, q̇) in one flight.
 PAIR_START = np.dtype(
     [
-        ("rate", "f8"),  # q̇ at the start, the load included
-        ("pull", "f8"),  # κ q + 2δ q̇ − const, for the displacement
-        ("force", "f8"),  # q̈ at the start
+        ("rate", "f8"),  # rate of q at the start of the flight, including the load
+        ("pull", "f8"),  # κ q + 2δ q̇ − const at the start, from which q(t) follows
+        ("force", "f8"),  # rate q̈ of q̇ at the start of the flight
     ],
     align=True,
 )
@@ -84,7 +85,7 @@ PAIR_START = np.dtype(
 class ImpulseResponse(NamedTuple):
     """Response S(t) of ẍ + 2δ ẋ + κ x = 0 to a unit impulse, at one time."""
 
-    value: float  #: S, s
+    value: float  #: impulse response S, s
     rate: float  #: time derivative Ṡ, without unit
     integral: float  #: integral of S from time 0, s²
 
@@ -93,23 +94,23 @@ class LiftOffState(NamedTuple):
     """State of the masses at the start of a flight, and their coefficients."""
 
     free: Records  #: coefficients of the free motion, one record of `FREE_SYSTEM`
-    start: Vector  #: x at the start, ``(n,)``
-    rates: Vector  #: ẋ at the start, ``(n,)``
+    start: Vector  #: states x at the start of the flight, ``(n,)``
+    rates: Vector  #: rates ẋ at the start of the flight, ``(n,)``
     pairs: Records  #: constants of the decoupled pairs, records of `PAIR_START`, ``(n / 2,)``
 
 
 class Advance(NamedTuple):
     """Change of the n states of the masses since the start of the flight, at one time."""
 
-    change: Vector  #: x(t) − x(0), ``(n,)``
-    rates: Vector  #: ẋ(t), ``(n,)``
+    change: Vector  #: change x(t) − x(0) of the states, ``(n,)``
+    rates: Vector  #: rates ẋ(t) of the states, ``(n,)``
 
 
 class PairAdvance(NamedTuple):
     """Change of one decoupled pair of states (q, q̇) since the start of the flight."""
 
-    displacement: float  #: q(t) − q(0)
-    velocity: float  #: q̇(t) − q̇(0)
+    displacement: float  #: change q(t) − q(0) of the displacement
+    velocity: float  #: change q̇(t) − q̇(0) of the velocity
     displacement_rate: float  #: time derivative of ``displacement``
     velocity_rate: float  #: time derivative of ``velocity``
 
@@ -117,8 +118,8 @@ class PairAdvance(NamedTuple):
 class ContactMassMotion(NamedTuple):
     """Motion of the contact mass (the mass that meets the cam) in flight, at one time."""
 
-    change: float  #: displacement since the start of the flight, m
-    velocity: float  #: m/s
+    change: float  #: change of the displacement since the start of the flight, m
+    velocity: float  #: velocity at this time, m/s
     max_acceleration: float  #: upper bound of |acceleration| at this and all later times, m/s²
 
 
@@ -267,7 +268,7 @@ def advance_contact_mass(lift_off: LiftOffState, time: float) -> ContactMassMoti
             max_acceleration=bound_acceleration(lift_off, state.rates),
         )
     change, velocity, row, energy = 0.0, 0.0, free["modal_contact_row"], free["modal_energy"]
-    e0, e1, e2, e3 = 0.0, 0.0, 0.0, 0.0  # E ẋ, component by component: an array costs more time
+    e0, e1, e2, e3 = 0.0, 0.0, 0.0, 0.0  # components of E ẋ, without an array to save time
     for i in range(len(lift_off.start) // 2):
         pair, j = _advance_pair(lift_off, i, time), 2 * i
         change += row[j] * pair.displacement + row[j + 1] * pair.velocity

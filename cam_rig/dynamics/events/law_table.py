@@ -28,9 +28,9 @@ GAP_ROUNDING_ERRORS = 16.0
 #: Record of the scalars of one polynomial piece of a law.
 LAW_PIECE = np.dtype(
     [
-        ("start", "f8"),  # cam angle, rad
-        ("span", "f8"),  # rad
-        ("max_curvature", "f8"),  # upper bound of |s''|, m/rad²
+        ("start", "f8"),  # cam angle at the start of the piece, rad
+        ("span", "f8"),  # cam angle that the piece covers, rad
+        ("max_curvature", "f8"),  # upper bound of |s''| in the piece, m/rad²
     ],
     align=True,
 )
@@ -52,8 +52,8 @@ class LawRow(IntEnum):
 class LawTable(NamedTuple):
     """Polynomials s, s', s'' of a motion law with n pieces of degree p, as arrays."""
 
-    pieces: Records  #: records of `LAW_PIECE`, ``(n,)``
-    polynomials: Matrices  #: rows of `LawRow`, ``(n, 4, p + 1)``
+    pieces: Records  #: one record of `LAW_PIECE` per piece, ``(n,)``
+    polynomials: Matrices  #: one row per member of `LawRow` for each piece, ``(n, 4, p + 1)``
     size: int  #: number of ordinates per piece, p + 1
     max_lift: float  #: upper bound of |s|, m
     max_slope: float  #: upper bound of |s'|, m/rad
@@ -72,9 +72,9 @@ class Cam(NamedTuple):
 class CamMotion(NamedTuple):
     """Motion of the cam surface under the follower at one time."""
 
-    lift: float  #: s, m
-    velocity: float  #: ṡ, m/s
-    acceleration: float  #: s̈, m/s²
+    lift: float  #: lift s, m
+    velocity: float  #: velocity ṡ, m/s
+    acceleration: float  #: acceleration s̈, m/s²
 
 
 def cam_at(cam: Cam, time: float) -> CamMotion:

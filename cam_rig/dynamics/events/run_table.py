@@ -35,18 +35,18 @@ class EventCode(IntEnum):
 #: state at its start together with ``phase_end``.
 RUN_STATE = np.dtype(
     [
-        ("time", "f8"),  # since the start of the interval, s
-        ("phase_end", "f8"),  # end of a recorded phase, s; 0 in the state of a run
-        ("gap", "f8"),  # gap in flight if ``gap_known``, m
-        ("gap_rate", "f8"),  # its rate, m/s
-        ("initial_step", "f8"),  # step of ṡ to apply when the run starts, m/s
-        ("jumps_done", "i8"),  # number of velocity jumps of the interval that are applied
-        ("mode", "i8"),  # `RunMode`
+        ("time", "f8"),  # time since the start of the interval, s
+        ("phase_end", "f8"),  # end time of a recorded phase, s; 0 in the state of a run
+        ("gap", "f8"),  # gap between follower and cam in flight if ``gap_known`` is True, m
+        ("gap_rate", "f8"),  # rate of the gap in flight if ``gap_known`` is True, m/s
+        ("initial_step", "f8"),  # change of the cam's velocity ṡ to apply at the start, m/s
+        ("jumps_done", "i8"),  # number of velocity jumps of the interval that have been applied
+        ("mode", "i8"),  # contact or flight, `RunMode`
         # In contact: (η, η̇) of a follower of two masses, unused for one mass. In flight:
         # (w, ẇ, Y, Ẏ) of two masses or (y, ẏ) of one mass, as in `FreeSystem`. The other numbers
         # are unused.
         ("vector", "f8", (4,)),
-        ("gap_known", "?"),  # True if ``gap`` is better than a difference of displacements
+        ("gap_known", "?"),  # True if ``gap`` is more accurate than a difference of displacements
         ("has_started", "?"),  # True if ``initial_step`` has been applied
     ],
     align=True,
@@ -54,10 +54,10 @@ RUN_STATE = np.dtype(
 #: Record of a lift-off or a landing.
 EVENT = np.dtype(
     [
-        ("code", "i8"),  # `EventCode`
-        ("time", "f8"),  # since the start of the interval, s
-        ("impulse", "f8"),  # N·s, 0 at a lift-off
-        ("energy_lost", "f8"),  # J, 0 at a lift-off
+        ("code", "i8"),  # kind of the event, `EventCode`
+        ("time", "f8"),  # time since the start of the interval, s
+        ("impulse", "f8"),  # impulse of a landing, N·s; 0 at a lift-off
+        ("energy_lost", "f8"),  # energy lost in a landing, J; 0 at a lift-off
     ],
     align=True,
 )
@@ -68,8 +68,8 @@ COUNTS = np.dtype([("phases", "i8"), ("events", "i8")], align=True)
 #: Record of a velocity jump: a joint of the law at which the cam's velocity ṡ changes abruptly.
 JUMP = np.dtype(
     [
-        ("time", "f8"),  # since the start of the interval, s
-        ("step", "f8"),  # step of ṡ, m/s
+        ("time", "f8"),  # time since the start of the interval, s
+        ("step", "f8"),  # change of the cam's velocity ṡ at the joint, m/s
     ],
     align=True,
 )
@@ -77,8 +77,8 @@ JUMP = np.dtype(
 #: contact force would be negative.
 LOSS = np.dtype(
     [
-        ("start", "f8"),  # cam angle in [0, 2π], rad
-        ("end", "f8"),  # rad
+        ("start", "f8"),  # cam angle at the start of the range, in [0, 2π], rad
+        ("end", "f8"),  # cam angle at the end of the range, in [0, 2π], rad
     ],
     align=True,
 )
@@ -87,8 +87,8 @@ LOSS = np.dtype(
 class StemStretch(NamedTuple):
     """Stretch of the stem between contact mass and end mass, and its rate."""
 
-    length: float  #: w, m
-    rate: float  #: ẇ, m/s
+    length: float  #: stretch w, end mass less contact mass displacement, m
+    rate: float  #: rate ẇ of the stretch, m/s
 
 
 class Jumps(NamedTuple):
@@ -96,8 +96,8 @@ class Jumps(NamedTuple):
 
     ahead: Records  #: records of `JUMP` in the order of time, ``(n,)``
     duration: float  #: duration of the interval, s
-    #: Time (s) from which the cam is within rounding of a velocity jump of the next interval. A
-    #: lift-off from then on belongs to that interval.
+    #: Time (s) from which on the cam angle is within rounding of a velocity jump at the end, which
+    #: belongs to the next interval. A lift-off after this time belongs to the next interval too.
     contact_limit: float
 
 
@@ -143,4 +143,4 @@ class RunTable(NamedTuple):
     restitution: float  #: Newton's coefficient of restitution of a landing
     acceleration_rounding: float  #: uncertainty of the gap's acceleration at a lift-off, m/s²
     min_bounce_height: float  #: height of a bounce below which it counts as contact, m
-    min_velocity_step: float  #: step of ṡ up to which it counts as rounding, m/s
+    min_velocity_step: float  #: largest change of ṡ at a joint that counts as rounding, m/s

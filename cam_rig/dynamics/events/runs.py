@@ -183,7 +183,8 @@ def _fly(run: RunTable, record: RunRecord) -> None:
     _record_phase(record, end)
     gap_rate, state["time"] = landing.rate - _consume_jumps(run.jumps, state, end), end
     if not landing.has_landed and end == run.jumps.duration > run.jumps.contact_limit:
-        # The jump at the end belongs to the next interval, which subtracts it.
+        # The velocity jump at the end belongs to the next interval, which subtracts it from the
+        # rate of the gap.
         gap_rate = rate_before_jump(flight, end - time, run.jumps.contact_limit - time)
     has_landed = landing.has_landed and gap_rate <= 0.0
     if run.has_stem or not has_landed:  # one mass that lands has the displacement of the cam
@@ -255,7 +256,8 @@ def _land(run: RunTable, record: RunRecord, time: float, stretch: StemStretch, r
         + weights.acceleration * cam.acceleration
         + weights.constant
     )
-    # A rebound against the deceleration that closes the gap again ends if it is too low (14).
+    # The contact force at rest on the cam decelerates a rebound. If the rebound would be lower than
+    # ``min_bounce_height``, the follower stays on the cam (14).
     rebound, deceleration = run.restitution * approach, force / run.mass
     rebounds = rebound > 0.0
     if rebounds and deceleration > 0.0:

@@ -46,16 +46,16 @@ from cam_rig.laws.vectors import Matrix, Records, Vector, without_refcount
 #: first 2 are used for a follower of one mass, and all 4 for two masses.
 TURN_RESULT = np.dtype(
     [
-        ("landings", "i8"),  # number of landings
-        ("max_landing_speed", "f8"),  # relative to the cam, m/s; 0 without a landing
-        ("min_landing_speed", "f8"),  # relative to the cam, m/s; infinite without a landing
-        ("contact_time", "f8"),  # s
+        ("landings", "i8"),  # number of landings in the turn
+        ("max_landing_speed", "f8"),  # fastest, relative to the cam, m/s; 0 without a landing
+        ("min_landing_speed", "f8"),  # slowest, relative to the cam, m/s; infinite without one
+        ("contact_time", "f8"),  # total duration of contact in the turn, s
         ("is_flying", "?"),  # True if the follower is in flight at the end of the turn
-        # At the end of the turn: gap (m) and its rate (m/s), of two masses also the stretch of the
-        # stem (m) and its rate (m/s).
+        # State at the end of the turn: gap (m) and its rate (m/s), for two masses also the stretch
+        # of the stem (m) and its rate (m/s).
         ("state", "f8", (4,)),
-        ("growth", "f8", (4,)),  # logarithms of the growth of n directions
-        ("derivative", "f8", (4, 4)),  # of ``state`` by ``state`` at the start of the turn
+        ("growth", "f8", (4,)),  # logarithms of the growth of n perturbations in the turn
+        ("derivative", "f8", (4, 4)),  # derivative of ``state`` by the state before the turn
     ],
     align=True,
 )
@@ -188,7 +188,9 @@ def _pass_phases(
                 _pass_contact(run, length, perturbation, turn)
             continue
         _pass_flight(run, length, perturbation, turn)
-        if approach > 0.0:  # at a graze the derivative is that of flights that just miss the cam
+        # A landing at a relative speed of 0 is a graze. The derivative is then that of a flight
+        # that just misses the cam.
+        if approach > 0.0:
             restitution = run.restitution if rebound > 0.5 * run.restitution * approach else 0.0
             after = record.phases[i + 1] if i + 1 < count else record.state[0]
             landing = Landing(phase["phase_end"], approach, restitution)

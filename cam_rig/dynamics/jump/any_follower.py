@@ -31,7 +31,7 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import RPM, FloatArray
 
-#: Parameters of a follower that has a jump speed.
+#: Parameters of a follower that may leave the cam: two masses, or one rigid mass.
 AnyFollower = TwoMassParameters | FollowerParameters
 
 #: Text of `describe_follower` for a follower with two masses.

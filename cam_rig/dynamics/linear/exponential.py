@@ -156,10 +156,10 @@ class Pairs:
     Each pair satisfies q̈ + 2δ q̇ + κ q = const.
     """
 
-    shapes: FloatArray  #: V, ``(n, n)``
-    inverse: FloatArray  #: V⁻¹, ``(n, n)``
-    damping: FloatArray  #: 2δ, 1/s, ``(n / 2,)``
-    stiffness: FloatArray  #: κ, 1/s², ``(n / 2,)``
+    shapes: FloatArray  #: matrix V of the transformation, ``(n, n)``
+    inverse: FloatArray  #: inverse V⁻¹, ``(n, n)``
+    damping: FloatArray  #: 2δ of each pair, 1/s, ``(n / 2,)``
+    stiffness: FloatArray  #: κ of each pair, 1/s², ``(n / 2,)``
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,15 +169,15 @@ class FreeSystem:
     Positions and velocities alternate in x.
     """
 
-    matrix: FloatArray  #: A, ``(n, n)``
-    load: FloatArray  #: b, ``(n,)``
+    matrix: FloatArray  #: A of ẋ = A x + b, ``(n, n)``
+    load: FloatArray  #: b of ẋ = A x + b, ``(n,)``
     #: Weights of the states in the position of the contact mass, ``(n,)``
     row: FloatArray
-    #: Matrix from ẋ to a vector whose length is never below the acceleration of the contact mass,
-    #: ``(k, n)``
+    #: Matrix E, ``(k, n)``. The length of the vector E ẋ never grows during a flight and is never
+    #: below the absolute acceleration of the contact mass.
     energy: FloatArray
-    #: Pairs of states, or None if the modes are too similar. Then the exponential of the matrix is
-    #: used.
+    #: Transformation to decoupled pairs of states, or None if the modes are too similar. Then the
+    #: exponential of the matrix is used.
     pairs: Pairs | None
 
     @cached_property

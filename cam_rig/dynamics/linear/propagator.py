@@ -75,16 +75,16 @@ class ForcingPiece:
     matrix: FloatArray  #: A in 1/s, ``(n, n)``
     particular: FloatArray  #: Bernstein ordinates of X on each part, ``(parts, n, p + 1)``
     duration: float  #: duration T of the piece, s
-    part_flow: FloatArray  #: e^{Ah} over one part, ``(n, n)``
+    part_flow: FloatArray  #: matrix e^{Ah} of the free motion over one part, ``(n, n)``
 
     @property
     def part(self) -> float:
-        """Duration h of a part, s."""
+        """Duration h of one of the equal parts of the piece, s."""
         return self.duration / len(self.particular)
 
     @property
     def flow(self) -> FloatArray:
-        """Exponential e^{AT} over the whole piece, ``(n, n)``, for its duration T."""
+        """Matrix e^{AT} of the free motion over the duration T of the piece, ``(n, n)``."""
         return np.asarray(np.linalg.matrix_power(self.part_flow, self.particular.shape[0]))
 
     def end(self, start: FloatArray) -> FloatArray:
@@ -180,8 +180,8 @@ def _solve(
     """
     slow, fast, shapes = modes
     (n, width, m), k = forcing.shape, slow.shape[0]
-    # Scale the rows to one magnitude. Otherwise the pivot is a velocity, and the forcing of a slow
-    # mode cancels.
+    # Scale the rows to one magnitude. Otherwise the pivot of the linear solve is the row of a
+    # velocity, and the forcing of a slow mode loses its digits by cancellation.
     scale = np.exp2(-np.round(np.log2(np.abs(shapes).max(axis=1, keepdims=True))))
     inputs = np.linalg.solve(scale * shapes, scale * forcing.reshape(n, -1)).reshape(n, width, m)
     inputs = np.asarray(inputs, dtype=np.float64).transpose(1, 2, 0)
@@ -226,7 +226,7 @@ def _modes(
     triangle, basis, k = linalg().schur(
         balanced, output="real", sort=lambda re, im: math.hypot(re, im) * duration < bound
     )
-    if k == 0:  # no slow modes: the unchanged matrix has the smallest rounding
+    if k == 0:  # no slow modes: the matrix itself, because a transformation would add rounding
         return np.empty((0, 0)), matrix, np.eye(matrix.shape[0])
     slow, fast = triangle[:k, :k], triangle[k:, k:]
     decouple = np.eye(matrix.shape[0])

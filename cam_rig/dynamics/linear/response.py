@@ -49,8 +49,8 @@ MIN_EIGENVALUE = 1e-11
 class TurnMap:
     """Affine map Φ x + r from a state x at cam angle 0 to the state after one turn."""
 
-    flow: FloatArray  #: Φ, ``(n, n)``
-    offset: FloatArray  #: r, ``(n,)``
+    flow: FloatArray  #: matrix Φ, ``(n, n)``
+    offset: FloatArray  #: vector r, ``(n,)``
 
     def after(self, state: FloatArray, turns: int) -> FloatArray:
         """Return the state after ``turns`` whole turns, ``(n,)``.
@@ -80,13 +80,13 @@ class Part:
     """
 
     number: int  #: index of the part in the turn
-    low: float  #: cam angle at the start, rad
+    low: float  #: cam angle at the start of the part, rad
     span: float  #: cam angle that the part covers, rad
-    length: float  #: duration, s
+    length: float  #: duration h of the part, s
     law_piece: int  #: index of the piece of the law that contains the part
     of_piece: tuple[int, int]  #: index of the part in its piece, and number of parts of the piece
     particular: FloatArray  #: Bernstein ordinates of X, ``(n, p + 1)``
-    flow: FloatArray  #: e^{Ah} over the part, ``(n, n)``
+    flow: FloatArray  #: matrix e^{Ah} of the free vibration over the part, ``(n, n)``
     #: Jump of the state at the start of the part by a velocity jump of the law, ``(n,)``, or None.
     state_jump: FloatArray | None = None
 
@@ -120,11 +120,11 @@ class LinearResponse:
 
     law: Law  #: motion law of the cam
     speed: float  #: cam speed, rad/s, > 0
-    matrix: FloatArray  #: A, ``(n, n)``
+    matrix: FloatArray  #: A, weights of the states x in ẋ, ``(n, n)``
     drive: FloatArray  #: G, weights of s, ṡ and s̈ in ẋ, ``(n, 3)``
-    constant: FloatArray  #: g, ``(n,)``
-    #: True if a jump of ṡ, which is an impulse of s̈, acts on the state. Otherwise the caller
-    #: handles the jumps.
+    constant: FloatArray  #: g, constant terms in ẋ, ``(n,)``
+    #: True if a velocity jump of the law, an impulse of s̈, acts on the states of the model. If
+    #: False, the caller handles the velocity jumps.
     jumps_act: bool = False
 
     def __post_init__(self) -> None:
@@ -144,7 +144,7 @@ class LinearResponse:
             for k in range(count):
                 low, span = self.law.joints[i] + spans[i] * (k / count), spans[i] / count
                 x, flow, state_jump = solved.particular[k], solved.part_flow, None
-                if k == 0 and i in steps:  # an impulse of s̈
+                if k == 0 and i in steps:  # the velocity jump is an impulse of s̈
                     state_jump = self.drive[:, 2] * (self.speed * steps[i])
                 parts.append(
                     Part(len(parts), low, span, solved.part, i, (k, count), x, flow, state_jump)
@@ -238,7 +238,8 @@ class LinearResponse:
         require_angle(angle)
         require_number("duration", duration, "≥ 0")
         first = math.ceil(angle / TURN)
-        # Stop before a state jump at the end, which belongs to the next interval.
+        # Do not skip a turn up to a jump of the state at its end, which belongs to the next
+        # interval.
         spare = 0.0 if self.parts[0].state_jump is None else 2.0 * JOINT_ATOL_RAD
         whole = math.floor((angle + self.speed * duration - spare) / TURN) - first
         if whole <= 1:
@@ -386,7 +387,7 @@ def sample(
             if samples.chunk:
                 key = (part.number, samples.chunk, samples.chunks)
                 chunked.setdefault(key, []).append(_Passage(samples, offset, run.free))
-            else:  # few samples
+            else:  # too few samples for chunks: evaluate them one by one
                 ordinates, times = (
                     polynomial_part(model, part, outputs),
                     np.arange(float(end - done)),
@@ -402,7 +403,7 @@ def sample(
 
 
 class _Passage(NamedTuple):
-    """Samples in one passage of the cam through a part of its turn."""
+    """Samples of a uniform time grid in one passage of the cam through a part of its turn."""
 
     samples: SampleRun  #: indices and positions of the samples
     offset: float  #: time from the start of the passage to its first sample, s
@@ -505,5 +506,8 @@ def _chunk_matrix(
 
 @lru_cache(maxsize=256)
 def _chunk_flows(model: LinearResponse, period: float, count: int) -> FloatArray:
-    """Return e^{At} at ``count`` times that are ``period`` s apart, ``(count, n, n)``."""
+    """Return the matrices e^{At} at ``count`` times, ``(count, n, n)``.
+
+    The times start at 0 and are ``period`` s apart.
+    """
     return exponentials(model.matrix, period * np.arange(count, dtype=np.float64))

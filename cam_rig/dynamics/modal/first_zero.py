@@ -107,7 +107,7 @@ class Climb(NamedTuple):
     A paused climb is continued from its fields ``low`` and ``step``.
     """
 
-    status: int  #: `ClimbStatus`
+    status: int  #: result of the search, a `ClimbStatus`
     low: float  #: cam speed (rad/s) up to which the output is proven positive
     step: float  #: next speed step, as a fraction of the speed
     speed: float  #: cam speed at which the least output is zero if FOUND, else ``low``, rad/s
@@ -136,7 +136,7 @@ class Bracket(NamedTuple):
 class Step(NamedTuple):
     """Planned step of the cam speed, and the bounds that are to prove it."""
 
-    kind: int  #: `StepKind`
+    kind: int  #: kind of the bounds, a `StepKind`
     width: float  #: difference of the cam speeds at the ends of the step, rad/s
     error: ChordError  #: chord error of the complex amplitude q, used if the kind is HARMONICS
 
@@ -243,14 +243,14 @@ def _prove_by_harmonics(error: ChordError, start: float, end: float) -> tuple[bo
     is_positive = start > 0.0 and end > 0.0
     if error.max_error <= min(start, end) or (
         parabola <= root_sum * root_sum and is_positive
-    ):  # (33), (34)
+    ):  # positive in the whole step, by (33) or (34)
         predicted_root = math.sqrt(max(0.0, min(end, 2.0 * end - start)))
         factor = (end_root + predicted_root) * math.sqrt(HARMONIC_FRACTION / smaller)
         return True, min(MAX_GROWTH, max(SHRINK, factor))
     fall_ratio = 0.5 * start_root / math.sqrt(max(error.curvature, MIN_DIVISOR))
     factor = HARMONIC_SAFETY * max(fall_ratio, root_sum / math.sqrt(smaller))
     factor = min(HARMONIC_SAFETY, max(SHRINK * SHRINK, factor))
-    return fall_ratio >= 1.0 and end <= 0.0, factor  # (35)
+    return fall_ratio >= 1.0 and end <= 0.0, factor  # negative once, by (35)
 
 
 def _find_floors(run: ModeOnLaw, motion: OscillatorMotion, floors: Vector) -> MinOutput:
@@ -320,7 +320,7 @@ def _prove_by_groups(
     for i in range(len(start)):
         max_error, vibration = errors[i]["curvature"] * eighth, errors[i]["vibration"]
         forced_error = vibration + errors[i]["forced_curvature"] * eighth
-        error = min(max_error, vibration + forced_error)  # (27)
+        error = min(max_error, vibration + forced_error)  # chord error by (27)
         if (
             start[i] < math.inf
             and forced_error > min(forced[i], next_forced[i])  # else (36)

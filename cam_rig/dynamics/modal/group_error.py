@@ -36,7 +36,7 @@ MIN_DIVISOR = 1e-100
 #: Bounds of the output F in one group of pieces, between two cam speeds, by (27) of docs/proofs.md.
 GROUP_ERROR = np.dtype(
     [
-        ("curvature", "f8"),  # upper bound of |d²F/dΩ²|
+        ("curvature", "f8"),  # upper bound of |d²F/dΩ²|, F is the output and Ω the cam speed
         ("vibration", "f8"),  # upper bound of |V|, the part of F from the free vibration
         ("forced_curvature", "f8"),  # upper bound of |d²P/dΩ²|, P is the polynomial part of F
     ],
@@ -51,7 +51,7 @@ class Excitation(NamedTuple):
     speed Ω are included. They are (23) of docs/proofs.md.
     """
 
-    n: float  #: upper bound of N
+    n: float  #: upper bound of the norm N, m/s
     slope: float  #: upper bound of N' = dN/dΩ
     curvature: float  #: upper bound of N'' = d²N/dΩ²
 
@@ -64,12 +64,12 @@ class FadingSums(NamedTuple):
     cam speed, by (24) of docs/proofs.md.
     """
 
-    n: float  #: Σ N
-    n_t: float  #: Σ N t
-    n_tt: float  #: Σ N t²
-    slope: float  #: Σ N'
-    slope_t: float  #: Σ N' t
-    curvature: float  #: Σ N''
+    n: float  #: Σ N e^{−λt}
+    n_t: float  #: Σ N t e^{−λt}
+    n_tt: float  #: Σ N t² e^{−λt}
+    slope: float  #: Σ N' e^{−λt}
+    slope_t: float  #: Σ N' t e^{−λt}
+    curvature: float  #: Σ N'' e^{−λt}
 
 
 class SpeedStep(NamedTuple):

@@ -47,7 +47,7 @@ class ChordError(NamedTuple):
     speeds of a step of width w. Here x is the position in the step, from 0 to 1.
     """
 
-    max_error: float  #: upper bound of |e(x)|
+    max_error: float  #: upper bound of |e(x)| in the step
     parabola: float  #: upper bound of |e(x)| / (4 x (1 − x)): height of a parabola above |e|
     curvature: float  #: upper bound of |d²F/dΩ²| w²/8
 
@@ -95,7 +95,7 @@ def bound_output(
     """
     mode, norm, low, rho = run.mode, motion.norm, motion.speed, motion.norm.rho
     max_error, parabola, curvature = error.max_error, error.parabola, error.curvature
-    if mode.duration < math.inf:  # (32)
+    if mode.duration < math.inf:  # from rest: the term (32) of the fading vibration
         old, change = motion.steady_start, high / low - 1.0
         difference = amplitude(
             norm,

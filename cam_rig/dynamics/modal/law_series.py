@@ -49,7 +49,7 @@ def law_series(law: Law) -> LawSeries:
 
     `LawSeries` describes the arrays. The result is cached.
     """
-    degree = max(law.degree, 1)  # so that s'' has a row for a cam of dwells only, of degree 0
+    degree = max(law.degree, 1)  # so that a law of degree 0, without motion, has a row for s'' too
     derivative, ordinates = law.ordinates, np.empty((degree + 1, degree + 2, law.spans.size))
     for order in range(degree + 2):
         ordinates[:, order] = bernstein.elevate(derivative, degree)
@@ -99,7 +99,7 @@ def _cut_long_pieces(law: Law, ordinates: FloatArray) -> tuple[FloatArray, Float
     joints[:, 0] -= ordinates[-1, :, -1]
     counts = np.ceil(law.spans * (MIN_PIECES / TURN) * (1.0 - SPAN_RTOL)).astype(int)
     if counts.max() == 1:
-        # A copy of the breaks, because compiled code takes writable arrays.
+        # Return a copy of the breaks, because compiled code accepts only writable arrays.
         return ordinates, joints, law.breaks.copy()
     pieces, breaks = bernstein.cut(ordinates, law.breaks, counts)
     jumps = np.zeros((ordinates.shape[1], counts.sum()))

@@ -48,11 +48,11 @@ MAX_PARTS = 160
 #: Record of one part of a polynomial piece of the law, with the free vibration at its start.
 PART = np.dtype(
     [
-        ("start", "f8"),  # angle from the start of the piece, rad
-        ("width", "f8"),  # rad
-        ("displacement", "f8"),  # free η at the start of the part, m
-        ("velocity", "f8"),  # free η̇ at the start of the part, m/s
-        ("bound", "f8"),  # lower bound of the output in the part (22)
+        ("start", "f8"),  # cam angle from the start of the piece to the start of the part, rad
+        ("width", "f8"),  # cam angle that the part covers, rad
+        ("displacement", "f8"),  # η of the free vibration at the start of the part, m
+        ("velocity", "f8"),  # η̇ of the free vibration at the start of the part, m/s
+        ("bound", "f8"),  # lower bound (22) of the output in the part
     ],
     align=True,
 )
@@ -112,7 +112,7 @@ def find_min_output(
         floor = starts[i]["floor"]
         threshold = _threshold(result.value, MIN_RTOL * motion.max_forced[i], search.rtol)
         if floor < threshold:
-            if end_turn - turn > 1:  # (21)
+            if end_turn - turn > 1:  # bound (21) of all turns from the last turn
                 chord = _bound_by_chord(law, mode, motion, i, free_at(motion, i, end_turn - 1))
                 floor = max(floor, chord - turn_difference * starts[i]["remainder"])
             if i != lowest_piece and floor < threshold:
@@ -314,7 +314,7 @@ def _search_parts(
             forced_bound, total_bound = min(before, after), min(value, end_value)
             share, share_curvature = _bound_vibration(mode, norm, free)
             chord_error = eighth * (share_curvature * inverse_square)
-            bound = max(forced_bound - share, total_bound - chord_error)  # (22)
+            bound = max(forced_bound - share, total_bound - chord_error)  # lower bound (22)
             bound -= eighth * curvature
             if step > MIN_PART_WIDTH * span and bound < _threshold(min_value, atol, rtol):
                 top += 1

@@ -50,7 +50,7 @@ PIECE_START = np.dtype(
     [
         *FLOW_FIELDS,  # from the start of the turn to the start of the piece
         ("displacement", "f8"),  # η excited by the joints of the turn up to the piece, m
-        ("velocity", "f8"),  # η̇ excited by them, m/s
+        ("velocity", "f8"),  # η̇ excited by the joints of the turn up to the piece, m/s
         ("remainder", "f8"),  # e^{−λt} from the start of the turn to the start of the piece (16)
         ("floor", "f8"),  # lower bound of the output in the piece in all turns (19)
     ],
@@ -97,8 +97,8 @@ class Oscillator(NamedTuple):
     Its output is p η + q η̇ + m₀ s + m₁ ṡ + m₂ s̈ + constant, for example a contact force.
     """
 
-    stiffness: float  #: κ, 1/s²
-    damping: float  #: d, 1/s
+    stiffness: float  #: κ in η̈ = −κ η − d η̇ + …, 1/s²
+    damping: float  #: d in η̈ = −κ η − d η̇ + …, 1/s
     drive: CamWeights  #: weights d₀, d₁, d₂ of s, ṡ and s̈ in η̈. Its constant is not used.
     per_displacement: float  #: p, weight of η in the output
     per_velocity: float  #: q, weight of η̇ in the output
@@ -126,7 +126,7 @@ class ModeOnLaw(NamedTuple):
 
 
 class Flow(NamedTuple):
-    """Matrix e^{At} that takes a free vibration (η, η̇) to that a time t later."""
+    """Matrix e^{At} that advances a free vibration (η, η̇) by a time t."""
 
     eta_eta: float  #: factor from η at the start to η at the end
     eta_rate: float  #: factor from η̇ at the start to η at the end, s
@@ -319,18 +319,27 @@ def flow_over(mode: Oscillator, time: float) -> Flow:
 
 
 def write_flow(record: np.void, flow: Flow) -> None:
-    """Write the matrix of a flow to the fields of a record."""
+    """Write a flow, the matrix e^{At} of a free vibration, to the fields of a record.
+
+    The record has the fields `FLOW_FIELDS`.
+    """
     record["eta_eta"], record["eta_rate"] = flow.eta_eta, flow.eta_rate
     record["rate_eta"], record["rate_rate"] = flow.rate_eta, flow.rate_rate
 
 
 def read_flow(record: np.void) -> Flow:
-    """Return the matrix of a flow from the fields of a record."""
+    """Return a flow, the matrix e^{At} of a free vibration, from the fields of a record.
+
+    The record has the fields `FLOW_FIELDS`.
+    """
     return Flow(record["eta_eta"], record["eta_rate"], record["rate_eta"], record["rate_rate"])
 
 
 def apply_flow(flow: Flow, free: StemVibration) -> StemVibration:
-    """Return the free vibration (η, η̇) that a flow makes of ``free``."""
+    """Return the free vibration (η, η̇) at the end of a flow, from ``free`` at its start.
+
+    It is the product of the matrix e^{At} and (η, η̇).
+    """
     return StemVibration(
         flow.eta_eta * free.displacement + flow.eta_rate * free.velocity,
         flow.rate_eta * free.displacement + flow.rate_rate * free.velocity,
@@ -372,7 +381,7 @@ def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
     for i in range(len(turn_starts)):
         start = StemVibration(turn_starts[i]["displacement"], turn_starts[i]["velocity"])
         max_reach = max(max_reach, norm.reach * amplitude(norm, start))
-    for i in range(count):  # (19)
+    for i in range(count):  # lower bound (19) of the output in each piece
         start = StemVibration(piece_starts[i]["displacement"], piece_starts[i]["velocity"])
         floor = min_forced[i] - norm.reach * amplitude(norm, start)
         piece_starts[i]["floor"] = floor - max_reach * piece_starts[i]["remainder"]

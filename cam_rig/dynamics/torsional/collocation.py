@@ -106,8 +106,8 @@ class ChebyshevPath:
     """Functions of time on W adjacent windows, with one Chebyshev series per window."""
 
     edges: FloatArray  #: start times of the windows, and the end of the last, s, ``(W + 1,)``
-    #: Duration of the interval of each series, s, ``(W,)``. It starts with its window and may be
-    #: longer than the window.
+    #: Duration over which each series was computed, s, ``(W,)``. It starts with its window and may
+    #: be longer than the window.
     spans: FloatArray
     series: list[FloatArray]  #: coefficients of each window, one row per function, ``(rows, size)``
 

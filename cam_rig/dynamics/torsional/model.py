@@ -68,11 +68,11 @@ class TorsionalParameters:
     """
 
     follower: FollowerParameters
-    cam_inertia: float  #: I, kg·m²
-    shaft_stiffness: float  #: k_s, N·m/rad
-    shaft_damping: float = 0.0  #: c_s, N·m·s/rad
-    flywheel_inertia: float | None = None  #: I_v, kg·m², None at constant speed
-    motor_torque: float = 0.0  #: T_motor, N·m
+    cam_inertia: float  #: I, moment of inertia of the cam, kg·m²
+    shaft_stiffness: float  #: k_s, torsional stiffness of the shaft, N·m/rad
+    shaft_damping: float = 0.0  #: c_s, torsional damping of the shaft, N·m·s/rad
+    flywheel_inertia: float | None = None  #: I_v, kg·m², None for a flywheel at constant speed
+    motor_torque: float = 0.0  #: T_motor, constant torque on the flywheel, N·m
 
     def __post_init__(self) -> None:
         numbers = {name: value for name, value in vars(self).items() if name != "follower"}
@@ -119,7 +119,7 @@ class TorsionalState:
     twist_rate: float  #: rate ψ̇ of the twist, rad/s
     flywheel_angle: float  #: angle of the uniform rotation, rad
     flywheel_speed: float  #: speed of the uniform rotation, rad/s
-    lead: float = 0.0  #: lead δ of a flywheel of finite inertia on the uniform rotation, rad
+    lead: float = 0.0  #: lead δ of a flywheel of finite inertia over the uniform rotation, rad
     lead_rate: float = 0.0  #: rate δ̇ of the lead, rad/s
 
     @property

@@ -53,7 +53,7 @@ class TorsionalMotion:
 
     @property
     def stop_time(self) -> float:
-        """End of the solution, s."""
+        """Time at which the solution ends, s."""
         return self.start_time + float(self.path.edges[-1])
 
     def at(self, times: FloatArray) -> FloatArray:

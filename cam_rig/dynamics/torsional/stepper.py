@@ -42,7 +42,7 @@ MIN_VIBRATION = 1e-250
 #: Largest size of the last Chebyshev coefficients of a resolved window, relative to the scale of
 #: the accelerations in it.
 RESOLVED_RTOL = 1e-13
-#: Largest number of attempts at a window, each with a shorter window or a higher degree.
+#: Largest number of attempts to resolve a window, each with a shorter window or a higher degree.
 MAX_TRIES = 40
 #: Largest number of windows in one solution, enough for hours of turning.
 MAX_WINDOWS = 100_000
@@ -137,7 +137,9 @@ class TwistSolver:
                 piece, low = index % len(self.pieces), self._low(index)
                 windows.append(SolvedWindow(time, end, window.length, series, piece, low))
                 state = self._state(series, state, end - time, window.length)
-            if direction:  # spans, because differences of unwrapped angles are rounded
+            # Shift by the span of the piece, because a difference of unwrapped angles would be
+            # rounded.
+            if direction:
                 span = self.pieces[(index if direction > 0 else index - 1) % len(self.pieces)].span
                 state, index = self._shift_angle(state, -direction * span), index + direction
             time = end
