@@ -126,7 +126,11 @@ class GuidedCentre(Guided):
         return self.start + self.side * s
 
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact with the cam of a follower that moves by the law."""
+        """Return the contact of the roller or point with the cam at the angles of a motion.
+
+        The result has the point of contact (m), the radius of curvature of the contour (m) and the
+        pressure angle (rad) at each cam angle, for a follower that moves by the law.
+        """
         side, height = self.side, self.height(motion.s)
         up = side * motion.slope - self.eccentricity
         centre = side * (self.eccentricity + 1j * height)
@@ -207,7 +211,11 @@ class SwungCentre(Swung):
         return cls(roller, arm, pivot, float(np.arccos(cosine)))
 
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact with the cam of a follower that moves by the law."""
+        """Return the contact of the roller or point with the cam at the angles of a motion.
+
+        The result has the point of contact (m), the radius of curvature of the contour (m) and the
+        pressure angle (rad) at each cam angle, for a follower that moves by the law.
+        """
         slope, curvature = motion.slope / self.arm, motion.curvature / self.arm
         out = self.arm * np.exp(-1j * self.side * self.arm_angle(motion.s))
         centre = self.pivot - out
@@ -293,7 +301,11 @@ class GuidedFace(Guided):
         return float(self.start * cosine - self.eccentricity * sine)
 
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact with the cam of a follower that moves by the law."""
+        """Return the contact of the face with the cam at the angles of a motion.
+
+        The result has the point of contact (m), the radius of curvature of the contour (m) and the
+        pressure angle (rad) at each cam angle, for a follower that moves by the law.
+        """
         cosine = self.side * np.cos(self.inclination)
         along = self.side * np.exp(1j * self.inclination)
         distance = self.clearance(motion.s)
@@ -363,7 +375,11 @@ class SwungFace(Swung):
         return cls(arm, offset, pivot, float(np.arcsin(reach / pivot)))
 
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact with the cam of a follower that moves by the law."""
+        """Return the contact of the face with the cam at the angles of a motion.
+
+        The result has the point of contact (m), the radius of curvature of the contour (m) and the
+        pressure angle (rad) at each cam angle, for a follower that moves by the law.
+        """
         arm_angle, turn = self.arm_angle(motion.s), 1.0 + motion.slope / self.arm  # dψ/dθ
         slope, curvature = turn - 1.0, motion.curvature / self.arm
         along = np.exp(-1j * arm_angle)

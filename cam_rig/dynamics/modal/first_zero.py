@@ -119,14 +119,20 @@ class Climb(NamedTuple):
 
 
 class Zero(NamedTuple):
-    """Cam speed at which the least output is zero, and the cam angle of that output."""
+    """Cam speed at which the least output of a run is zero, and its cam angle.
+
+    The output is, for example, the contact force.
+    """
 
     speed: float  #: cam speed, rad/s
     angle: float  #: cam angle of the least output, rad from the start of the run
 
 
 class Bracket(NamedTuple):
-    """Cam speeds (rad/s) between which the least output becomes zero."""
+    """Cam speeds between which the least output of a run becomes zero.
+
+    The output is, for example, the contact force.
+    """
 
     low: float  #: speed at which the least output is positive, rad/s
     high: float  #: speed at which the least output is not positive, rad/s
@@ -146,9 +152,9 @@ def climb(
 ) -> Climb:
     """Increase the cam speed until the least output over the run is zero.
 
-    The search starts at ``low`` and stops at ``last`` (both in rad/s) at the latest, or after
-    ``max_evaluations`` evaluations of the output. ``step`` is the first speed step as a fraction of
-    the speed.
+    The output of the mode is, for example, the contact force. The search starts at ``low`` and
+    stops at ``last`` (both in rad/s) at the latest, or after ``max_evaluations`` evaluations of the
+    output. ``step`` is the first speed step as a fraction of the speed.
 
     Invariant: the output is positive at all speeds from the start of the search to the present
     speed (theorem B of docs/proofs.md).
@@ -256,8 +262,9 @@ def _prove_by_harmonics(error: ChordError, start: float, end: float) -> tuple[bo
 def _find_floors(run: ModeOnLaw, motion: OscillatorMotion, floors: Vector) -> MinOutput:
     """Find the least output of the run at one speed, and its lower bound per group.
 
-    ``motion`` is the motion at that speed. The lower bound of the output in each group of adjacent
-    pieces of the law, over all turns, is written to ``floors``. Returns the least output.
+    The output of the mode is, for example, the contact force. ``motion`` is the motion at that
+    speed. The lower bound of the output in each group of adjacent pieces of the law, over all
+    turns, is written to ``floors``. Returns the least output.
     """
     floors[:] = math.inf
     search = SearchRange(0.0, end_angle(motion, run.mode.duration), CLIMB_RTOL)
@@ -333,8 +340,9 @@ def _prove_by_groups(
 def _find_zero(run: ModeOnLaw, bracket: Bracket) -> Zero:
     """Find the cam speed in a bracket at which the least output is zero.
 
-    Each refinement considers only outputs within `NEIGHBOURHOOD` of one cam angle. If the output at
-    the refined speed is still negative at another angle, the search continues there.
+    The output of the mode is, for example, the contact force. Each refinement considers only
+    outputs within `NEIGHBOURHOOD` of one cam angle. If the output at the refined speed is still
+    negative at another angle, the search continues there.
     """
     low, high, angle = bracket
     for _ in range(MAX_REFINEMENTS):
@@ -377,8 +385,9 @@ def _refine_near(run: ModeOnLaw, bracket: Bracket) -> Bracket:
 def _find_first_turn(run: ModeOnLaw, speed: float, zero: Zero) -> float:
     """Return the cam angle of the least output in the first turn where it is negative.
 
-    The angle is in rad from the start of the run at ``speed`` (rad/s). If the output is positive in
-    all turns, the result is the angle of ``zero``.
+    The output of the mode is, for example, the contact force. The angle is in rad from the start of
+    the run at ``speed`` (rad/s). If the output is positive in all turns, the result is the angle of
+    ``zero``.
     """
     motion, unused = motion_at(run, speed), np.zeros(len(run.law.first_pieces) - 1)
     end = end_angle(motion, run.mode.duration)
@@ -393,7 +402,8 @@ def _find_first_turn(run: ModeOnLaw, speed: float, zero: Zero) -> float:
 def _find_minimum(run: ModeOnLaw, speed: float, within: SearchRange) -> MinOutput:
     """Find the least output at a cam speed (rad/s) within a range of cam angles.
 
-    A range that extends beyond the end of the run is cut there.
+    The output of the mode is, for example, the contact force. A range that extends beyond the end
+    of the run is cut there.
     """
     motion = motion_at(run, speed)
     end = min(within.end, end_angle(motion, run.mode.duration))

@@ -59,7 +59,10 @@ PART = np.dtype(
 
 
 class MinOutput(NamedTuple):
-    """Least output in a range of the run, and the cam angle at which it occurs."""
+    """Least output of a mode in a range of a run, and the cam angle at which it occurs.
+
+    The output is, for example, the contact force.
+    """
 
     value: float  #: least output, in the unit of the output (N for a contact force)
     angle: float  #: cam angle of the least output, from the start of the run, rad
@@ -83,9 +86,10 @@ def find_min_output(
 ) -> MinOutput:
     """Find the least output in a range of cam angles of a run at one speed.
 
-    ``motion`` is the motion at that speed. ``floors`` ``(g,)`` has one number per group of adjacent
-    polynomial pieces of the law. Each is lowered in place to a lower bound of the output in its
-    group, over all turns of the range.
+    The output of the mode is, for example, the contact force. ``motion`` is the motion at that
+    speed. ``floors`` ``(g,)`` has one number per group of adjacent polynomial pieces of the law.
+    Each is lowered in place to a lower bound of the output in its group, over all turns of the
+    range.
 
     Invariant: in the pieces searched so far no output is below ``result`` by more than the
     tolerance.
@@ -135,10 +139,11 @@ def _threshold(value: float, atol: float, rtol: float) -> float:
 def _turn_difference(motion: OscillatorMotion, first: int, end: int) -> float:
     """Return an upper bound of the difference of the output between turns (21).
 
-    The joints of the law excite the same vibration in each turn. The turns differ only by the free
-    vibration at their start, which fades. The bound is R max N, where N is the norm of the
-    difference between the free vibrations at the start of a turn and of the last turn, and R is the
-    largest output per unit of N. The turns are ``first`` to ``end`` − 1, which is the last one.
+    The output of the mode is, for example, the contact force. The joints of the law excite the same
+    vibration in each turn. The turns differ only by the free vibration at their start, which fades.
+    The bound is R max N, where N is the norm of the difference between the free vibrations at the
+    start of a turn and of the last turn, and R is the largest output per unit of N. The turns are
+    ``first`` to ``end`` − 1, which is the last one.
     """
     max_norm, x = 0.0, motion.turn_starts[end - 1]
     for turn in range(first, end - 1):
@@ -176,9 +181,9 @@ def _search_turns(
 ) -> MinOutput:
     """Search one polynomial piece of the law for an output lower than ``result``.
 
-    The piece is searched in each turn from ``first_turn`` up to, but not including, ``end_turn``.
-    ``parts`` is work space. Returns the lower output, or ``result`` if there is none, with the
-    number of evaluations added.
+    The output of the mode is, for example, the contact force. The piece is searched in each turn
+    from ``first_turn`` up to, but not including, ``end_turn``. ``parts`` is work space. Returns the
+    lower output, or ``result`` if there is none, with the number of evaluations added.
     """
     span = law.breaks[piece + 1] - law.breaks[piece]
     for turn in range(first_turn, end_turn):
@@ -278,9 +283,10 @@ def _search_parts(
 ) -> MinOutput:
     """Search a part of a polynomial piece for an output lower than ``result``.
 
-    The part is ``parts[0]``. The rest of ``parts`` is a stack of the parts that it is cut into.
-    ``angle`` is the cam angle of the start of the piece, in rad from the start of the run. Returns
-    the lower output, or ``result`` if there is none, with the number of evaluations added.
+    The output of the mode is, for example, the contact force. The part is ``parts[0]``. The rest of
+    ``parts`` is a stack of the parts that it is cut into. ``angle`` is the cam angle of the start
+    of the piece, in rad from the start of the run. Returns the lower output, or ``result`` if there
+    is none, with the number of evaluations added.
 
     Invariant: each output below the threshold lies in a part on the stack.
     """

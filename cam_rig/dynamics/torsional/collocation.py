@@ -245,7 +245,7 @@ class CollocationWindow:
         """Return ψ, ψ̇ and ψ̈ of the free vibration at the nodes, ``(N + 1,)`` each.
 
         ψ is the twist of the shaft in rad, without the torque of the follower. It satisfies
-        z̈ = −k z − c ż with z = ψ + a/k, where a is the constant acceleration of the flywheel by the
+        z̈ = −k z − c ż with z = ψ + a/k. Here a is the constant acceleration of the flywheel by the
         motor torque and the ramp.
         """
         p, start = self.parameters, self.start
@@ -321,10 +321,11 @@ class CollocationWindow:
     def _residual(
         self, *, with_slopes: bool
     ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray] | None]:
-        """Return the left side of eq. 10 (N·m) at the nodes, and its derivatives.
+        """Return the residual of eq. 10 (N·m) at the nodes, and its derivatives.
 
-        It is zero in the solution. Its derivatives with respect to θ̈_c, θ̇_c and θ_c are the second
-        result, ``(N + 1,)`` each, or None if ``with_slopes`` is False.
+        It is the left side of the equation of the torsional vibration in the paper. It is zero in
+        the solution. Its derivatives with respect to θ̈_c, θ̇_c and θ_c are the second result,
+        ``(N + 1,)`` each, or None if ``with_slopes`` is False.
         """
         p, f = self.parameters, self.parameters.follower
         s, s1, s2, s3 = self.piece.at(self.angle)
@@ -350,8 +351,9 @@ class CollocationWindow:
     ) -> FloatArray:
         """Return the derivative of the residual of eq. 10 by ψ̈ at the nodes.
 
-        It is the matrix of Newton's method, ``(N + 1, N + 1)``. The arguments are the derivatives
-        of the residual with respect to θ̈_c, θ̇_c and θ_c, from `_residual`.
+        Eq. 10 of the paper is the equation of the torsional vibration. The derivative is the matrix
+        of Newton's method, ``(N + 1, N + 1)``. The arguments are the derivatives of the residual
+        with respect to θ̈_c, θ̇_c and θ_c, from `_residual`.
         """
         p = self.parameters
         if not self.has_inertia:
