@@ -1,4 +1,4 @@
-"""Sound of the follower: radiation, sound pressure, sound-level meter."""
+"""Sound of a rig: sound pressure from the contact force, and a sound-level meter."""
 
 from cam_rig.acoustics.pressure import (
     MicrophoneState,

@@ -2,13 +2,14 @@
 
 The pressure follows the rate of the contact force through a structure that is a low-pass filter:
 
-    p = gain · ω_c (F − q),    q̇ = ω_c (F − q)        (p ≈ gain · Ḟ below the corner)
+    p = gain · ω_c (F − q),    q̇ = ω_c (F − q)        (p ≈ gain · Ḟ below the corner frequency)
 
-A landing is a force pulse of impulse J. Its shape is half a sine, and its duration T_c is that of
-the follower's mass on its stem. The pulse is far above the corner. It radiates ∫p² dt = (gain ω_c
-J)² π²/(8 T_c) and increases q by ω_c J, so the impact needs no constant of its own. The background
-of motor and bearings adds in energy and rises with the speed. This is the energy accountancy of
-machinery noise (Richards).
+F is the contact force, q (N) the state of the structure, and ω_c the angular corner frequency. A
+landing is a force pulse of impulse J. Its shape is half a sine, and its duration T_c is half a
+period of the follower's mass on its stem. Its frequencies are far above the corner. It radiates
+∫p² dt = (gain ω_c J)² π²/(8 T_c) and increases q by ω_c J, so landings need no additional constant.
+The energy of the background noise of motor and bearings is added. It rises with the speed. This is
+the energy accountancy of machinery noise (Richards).
 """
 
 from __future__ import annotations
@@ -32,35 +33,39 @@ REFERENCE_PRESSURE = 20e-6
 
 
 def level_db(pressure: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """Return the level in dB re 20 µPa of an r.m.s. pressure in Pa."""
+    """Return the sound level in dB re 20 µPa of an r.m.s. sound pressure in Pa."""
     return np.asarray(20.0 * np.log10(np.asarray(pressure) / REFERENCE_PRESSURE))
 
 
 def pressure_pa(level: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """Return the r.m.s. pressure in Pa of a level in dB re 20 µPa."""
+    """Return the r.m.s. sound pressure in Pa of a sound level in dB re 20 µPa."""
     return np.asarray(REFERENCE_PRESSURE * 10.0 ** (np.asarray(level) / 20.0))
 
 
 @dataclass(frozen=True)
 class RadiationParameters:
-    """Acoustic constants of a rig."""
+    """Acoustic constants of a rig, from the contact force to the sound pressure.
 
-    gain: float  #: Pa·s/N, pressure per rate of contact force
-    corner_frequency: float  #: Hz
-    background: float  #: dB at the speed ``background_reference_speed`` (rad/s)
-    background_reference_speed: float
-    background_slope: float  #: dB per octave of speed
-    contact_time: float  #: s, duration of a landing's force pulse, 0 without landings
-    background_corner_frequency: float  #: Hz, above which the background falls by 6 dB per octave
+    They describe the sound of the structure, of landings, and of the background.
+    """
+
+    gain: float  #: sound pressure per rate of the contact force, Pa·s/N
+    corner_frequency: float  #: corner frequency of the structure's low-pass filter, Hz
+    background: float  #: sound level of the background at ``background_reference_speed``, dB
+    background_reference_speed: float  #: cam speed to which ``background`` refers, rad/s
+    background_slope: float  #: increase of the background level per octave of cam speed, dB
+    contact_time: float  #: duration of the force pulse of a landing, s, or 0 without landings
+    #: Frequency above which the spectrum of the background falls by 6 dB per octave, Hz.
+    background_corner_frequency: float
 
     @classmethod
     def from_rig(cls, rig: RigConfig, *, lands: bool = True) -> RadiationParameters:
-        """Return the constants of a rig file.
+        """Return the acoustic constants of a rig.
 
         Parameters
         ----------
         rig : RigConfig
-            Rig file with radiation.
+            Rig with the section ``radiation``.
         lands : bool, optional
             False for a follower that never leaves the cam and needs no stem stiffness (default:
             True).
@@ -68,7 +73,7 @@ class RadiationParameters:
         Raises
         ------
         ConfigError
-            If the rig file has no radiation, or no stem stiffness.
+            If the rig has no radiation, or no stem stiffness although the follower may land.
         """
         radiation = rig.need_radiation("the sound level")
         if lands:
@@ -90,21 +95,24 @@ class RadiationParameters:
         return 2.0 * math.pi * self.corner_frequency
 
     def background_power(self, speed: float) -> float:
-        """Return the mean square background pressure (Pa²) at a cam speed in rad/s."""
+        """Return the mean square sound pressure (Pa²) of the background at a cam speed.
+
+        ``speed`` is in rad/s.
+        """
         level = self.background + self.background_slope * math.log2(
             speed / self.background_reference_speed
         )
         return float(pressure_pa(level)) ** 2
 
     def landing_energy(self, impulse: FloatArray) -> FloatArray:
-        """Return ∫p² dt in Pa²·s of landings with impulses in N·s."""
+        """Return the radiated energy ∫p² dt (Pa²·s) of landings with impulses in N·s."""
         if not impulse.any():
             return np.zeros_like(impulse)
         peak = self.gain * self.corner_rate * impulse
         return np.asarray(peak**2 * math.pi**2 / (8.0 * self.contact_time))
 
 
-#: Number of samples per block of the recursion in `first_order`, a power of two.
+#: Number of samples that `first_order` computes as one block, a power of two.
 BLOCK_SIZE = 64
 
 
@@ -116,22 +124,23 @@ def structure_response(
     force: FloatArray,
     impulse: FloatArray,
 ) -> FloatArray:
-    """Return the structure's state q (N) at the samples, ``(n,)``.
+    """Return the state q (N) of the structure that radiates sound, at n samples.
 
-    The equation q̇ = ω_c (F − q) is solved exactly between samples.
+    The structure is a low-pass filter of the contact force F. The equation q̇ = ω_c (F − q) is
+    solved exactly between samples. The shape is ``(n,)``.
 
     Parameters
     ----------
     corner_rate : float
-        Corner rate ω_c, rad/s.
+        Angular corner frequency ω_c, rad/s.
     sample_rate : float
         Sample rate, Hz.
     start, previous : float
-        State q and force at the sample before the first one, N.
+        State q and force F at the sample before the first one, N.
     force : ndarray, shape (n,)
-        Force, N, linear between samples.
+        Contact force F, N, linear between samples.
     impulse : ndarray, shape (n,)
-        Impulses at the samples, N·s. Each increases q by ω_c J.
+        Impulses J of landings at the samples, N·s. Each increases q by ω_c J.
     """
     x = corner_rate / sample_rate
     keep = math.exp(-x)
@@ -143,10 +152,12 @@ def structure_response(
 
 
 def first_order(keep: float, drive: FloatArray, start: float) -> FloatArray:
-    """Return the values y ← keep · y + drive of a recursion from ``start``, ``(n,)``.
+    """Return the n values of the recursion yᵢ = keep · yᵢ₋₁ + driveᵢ, ``(n,)``.
 
-    All blocks are computed together from rest, by doubling. The contribution of the previous block
-    is then added to each. This is as fast as scipy's filter, whose import takes half a second.
+    ``start`` is the value before the first one, and ``drive`` has the shape ``(n,)``. The samples
+    are divided into blocks. All blocks are computed together as if they started from 0, and the
+    contribution of the previous block is then added to each. This is as fast as a filter of
+    scipy.signal, whose import takes half a second.
     """
     blocks = np.zeros((-(-drive.size // BLOCK_SIZE), BLOCK_SIZE))
     blocks.reshape(-1)[: drive.size] = drive
@@ -171,15 +182,16 @@ def first_order(keep: float, drive: FloatArray, start: float) -> FloatArray:
 
 @dataclass
 class Background:
-    """Gaussian noise of unit variance that falls by 6 dB per octave above its corner.
+    """Generator of the background noise: Gaussian, with unit variance.
 
-    It is the first-order recursion x ← a x + √(1 − a²) n with a = e^(−2π corner/rate). The variance
-    is 1 from the first sample on, at any rate.
+    Above the corner frequency its spectrum falls by 6 dB per octave. It is the first-order
+    recursion x ← a x + √(1 − a²) n with a = e^(−2π corner/rate) and white noise n. The variance is
+    1 from the first sample on, at any rate.
     """
 
-    corner_frequency: float  #: Hz
-    rate: float  #: Hz
-    seed: int  #: seed of the noise
+    corner_frequency: float  #: corner frequency of the spectrum, Hz
+    rate: float  #: sample rate, Hz
+    seed: int  #: seed of the random numbers
     _last: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -187,7 +199,7 @@ class Background:
         self._last = float(self._generator.standard_normal())
 
     def samples(self, count: int) -> FloatArray:
-        """Return the next samples, ``(count,)``."""
+        """Return the next samples of the noise, ``(count,)``."""
         keep = math.exp(-2.0 * math.pi * self.corner_frequency / self.rate)
         fresh = self._generator.standard_normal(count)
         gain = math.sqrt(-math.expm1(2.0 * math.log(keep)))
@@ -196,7 +208,8 @@ class Background:
         return noise
 
 
-#: Lowest sample rate, Hz. It is well above the rate that class 1 up to 20 kHz needs.
+#: Lowest sample rate of the sound pressure, Hz. It is well above the rate that a class 1
+#: sound-level meter (IEC 61672-1) up to 20 kHz needs.
 MIN_RATE = 96_000
 #: Seed of the background noise, so that a run is repeatable sample by sample.
 SEED = 1
@@ -204,13 +217,18 @@ SEED = 1
 
 @dataclass
 class SoundSource:
-    """Sound pressure of structure, landings and background, computed block by block."""
+    """Generator of the sound pressure of a rig, block by block.
 
-    parameters: RadiationParameters
-    block_rate: int  #: Hz, of the force samples
-    #: Hz. The rate of the pressure is the smallest multiple of ``block_rate`` that reaches it.
+    The pressure is the sum of the sound of the structure, of the landings and of the background.
+    The state between two blocks is stored.
+    """
+
+    parameters: RadiationParameters  #: acoustic constants of the rig
+    block_rate: int  #: sample rate of the contact force, Hz
+    #: Lowest sample rate of the sound pressure, Hz. The rate used is the smallest multiple of
+    #: ``block_rate`` that is not below it.
     least_rate: int = MIN_RATE
-    seed: int = SEED  #: of the background noise
+    seed: int = SEED  #: seed of the background noise
     _structure: float | None = field(default=None, init=False)
     _force: float = field(default=0.0, init=False)
 
@@ -224,18 +242,20 @@ class SoundSource:
 
     @property
     def rate(self) -> int:
-        """Sample rate of the pressure, Hz."""
+        """Sample rate of the sound pressure, Hz: ``factor`` × ``block_rate``."""
         return self.block_rate * self.factor
 
     def pressure(self, force: FloatArray, impulse: FloatArray, speed: float) -> FloatArray:
-        """Return the sound pressure in Pa over one block, ``(n · factor,)``.
+        """Return the sound pressure (Pa) over the next block, ``(n · factor,)``.
+
+        It has ``factor`` samples per sample of the contact force.
 
         Parameters
         ----------
         force : ndarray, shape (n,)
             Contact force at the samples, N.
         impulse : ndarray, shape (n,)
-            Impulse of the landings since the sample before, N·s.
+            Impulse of the landings since the previous sample, N·s.
         speed : float
             Cam speed, rad/s, which determines the background.
 
@@ -252,9 +272,10 @@ class SoundSource:
         return noise + p.gain * p.corner_rate * self._structure_force(force, impulse)
 
     def _structure_force(self, force: FloatArray, impulse: FloatArray) -> FloatArray:
-        """Return the force F − q of the structure with the pulses of landings, N.
+        """Return the force F − q (N) that radiates sound, with the pulses of landings.
 
-        It has ``factor`` samples per sample of the force.
+        F is the contact force and q the state of the structure. The result has ``factor`` samples
+        per sample of the contact force.
         """
         if self._structure is None:  # at rest under the first force
             self._structure = self._force = float(force[0])
@@ -268,9 +289,10 @@ class SoundSource:
         return fine - structure + pulses
 
     def _pulses(self, impulse: FloatArray) -> FloatArray:
-        """Return the force pulses of the landings in this block, N.
+        """Return the force pulses (N) of the landings over this block, as samples.
 
-        The rest of a pulse that extends beyond the block is stored for the next block.
+        There are ``factor`` samples per element of ``impulse`` (N·s). The rest of a pulse that
+        extends beyond the block is stored and added to the next block.
         """
         count = impulse.size * self.factor
         out = np.zeros(count + self._tail.size)
@@ -292,15 +314,16 @@ def _pulse(duration: float, rate: float) -> FloatArray:
     return np.asarray(rate * np.diff(integral))
 
 
-# Contact force to r.m.s. sound pressure, by energy, as the microphone node publishes it.
+# R.m.s. sound pressure from the contact force. The powers of structure, landings and background are
+# added. The microphone node publishes this pressure.
 
 
 @dataclass(frozen=True)
 class MicrophoneState:
-    """State of the structure between two blocks."""
+    """State of the structure that radiates sound, between two blocks."""
 
-    structure: float  #: q, N
-    force: float  #: force at the last sample, N
+    structure: float  #: state q of the structure at the last sample, N
+    force: float  #: contact force at the last sample, N
 
 
 def rms_pressure(
@@ -322,7 +345,7 @@ def rms_pressure(
     force : ndarray, shape (n,)
         Contact force, N, linear between samples.
     impulse : ndarray, shape (n,)
-        Impulse of the landings since the sample before, N·s.
+        Impulse of the landings since the previous sample, N·s.
     sample_rate : float
         Sample rate, Hz.
     speed : float
@@ -346,20 +369,22 @@ def rms_pressure(
     return MicrophoneState(float(structure[-1]), float(force[-1])), math.sqrt(power)
 
 
-# Steady sound of a cam whose follower stays on it: exact, without samples or transients.
+# Sound in steady state of a follower that stays on the cam: exact, without samples or transients.
 
-#: Number of Gauss-Legendre nodes per sub-interval. A sub-interval is at most one time constant of
-#: the structure.
+#: Number of Gauss-Legendre nodes per sub-interval of the mean over a turn. A sub-interval lasts at
+#: most one time constant 1/ω_c of the structure.
 GAUSS_NODES = 12
 
 
 def mean_square_rate(
     law: Law, follower: FollowerParameters, corner_rate: float, speed: float
 ) -> float:
-    """Return the mean square of ω_c (F − q) in (N/s)² over a periodic turn.
+    """Return the mean square of the filtered rate of the contact force, in (N/s)².
 
-    ``speed`` is the cam speed in rad/s. The result is exact to rounding for a follower that stays
-    on the cam.
+    The filtered rate is ω_c (F − q) with the contact force F, the state q of the structure and the
+    angular corner frequency ω_c (``corner_rate``, rad/s). The mean is over a turn in steady state.
+    ``speed`` is the cam speed in rad/s. The result is exact to rounding for a rigid follower that
+    stays on the cam.
     """
     require_smooth(law)
     forces = force_ordinates(law, follower, speed)
@@ -385,9 +410,10 @@ def mean_square_rate(
 def steady_power(
     law: Law, follower: FollowerParameters, radiation: RadiationParameters, speed: float
 ) -> float:
-    """Return the mean square sound pressure (Pa²) at ``speed`` (rad/s).
+    """Return the mean square sound pressure (Pa²) in steady state at a cam speed.
 
-    It contains contact and background, and assumes a follower that stays on the cam.
+    It is the sum of the sound of the contact force and of the background, for a rigid follower that
+    stays on the cam. ``speed`` is in rad/s.
     """
     rate = mean_square_rate(law, follower, radiation.corner_rate, speed)
     return radiation.background_power(speed) + radiation.gain**2 * rate

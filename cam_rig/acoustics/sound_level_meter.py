@@ -1,8 +1,8 @@
 """Sound-level meter of IEC 61672-1, class 1, with weightings A, C, Z, F and S.
 
-The meter has a state, so the readings do not depend on the division of a signal into blocks. Class
-1 extends to 20 kHz and needs a sample rate of more than 40 kHz. The limit at a lower rate is
-`class_1_up_to_hz`.
+The meter stores its state between blocks of samples, so the division of a signal into blocks does
+not affect the filters. Class 1 extends to 20 kHz and needs a sample rate of more than 40 kHz. At a
+lower rate `class_1_up_to_hz` returns the frequency up to which the meter is class 1.
 """
 
 from __future__ import annotations
@@ -18,42 +18,44 @@ from cam_rig.acoustics.pressure import REFERENCE_PRESSURE, first_order, level_db
 from cam_rig.errors import ConfigError, RefusedError
 from cam_rig.units import FloatArray
 
-#: Frequency weightings of the standard.
+#: Frequency weightings of IEC 61672-1.
 FREQUENCY_WEIGHTINGS = ("A", "C", "Z")
-#: Time constants (s) of the time weightings.
+#: Time constants (s) of the time weightings F (fast) and S (slow) of IEC 61672-1.
 TIME_WEIGHTINGS = {"F": 0.125, "S": 1.0}
-#: Range in dB of the paper's meter, a JTS-1357.
+#: Measuring range in dB of the sound-level meter in the paper, a JTS-1357.
 RANGE_DB = (30.0, 130.0)
-#: Level that the meter reads for silence, dB, because the level of no sound would be infinite.
+#: Level that the meter reads for silence, dB, because the exact level would be −∞.
 SILENCE_DB = -200.0
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Reading of the meter for one block, levels in dB re 20 µPa."""
+    """Reading of the sound-level meter for one block, with levels in dB re 20 µPa."""
 
-    #: Time-weighted sound level, energy-averaged over the block. In a steady sound of whole turns
-    #: it is the equivalent level, independent of the cam angle at the end of the block.
+    #: Time-weighted sound level, averaged as power over the block. If the sound is steady and the
+    #: block covers whole turns, it is the equivalent level, whatever the cam angle at its end.
     level: float
     at_end: float  #: time-weighted level at the end of the block
-    highest: float  #: maximum of the time-weighted level
+    highest: float  #: maximum of the time-weighted level in the block
     equivalent: float  #: equivalent level over the block
-    overload: bool  #: True if the unweighted pressure exceeds a sine at the top of the range
-    under_range: bool  #: True if the level is below the bottom of the range
+    #: True if the unweighted pressure exceeds the peak of a sine with the highest level of the
+    #: range.
+    overload: bool
+    under_range: bool  #: True if ``level`` is below the lowest level of the range
 
 
 @dataclass(frozen=True, eq=False)
 class MeterState:
-    """Complete state of a meter."""
+    """Complete state of a sound-level meter between two blocks."""
 
-    frequency_weighting: str
-    time_weighting: str
-    filter: FloatArray  #: state of the frequency weighting, ``(n, 2)``
-    power: float  #: state of the time weighting, Pa²
-    energy: float  #: sum since the start of the meter, as the fields below, Pa²
-    samples: int
-    highest: float  #: dB
-    overload: bool
+    frequency_weighting: str  #: A, C or Z
+    time_weighting: str  #: F or S
+    filter: FloatArray  #: state of the filter of the frequency weighting, ``(n, 2)``
+    power: float  #: state of the time weighting, a mean square in Pa²
+    energy: float  #: sum of the squared weighted samples since the start of the meter, Pa²
+    samples: int  #: number of samples since the start of the meter
+    highest: float  #: highest time-weighted level since the start of the meter, dB
+    overload: bool  #: True if a block since the start of the meter was an overload
 
 
 @dataclass
@@ -66,10 +68,11 @@ class SoundLevelMeter:
         If the weighting is unknown.
     """
 
-    rate: int  #: Hz, of the pressure samples
+    rate: int  #: sample rate of the sound pressure, Hz
     frequency_weighting: str = "Z"  #: A, C or Z
     time_weighting: str = "F"  #: F (125 ms) or S (1 s)
-    span: tuple[float, float] = RANGE_DB  #: range in dB, a reading outside it has a flag
+    #: Measuring range in dB. A reading outside of it has the flag ``overload`` or ``under_range``.
+    span: tuple[float, float] = RANGE_DB
 
     def __post_init__(self) -> None:
         _require_weighting("frequency_weighting", self.frequency_weighting, FREQUENCY_WEIGHTINGS)
@@ -137,11 +140,17 @@ class SoundLevelMeter:
 
     @property
     def overloaded(self) -> bool:
-        """True if a block was an overload. It is latched, as the standard requires."""
+        """True if a block since the start of the meter was an overload.
+
+        The flag is never reset (latched), as IEC 61672-1 requires.
+        """
         return self.state.overload
 
     def _apply_weighting(self, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the frequency-weighted samples, and the state of the filter after them."""
+        """Return the frequency-weighted samples, and the state of the filter after them.
+
+        ``pressure`` are samples in Pa, ``(n,)``. The state of the meter is not changed.
+        """
         if self._sections.size == 0:
             return pressure, self.state.filter
         from scipy.signal import sosfilt  # imported here, because it takes a second
@@ -151,9 +160,9 @@ class SoundLevelMeter:
 
 
 def _require_finite(pressure: FloatArray) -> None:
-    """Raise RefusedError if a sample is not finite.
+    """Raise `RefusedError` if a sample of the sound pressure is not finite.
 
-    Such a sample would remain in the filters and read as silence from then on.
+    Such a sample would remain in the state of the filters and falsify all later readings.
     """
     finite = np.isfinite(pressure)
     if not finite.all():
@@ -165,42 +174,49 @@ def _require_finite(pressure: FloatArray) -> None:
 
 
 def _require_weighting(name: str, value: str, allowed: Iterable[str]) -> None:
-    """Raise ConfigError if the standard does not define a weighting."""
+    """Raise `ConfigError` if a weighting is not one of ``allowed``.
+
+    ``name`` is the name of the setting in the message.
+    """
     if value not in allowed:
         raise ConfigError(f"{name} is {value!r}; allowed: {', '.join(allowed)}")
 
 
 def _level(power: float) -> float:
-    """Return the level in dB of a mean square in Pa², at least `SILENCE_DB`."""
+    """Return the level (dB re 20 µPa) of a mean square pressure (Pa²).
+
+    It is at least `SILENCE_DB`.
+    """
     ratio = power / REFERENCE_PRESSURE**2
     return max(10.0 * math.log10(ratio), SILENCE_DB) if ratio > 0.0 else SILENCE_DB
 
 
-# Digital weightings A and C. The analog poles and the zeros at 0 Hz are mapped directly (matched
-# z). A few more zeros fit the magnitude to the analog one up to half the sample rate. At a rate of
-# 12 kHz the error at 4 kHz is 0.03 dB, with the bilinear transform it is 1.2 dB.
+# Digital filters of the weightings A and C. The analog poles and the zeros at 0 Hz are mapped by
+# the matched z-transform. A few more zeros are fitted, so that the magnitude is that of the analog
+# filter up to half the sample rate. At a rate of 12 kHz the error at 4 kHz is 0.03 dB. With the
+# bilinear transform it is 1.2 dB.
 
-#: Corner frequency f1 of annex E, Hz.
+#: Corner frequency f1 of the weightings in annex E of IEC 61672-1, Hz.
 CORNER_1_HZ = 20.598997
-#: Corner frequency f2 of annex E, Hz.
+#: Corner frequency f2 of the weightings in annex E of IEC 61672-1, Hz.
 CORNER_2_HZ = 107.65265
-#: Corner frequency f3 of annex E, Hz.
+#: Corner frequency f3 of the weightings in annex E of IEC 61672-1, Hz.
 CORNER_3_HZ = 737.86223
-#: Corner frequency f4 of annex E, Hz.
+#: Corner frequency f4 of the weightings in annex E of IEC 61672-1, Hz.
 CORNER_4_HZ = 12194.217
-#: Corner frequencies (Hz) of the poles of each weighting.
+#: Corner frequencies (Hz) of the poles of the weightings A and C.
 POLES = {
     "A": (CORNER_1_HZ, CORNER_1_HZ, CORNER_2_HZ, CORNER_3_HZ, CORNER_4_HZ, CORNER_4_HZ),
     "C": (CORNER_1_HZ, CORNER_1_HZ, CORNER_4_HZ, CORNER_4_HZ),
 }
-#: Number of zeros at 0 Hz of each weighting.
+#: Number of zeros at 0 Hz of the weightings A and C.
 ZEROS = {"A": 4, "C": 2}
-#: Number of zeros that are fitted to the analog magnitude.
+#: Number of zeros of a digital weighting that are fitted to the magnitude of the analog filter.
 FITTED_ZEROS = 6
-#: Frequency at which every weighting is 0 dB, Hz.
+#: Frequency at which every weighting is 0 dB, Hz (IEC 61672-1).
 REFERENCE_FREQUENCY = 1000.0
-#: Class 1 of table 3: nominal frequency (Hz), goals of A and C (dB), upper and lower acceptance
-#: limit of the error (dB).
+#: Table 3 of IEC 61672-1 for class 1: nominal frequency (Hz), design goals of A and C (dB), upper
+#: and lower acceptance limit of the error (dB).
 CLASS_1 = (
     (10.0, -70.4, -14.3, 3.0, -math.inf),
     (12.5, -63.4, -11.2, 2.5, -math.inf),
@@ -240,12 +256,14 @@ CLASS_1 = (
 
 
 def exact_frequency(nominal: float) -> float:
-    """Return the exact third-octave frequency, 10^(n/10) Hz, of a nominal frequency."""
+    """Return the exact third-octave frequency 10^(n/10) Hz of a nominal frequency (Hz)."""
     return float(10.0 ** (round(10.0 * math.log10(nominal)) / 10.0))
 
 
 def weighting_power(curve: str, frequency: FloatArray) -> FloatArray:
-    """Return |W|² of A, C or Z at frequencies in Hz, 1 at 1 kHz.
+    """Return the squared magnitude |W|² of a frequency weighting at frequencies in Hz.
+
+    ``curve`` is A, C or Z. The result is 1 at 1 kHz.
 
     References
     ----------
@@ -257,9 +275,10 @@ def weighting_power(curve: str, frequency: FloatArray) -> FloatArray:
 
 
 def weighting_filter(curve: str, rate: int) -> FloatArray:
-    """Return the second-order sections of A, C or Z at a rate in Hz, ``(n, 6)``.
+    """Return the digital filter of a frequency weighting as second-order sections.
 
-    Z has no section, ``(0, 6)``.
+    ``curve`` is A, C or Z, and ``rate`` is the sample rate in Hz. The shape is ``(n, 6)``, as for
+    `scipy.signal.sosfilt`. Z has no section, ``(0, 6)``.
     """
     if curve == "Z":
         return np.zeros((0, 6))
@@ -268,7 +287,10 @@ def weighting_filter(curve: str, rate: int) -> FloatArray:
     zeros, poles = ZEROS[curve], np.exp(-2.0 * math.pi * np.array(POLES[curve]) / rate)
 
     def zeros_power(x: FloatArray) -> FloatArray:
-        """Return the squared magnitude that the fitted zeros must have at x = cos ω."""
+        """Return the squared magnitude that the fitted zeros must have at x = cos ω.
+
+        ω is the digital frequency, 2π times the frequency divided by the sample rate.
+        """
         below = np.prod([1.0 + p * p - 2.0 * p * x for p in poles], axis=0)
         above = (2.0 - 2.0 * x) ** zeros
         frequency = np.arccos(x) * rate / (2.0 * math.pi)
@@ -276,18 +298,19 @@ def weighting_filter(curve: str, rate: int) -> FloatArray:
 
     polynomial = Chebyshev.interpolate(zeros_power, FITTED_ZEROS)
     x = polynomial.roots().astype(complex)
-    z = x + np.sqrt(x * x - 1.0)  # x = (z + 1/z)/2: one root of each pair is in the unit circle
+    z = x + np.sqrt(x * x - 1.0)  # x = (z + 1/z)/2. Of z and 1/z one is inside the unit circle
     fitted = np.where(np.abs(z) > 1.0, 1.0 / z, z)
     gain = math.sqrt(float(polynomial(0.0)) / float(np.prod(np.abs(1j - fitted) ** 2)))
     return np.asarray(zpk2sos(np.append(fitted, np.ones(zeros)), poles, gain))
 
 
 def class_1_up_to_hz(rate: int) -> float:
-    """Return the nominal frequency (Hz) up to which A, C and Z are class 1.
+    """Return the nominal frequency (Hz) up to which the weightings are class 1.
 
     ``rate`` is the sample rate in Hz. Every third-octave frequency up to the result is below half
-    the rate, and the response of the filters there is within the limits of `CLASS_1`. The result is
-    at most 20 kHz, where the standard ends, and 0 if the lowest frequency is outside its limits.
+    the rate, and the response of the filters A and C there is within the limits of `CLASS_1`. The
+    result is at most 20 kHz, where the standard ends, and 0 if the lowest frequency is outside its
+    limits.
     """
     from scipy.signal import sosfreqz
 
@@ -307,7 +330,10 @@ def class_1_up_to_hz(rate: int) -> float:
 
 
 def _analog(curve: str, frequency: FloatArray) -> FloatArray:
-    """Return |H|² of the analog A or C filter at frequencies in Hz, without its gain."""
+    """Return the squared magnitude |H|² of the analog A or C filter, without its gain.
+
+    ``frequency`` is in Hz.
+    """
     square = np.square(frequency)
     gain = np.square(square) / np.square((square + CORNER_1_HZ**2) * (square + CORNER_4_HZ**2))
     if curve == "A":
@@ -317,16 +343,18 @@ def _analog(curve: str, frequency: FloatArray) -> FloatArray:
 
 # Third-octave bands (IEC 61260-1): Butterworth filters of order 6, low bands at lower rates.
 
-#: Numbers n of the lowest and the highest band, 10^(n/10) Hz: nominally 12.5 Hz and 16 kHz.
+#: Numbers n of the lowest and the highest third-octave band, with the mid-band frequencies
+#: 10^(n/10) Hz: nominally 12.5 Hz and 16 kHz.
 BAND_NUMBERS = (11, 42)
-#: Order of the band filters.
+#: Order of the Butterworth filters of the third-octave bands.
 BAND_ORDER = 6
-#: Smallest ratio of half the sample rate to the mid-band frequency of a band.
+#: Smallest ratio of half the sample rate to the mid-band frequency of a third-octave band. A band
+#: with a smaller ratio is omitted.
 MIN_RATE_RATIO = 0.5 / 0.44
-#: Smallest ratio of half the decimated sample rate to the upper edge of a band, so that the band
-#: is below the transition of the decimation filter.
+#: Smallest ratio of half the decimated sample rate to the upper edge frequency of a third-octave
+#: band. The band is then below the transition of the decimation filter.
 HEADROOM = 1.25
-#: Largest factor by which the rate of a low band is decimated.
+#: Largest factor by which the sample rate is decimated for a low third-octave band.
 MAX_DECIMATION = 500
 #: r.m.s. pressure (Pa) that replaces silence, so that the level is finite.
 MIN_PRESSURE = float(np.finfo(float).eps)
@@ -334,11 +362,11 @@ MIN_PRESSURE = float(np.finfo(float).eps)
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Levels of third-octave bands."""
+    """Sound levels of n third-octave bands."""
 
-    frequency: FloatArray  #: exact mid-band frequencies, Hz
-    names: tuple[str, ...]  #: nominal frequencies
-    level_db: FloatArray  #: re 20 µPa
+    frequency: FloatArray  #: exact mid-band frequencies, Hz, ``(n,)``
+    names: tuple[str, ...]  #: nominal mid-band frequencies as text, such as 31.5 or 16k (Hz)
+    level_db: FloatArray  #: equivalent level in each band, dB re 20 µPa, ``(n,)``
 
 
 def third_octaves(pressure: FloatArray, rate: int) -> Spectrum:
@@ -364,7 +392,10 @@ def third_octaves(pressure: FloatArray, rate: int) -> Spectrum:
 
 
 def _band_rms(pressure: FloatArray, rate: int, middle: float) -> float:
-    """Return the r.m.s. pressure (Pa) in the band at a mid-band frequency (Hz)."""
+    """Return the r.m.s. sound pressure (Pa) in a third-octave band.
+
+    ``middle`` is the mid-band frequency, and ``rate`` the sample rate, both in Hz.
+    """
     from scipy.signal import butter, resample_poly, sosfilt
 
     edges = middle * 10.0 ** np.array([-0.05, 0.05])
@@ -377,24 +408,27 @@ def _band_rms(pressure: FloatArray, rate: int, middle: float) -> float:
 
 # Levels of a recorded sound, and its conversion to the samples of a file.
 
-#: Largest 16-bit sample of a sound file.
+#: Largest value of a 16-bit sample in a sound file.
 MAX_SAMPLE = 32767
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """Levels and flags of a recorded sound."""
+    """Levels and flags of a recorded sound, the result of `measure`."""
 
     levels: dict[str, float]  #: dB re 20 µPa, by the standard's names such as LAeq and LAFmax
-    bands: Spectrum
-    peak_pa: float
-    overload: bool
-    under_range: bool
+    bands: Spectrum  #: levels of the third-octave bands
+    peak_pa: float  #: largest absolute sound pressure, Pa
+    overload: bool  #: True if the sound pressure exceeds the range of the meter
+    under_range: bool  #: True if a level is below the range of the meter
     class_1_up_to_hz: float  #: nominal frequency up to which the levels are class 1
 
 
 def measure(pressure: FloatArray, rate: int) -> Measurement:
-    """Measure samples ``(n,)`` in Pa at a sample rate in Hz, with all weightings.
+    """Return the levels of a recorded sound with all frequency and time weightings.
+
+    ``pressure`` are samples of the sound pressure in Pa, ``(n,)``, and ``rate`` is the sample rate
+    in Hz.
 
     Raises
     ------
@@ -416,9 +450,10 @@ def measure(pressure: FloatArray, rate: int) -> Measurement:
 
 
 def full_scale(peak: float) -> float:
-    """Return the sound pressure (Pa) at full scale of a sound file.
+    """Return the sound pressure (Pa) for the largest sample value of a sound file.
 
-    It is the smallest of 1, 2, 5 · 10ⁿ that is not below ``peak``, the largest pressure (Pa).
+    It is the smallest of the numbers 1, 2 and 5 times 10ⁿ that is not below ``peak``, the largest
+    sound pressure in the file (Pa). It is 1 if ``peak`` is not positive.
     """
     if peak <= 0.0:
         return 1.0
@@ -427,5 +462,8 @@ def full_scale(peak: float) -> float:
 
 
 def pcm(pressure: FloatArray, scale: float) -> bytes:
-    """Return 16-bit little-endian samples, with ``scale`` (Pa) as the largest number."""
+    """Return sound pressures (Pa) as 16-bit little-endian samples of a sound file.
+
+    ``scale`` is the sound pressure (Pa) that corresponds to the largest sample value.
+    """
     return np.round(pressure * (MAX_SAMPLE / scale)).astype("<i2").tobytes()

@@ -1,4 +1,8 @@
-"""Models of the follower's motion, by name, with a common function ``advance``."""
+"""Follower models by name: functions that compute the motion of a follower on a cam.
+
+`MODELS` contains them. Every model has the same function ``advance``, which computes the motion in
+one interval of time.
+"""
 
 from __future__ import annotations
 
@@ -36,8 +40,9 @@ class Model:
         Function that returns the parameters of a rig. It raises a `ConfigError` if the rig does not
         have a number that the model needs.
     advance : callable
-        Function of law, parameters, state (None: at the start of a run), interval and sample rate
-        (Hz). It returns the state at the end of the interval, and the block of its samples.
+        Function of the law, the parameters, the state at the end of the previous interval (None at
+        the start of a run), the interval and the sample rate (Hz). It returns the state at the end
+        of the interval, and a `Block` with the samples and events of the interval.
     require : callable
         Function that raises a `DynamicsError` for a law that the model cannot solve (default: every
         law is allowed).

@@ -72,10 +72,11 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """Return the state at the end of an interval, and the block of its samples.
+    """Return the state at the end of an interval, and its samples.
 
-    ``step`` is a step of the cam's velocity ṡ (m/s) just before the interval. It changes neither x
-    nor ẋ.
+    ``state`` is None at the start of a run. ``sample_rate`` is in Hz. ``step`` is an abrupt change
+    of the cam's velocity ṡ (m/s) just before the interval. It does not change the displacement x
+    and the velocity ẋ of the mass, but the vibration (r, ṙ) relative to the cam.
     """
     model = response(law, parameters, interval.speed)
     start = np.zeros(2) if state is None else check_state(state.inner, 2)

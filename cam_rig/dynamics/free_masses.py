@@ -1,6 +1,8 @@
 """Two-mass follower: parameters, linear model in contact, and motion in flight.
 
-In flight the state is the stretch of the stem and the centre of mass.
+The roller mass is on the cam, and the end mass is at the other end of the elastic stem, on the
+closing spring. In flight the state is the stretch of the stem and the position of the centre of
+mass, with their rates.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
 
-#: Keys of the numbers in a rig file that the two-mass model needs and the one-mass model does not.
+#: Keys of the numbers in a rig file that the two-mass model needs and the one-mass model does not
+#: need.
 TWO_MASS_KEYS = ("roller_share", "stem_stiffness", "stem_damping")
 #: Name of the two-mass model in the error message for a missing number.
 NEEDED_BY = "two masses (the model two_mass)"
@@ -62,14 +65,14 @@ class TwoMassParameters:
     Paper, eq. 14-19. There k₁ is the stem and k₂ the closing spring, as here.
     """
 
-    roller_mass: float  #: m₁, kg
-    end_mass: float  #: m₂, kg
-    stem_stiffness: float  #: k₁, N/m
-    spring_stiffness: float  #: k₂, N/m
-    stem_damping: float  #: c₁, N·s/m
-    damping: float  #: c₂, N·s/m
-    preload: float  #: N
-    restitution: float | None = 0.0
+    roller_mass: float  #: m₁, mass on the cam, kg
+    end_mass: float  #: m₂, mass at the other end of the stem, kg
+    stem_stiffness: float  #: k₁, stiffness of the stem, N/m
+    spring_stiffness: float  #: k₂, stiffness of the closing spring, N/m
+    stem_damping: float  #: c₁, damping in the stem, N·s/m
+    damping: float  #: c₂, damping between end mass and ground, N·s/m
+    preload: float  #: force of the closing spring at zero lift, N
+    restitution: float | None = 0.0  #: Newton's coefficient of a landing, or None
 
     def __post_init__(self) -> None:
         vars(self).update(check_numbers(vars(self), "restitution"))
@@ -128,17 +131,18 @@ class TwoMassParameters:
         return self.stem_stiffness / self.stiffness
 
     def static_position(self, cam: FloatArray) -> FloatArray:
-        """Return (y, ẏ) of the end mass without vibration, ``(2, n)``, m and m/s.
+        """Return (y, ẏ) of the end mass in contact without vibration, ``(2, n)``.
 
-        The first two rows of ``cam`` are the cam's s (m) and ṡ (m/s).
+        The displacement y is in m, and ẏ in m/s. The first two rows of ``cam`` are the cam's s (m)
+        and ṡ (m/s).
         """
         return np.stack([self.share * cam[0] - self.preload / self.stiffness, self.share * cam[1]])
 
     @cached_property
     def inner_matrix(self) -> FloatArray:
-        """Matrix A of the two masses in flight, in the state (w, ẇ, Y, Ẏ), ``(4, 4)``.
+        """Matrix A of the equation ẋ = A x + b of the two masses in flight, ``(4, 4)``.
 
-        `free_masses` explains the state.
+        The state x is (w, ẇ, Y, Ẏ), with the stretch w of the stem and the centre of mass Y.
         """
         m1, m2 = self.roller_mass, self.end_mass
         total, both = m1 + m2, 1.0 / m1 + 1.0 / m2
@@ -152,10 +156,11 @@ class TwoMassParameters:
 
 @lru_cache(maxsize=64)
 def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> LinearResponse:
-    """Return the linear model of the end mass during contact, at a speed (rad/s).
+    """Return the linear model of the end mass while the roller mass is on the cam.
 
-    The state is the vibration (η, η̇) about the static position. A velocity jump does not act on
-    the state here, because it may end the contact.
+    The state is the vibration (η, η̇) of the end mass about its static position, in m and m/s.
+    ``speed`` is the cam speed, rad/s. A velocity jump of the law does not act on the state in this
+    model, because it may end the contact. The caller handles it.
     """
     p, damping = parameters, parameters.stem_damping + parameters.damping
     matrix = np.array([[0.0, 1.0], [-p.stiffness / p.end_mass, -damping / p.end_mass]])
@@ -166,7 +171,7 @@ def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> L
 
 @lru_cache(maxsize=64)
 def force_output(parameters: TwoMassParameters) -> Outputs:
-    """Return the output of `contact_response` that is the contact force (N)."""
+    """Return the contact force (N) as an output of the linear model `contact_response`."""
     p = parameters
     state = np.array([[-p.stem_stiffness, -p.stem_damping]])
     spring_share = p.spring_stiffness / p.stiffness  # 1 − α, without cancellation
@@ -176,12 +181,12 @@ def force_output(parameters: TwoMassParameters) -> Outputs:
     return Outputs(state, law, np.array([p.share * p.preload]))
 
 
-#: Largest condition number of the mode shapes at which the modes are used. At a larger number two
-#: modes are nearly equal, and their digits would cancel.
+#: Largest condition number of the matrix of mode shapes at which the motion in flight is computed
+#: with the modes. At a larger number two modes are nearly equal, and their digits would cancel.
 MAX_CONDITION = 1e3
-#: Largest number of Newton steps for a factor of the characteristic polynomial.
+#: Largest number of steps of Newton's method for the factors of the characteristic polynomial.
 MAX_NEWTON_STEPS = 12
-#: Relative correction at which Newton's method has converged.
+#: Relative correction at which Newton's method for these factors has converged.
 NEWTON_RTOL = 1e-15
 
 
@@ -196,7 +201,8 @@ def free_masses(parameters: TwoMassParameters) -> FreeSystem:
     p = parameters
     total = p.roller_mass + p.end_mass
     share = p.roller_mass / total
-    # Rows z̈, √(m₂/m₁) ÿ, √(k₁/m₁) ẇ and √(k₂/m₁) ẏ: an energy of the rates, times 2/m₁.
+    # Rows for z̈, √(m₂/m₁) ÿ, √(k₁/m₁) ẇ and √(k₂/m₁) ẏ. The sum of their squares is 2/m₁ times an
+    # energy of the rates, which does not grow. It bounds the later acceleration z̈ of the roller.
     roots = np.sqrt(np.array([p.end_mass, p.stem_stiffness, p.spring_stiffness]) / p.roller_mass)
     energy = [
         [0.0, share - 1.0, 0.0, 1.0],
@@ -211,7 +217,11 @@ def free_masses(parameters: TwoMassParameters) -> FreeSystem:
 
 
 def to_inner(parameters: TwoMassParameters, state: FloatArray) -> FloatArray:
-    """Convert (z, ż, y, ẏ) to stem stretch and centre of mass (w, ẇ, Y, Ẏ), ``(4,)``."""
+    """Convert (z, ż, y, ẏ) of two masses to the state (w, ẇ, Y, Ẏ) of a flight, ``(4,)``.
+
+    z is the displacement of the roller mass and y that of the end mass. w = y − z is the stretch of
+    the stem, and Y is the centre of mass.
+    """
     p, z, y = parameters, state[:2], state[2:]
     stretch = y - z
     centre = z + p.end_mass / (p.roller_mass + p.end_mass) * stretch
@@ -219,7 +229,11 @@ def to_inner(parameters: TwoMassParameters, state: FloatArray) -> FloatArray:
 
 
 def from_inner(parameters: TwoMassParameters, inner: FloatArray) -> FloatArray:
-    """Convert states (w, ẇ, Y, Ẏ) to the masses' (z, ż, y, ẏ), ``(4,)`` or ``(4, n)``."""
+    """Convert states (w, ẇ, Y, Ẏ) of a flight to (z, ż, y, ẏ) of the two masses.
+
+    The shape of both is ``(4,)`` or ``(4, n)``. w is the stretch of the stem, Y the centre of mass,
+    z the displacement of the roller mass, and y that of the end mass.
+    """
     p = parameters
     stretch, centre = inner[:2], inner[2:]
     contact_mass = centre - p.end_mass / (p.roller_mass + p.end_mass) * stretch
@@ -227,10 +241,11 @@ def from_inner(parameters: TwoMassParameters, inner: FloatArray) -> FloatArray:
 
 
 def _pairs(p: TwoMassParameters) -> Pairs | None:
-    """Return the pairs that couple the stem and the centre of mass least.
+    """Return the transformation of the two masses in flight to two decoupled pairs.
 
-    The four rates of the flight can be grouped into pairs in several ways. Returns None if no way
-    has a condition number below `MAX_CONDITION`.
+    The four eigenvalues can be grouped into two pairs in several ways. The result is the way whose
+    pairs are closest to the motion of the stem and of the centre of mass. It is None if no way has
+    a condition number below `MAX_CONDITION`.
     """
     candidates = [
         _shape_pairs(p, *sides)
@@ -250,10 +265,10 @@ def _condition(shapes: FloatArray) -> float:
 
 
 def _characteristic(p: TwoMassParameters) -> FloatArray:
-    """Return a₃, a₂, a₁, a₀ of the characteristic polynomial λ⁴ + a₃ λ³ + ….
+    """Return the coefficients a₃, a₂, a₁, a₀ of the characteristic polynomial, ``(4,)``.
 
-    It is that of both masses in flight. Each coefficient is a sum of positive terms, so no digits
-    cancel.
+    The polynomial λ⁴ + a₃ λ³ + a₂ λ² + a₁ λ + a₀ is that of both masses in flight. Each coefficient
+    is a sum of positive terms, so no digits cancel.
     """
     m1, m2, k1, k2 = p.roller_mass, p.end_mass, p.stem_stiffness, p.spring_stiffness
     c1, c2 = p.stem_damping, p.damping
@@ -262,7 +277,7 @@ def _characteristic(p: TwoMassParameters) -> FloatArray:
     return np.array([cubic, square, c1 * k2 + c2 * k1, k1 * k2]) / (m1 * m2)
 
 
-#: Coefficients p and q of a factor λ² + p λ + q.
+#: Coefficients p and q of a quadratic factor λ² + p λ + q of a characteristic polynomial.
 Factor = tuple[float, float]
 
 
@@ -282,7 +297,7 @@ def _factors(polynomial: FloatArray) -> list[tuple[Factor, Factor]]:
         second_pair = np.delete(roots, [0, other])
         slow = min(first_pair, second_pair, key=lambda pair: abs(np.prod(pair)))
         if abs(slow.sum().imag) > 1e-6 * np.abs(slow).max():
-            continue  # one root each of two conjugate pairs: the factor is not real
+            continue  # the two roots belong to different conjugate pairs: the factor is not real
         factors = _refine_factors(scaled, -float(slow.sum().real), float(np.prod(slow).real))
         if factors is not None:
             (fast_p, fast_q), (slow_p, slow_q) = factors
@@ -292,10 +307,11 @@ def _factors(polynomial: FloatArray) -> list[tuple[Factor, Factor]]:
 
 
 def _refine_factors(polynomial: FloatArray, p: float, q: float) -> tuple[Factor, Factor] | None:
-    """Refine approximate factors of a quartic by Newton's method.
+    """Refine an approximate factor of a quartic polynomial by Newton's method.
 
-    The equations P q + p Q = a₁ and q Q = a₀ are solved. Returns ((P, Q), (p, q)), or None if the
-    method fails or a factor is unstable.
+    The quartic λ⁴ + a₃ λ³ + … has the coefficients ``polynomial`` after the first, and the factor
+    is λ² + p λ + q. The equations P q + p Q = a₁ and q Q = a₀ are solved, where λ² + P λ + Q is the
+    other factor. Returns ((P, Q), (p, q)), or None if the method fails or a factor is unstable.
     """
     a3, a2, a1, a0 = polynomial.tolist()
     for _ in range(MAX_NEWTON_STEPS):
@@ -317,11 +333,11 @@ def _refine_factors(polynomial: FloatArray, p: float, q: float) -> tuple[Factor,
 
 
 def _shape_pairs(p: TwoMassParameters, stem: Factor, spring: Factor) -> Pairs | None:
-    """Return the transformation to pairs for the stem and for the centre of mass.
+    """Return the transformation to one pair for the stem and one for the centre of mass.
 
-    ``stem`` and ``spring`` are the rates (2δ, κ) of the pairs. In the first pair the stem stretch
-    is (w, ẇ) = (q, q̇), and Y follows from its equation of motion. In the second pair (Y, Ẏ) = (q,
-    q̇), and w follows. Returns None if the shapes do not exist.
+    ``stem`` and ``spring`` are the coefficients (2δ, κ) of the pairs (q, q̇). In the first pair the
+    stem stretch is (w, ẇ) = (q, q̇), and the centre of mass Y follows from its equation of motion.
+    In the second pair (Y, Ẏ) = (q, q̇), and w follows. Returns None if the mode shapes do not exist.
     """
     shapes, matrix = np.eye(4), p.inner_matrix
     for first, pair in ((0, stem), (2, spring)):
@@ -337,9 +353,10 @@ def _shape_pairs(p: TwoMassParameters, stem: Factor, spring: Factor) -> Pairs | 
 
 
 def _inverse(shapes: FloatArray) -> FloatArray | None:
-    """Return the inverse of [[1, G], [H, 1]], or None if it is singular.
+    """Return the inverse of a block matrix [[1, G], [H, 1]], or None if it is singular.
 
-    It is computed by blocks, because the entries have very different sizes.
+    ``shapes`` is the matrix, ``(4, 4)``, with blocks of shape ``(2, 2)``. The inverse is computed
+    by blocks, because the entries have very different sizes.
     """
     right, left = shapes[:2, 2:], shapes[2:, :2]
     (a, b), (c, d) = np.eye(2) - right @ left
@@ -353,11 +370,12 @@ def _inverse(shapes: FloatArray) -> FloatArray | None:
 
 
 def _follower_weights(row: FloatArray, first: int, other: int, pair: Factor) -> Factor | None:
-    """Return the weights f = (c + d B)(a + b B)⁻¹ of q and q̇ in the other coordinate.
+    """Return the weights of q and q̇ in the dependent coordinate of a mode shape.
 
-    B is the matrix of the pair, B² = −κ − 2δ B, and ``row`` is the equation of motion of the
-    dependent coordinate. Each weight is written out, so that it is accurate to its last digit.
-    Returns None if a + b B is singular.
+    In a pair (q, q̇) one coordinate, the stem stretch or the centre of mass, is q. The other one
+    follows from its equation of motion, ``row``. The weights are f = (c + d B)(a + b B)⁻¹ with the
+    matrix B of the pair, B² = −κ − 2δ B. They are written out, so that each is accurate to its last
+    digit. Returns None if a + b B is singular.
     """
     damping, stiffness = pair
     a, b = -stiffness - row[other], -damping - row[other + 1]

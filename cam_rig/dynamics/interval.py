@@ -1,7 +1,8 @@
-"""Inputs and outputs of the models: intervals, sample grids, states, blocks.
+"""Inputs and outputs of the follower models: intervals, sample grids, states, blocks.
 
-A model takes an `Interval` of the cam's motion and a `FollowerState`. It returns the state at the
-end of the interval and a `Block` of samples and events.
+A model computes the motion of a follower in one interval of time. It takes an `Interval` of the
+cam's motion and a `FollowerState`. It returns the state at the end of the interval and a `Block` of
+samples and events.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from cam_rig.units import NS, TURN, FloatArray
 EventKind = Literal["lift-off", "landing"]
 Time = TypeVar("Time", float, FloatArray)
 
-#: Names of the rows of a block of samples, with their units.
+#: Names of the rows of an array of samples, with their units.
 COLUMNS = (
     "t [s]",
     "lift [m]",
@@ -34,16 +35,17 @@ COLUMNS = (
 
 
 class NamedRows:
-    """Named access to samples ``rows``, ``(6, n)``, in the order of `COLUMNS`.
+    """Named access to the array ``rows`` of n samples, ``(6, n)``.
 
-    Each property is a view of shape ``(n,)``.
+    The rows are in the order of `COLUMNS`. Each property is a view of the array, with the shape
+    ``(n,)`` unless stated otherwise.
     """
 
     rows: FloatArray
 
     @property
     def time(self) -> FloatArray:
-        """Rig time of the samples, s."""
+        """Rig time (simulated time since the start of the run) of the samples, s."""
         return self.rows[0, :]
 
     @property
@@ -93,12 +95,13 @@ class Samples(NamedRows):
 #: Number of sample times that are computed together. They fit in the cache of a core.
 BATCH_SIZE = 8192
 
+#: Indices 0, 1, … of the samples of a batch, as floats, ``(BATCH_SIZE,)``.
 _INDICES = np.arange(BATCH_SIZE, dtype=np.float64)
-#: Largest negative speed at an end of a ramp that counts as 0 (rounding), relative to the speed at
-#: the other end.
+#: Largest negative cam speed at an end of a speed ramp that counts as 0 (rounding), relative to the
+#: speed at the other end.
 REST_RTOL = 1e-9
-#: Relative difference below which two speeds are equal. A ramp reaches its last speed only to
-#: rounding.
+#: Relative difference below which two cam speeds count as equal. A ramp reaches its last speed only
+#: to rounding.
 SPEED_RTOL = 1e-12
 #: Largest difference between the cam angles (rad) at the end of an interval and at the start of the
 #: next interval. The tolerance allows for rounding.
@@ -106,7 +109,7 @@ ANGLE_TOLERANCE = 1e-6
 
 
 def wrap(angle: float, turns: int = 0) -> tuple[int, float]:
-    """Return the whole turns of an angle (rad) and the remainder in [0, 2π).
+    """Return the whole turns of an angle (rad), and the remainder in [0, 2π) in rad.
 
     ``turns`` is added to the whole turns.
 
@@ -119,7 +122,7 @@ def wrap(angle: float, turns: int = 0) -> tuple[int, float]:
         return turns, angle
     whole = math.floor(angle / TURN)
     remainder = angle - whole * TURN
-    if not 0.0 <= remainder < TURN:  # the rounding of an angle of 1e18 is many turns
+    if not 0.0 <= remainder < TURN:  # the rounding error of an angle of 1e18 rad is many turns
         remainder = math.fmod(angle, TURN)
         remainder = remainder + TURN if remainder < 0.0 else remainder
         whole = round((angle - remainder) / TURN)
@@ -128,7 +131,7 @@ def wrap(angle: float, turns: int = 0) -> tuple[int, float]:
 
 @dataclass(frozen=True)
 class Interval:
-    """Interval of rig time with a constant acceleration of the cam.
+    """Interval of rig time (simulated time) with a constant acceleration of the cam.
 
     The cam angle is θ = angle + speed t + acceleration t²/2. The angle and the whole turns are
     stored separately, so that the angle keeps all its digits after many turns.
@@ -158,8 +161,8 @@ class Interval:
     stop_ns: int
     angle: float  #: cam angle at the start, in [0, 2π), rad
     speed: float  #: cam speed at the start, rad/s
-    acceleration: float = 0.0  #: rad/s²
-    turns: int = 0  #: whole turns before the start
+    acceleration: float = 0.0  #: cam acceleration, rad/s²
+    turns: int = 0  #: whole turns of the cam before the start
 
     def __post_init__(self) -> None:
         for name in ("start_ns", "stop_ns"):
@@ -202,7 +205,7 @@ class Interval:
         return self.angle + time * (self.speed + 0.5 * self.acceleration * time)
 
     def unwrapped_at(self, time: Time) -> Time:
-        """Return the cam angle (rad) with all turns at times (s) since the start.
+        """Return the cam angle (rad) including all turns, at times (s) since the start.
 
         It is meant for display, because it loses digits with the number of turns.
         """
@@ -215,8 +218,8 @@ class Interval:
     def time_at(self, angle: float) -> float:
         """Return the time (s) at which the cam reaches an angle (rad).
 
-        It is measured from the start of the interval, and infinite if the cam never reaches the
-        angle.
+        It is measured from the start of the interval. It is infinite if the cam never reaches the
+        angle at the acceleration of the interval. The end of the interval is not a limit.
         """
         ahead = angle - self.angle
         square = self.speed**2 + 2.0 * self.acceleration * ahead
@@ -225,10 +228,10 @@ class Interval:
         return 2.0 * ahead / (self.speed + math.sqrt(square))
 
     def split(self, max_angle: float) -> list[Interval]:
-        """Split the interval into intervals of equal duration.
+        """Split the interval into intervals of equal duration, to the nanosecond.
 
-        In none of them does the cam turn by more than ``max_angle`` rad, even at the highest speed
-        of the whole interval.
+        Their number is such that the cam turns by at most ``max_angle`` rad in each of them, even
+        at the highest speed of the whole interval.
         """
         max_speed = max(abs(self.speed), abs(self.speed_at(self.duration)))
         length = self.stop_ns - self.start_ns
@@ -259,12 +262,15 @@ class Interval:
 
 @dataclass(frozen=True)
 class SampleGrid:
-    """Sample times of one interval on the rig's common time grid."""
+    """Sample times of one interval on the time grid that all intervals share.
 
-    first: int  #: index of the first sample since rig time 0
-    count: int  #: number of samples
+    The grid contains the rig times k / ``sample_rate`` with whole k.
+    """
+
+    first: int  #: index k of the first sample, counted from rig time 0
+    count: int  #: number of samples in the interval
     offset: float  #: time from the start of the interval to the first sample, s
-    sample_rate: int  #: Hz
+    sample_rate: int  #: number of samples per second, Hz
     duration: float  #: duration of the interval, s
 
     def sample_times(self) -> FloatArray:
@@ -287,7 +293,8 @@ class SampleGrid:
     def index_after(self, time: float) -> int:
         """Return the index of the first sample at or after a time (s).
 
-        The time is measured from the start of the interval.
+        The time is measured from the start of the interval, and the index from the first sample of
+        the interval.
         """
         return samples_before((time - self.offset) * self.sample_rate)
 
@@ -325,8 +332,8 @@ class Event(NamedTuple):
     kind: EventKind
     time: float  #: rig time, s
     angle: float  #: cam angle with all turns, rad
-    impulse: float = 0.0  #: N·s, 0 at a lift-off
-    energy_lost: float = 0.0  #: J, 0 at a lift-off
+    impulse: float = 0.0  #: impulse of a landing, N·s, 0 at a lift-off
+    energy_lost: float = 0.0  #: energy lost in a landing, J, 0 at a lift-off
 
 
 @dataclass(frozen=True)
@@ -339,9 +346,9 @@ class FollowerState:
     Parameters
     ----------
     displacement : float
-        Displacement, m.
+        Displacement of the follower, m.
     velocity : float
-        Velocity, m/s.
+        Velocity of the follower, m/s.
     contact_force : float
         Contact force, N.
     in_contact : bool
@@ -349,7 +356,7 @@ class FollowerState:
     pending_impulse : float
         Impulse of landings after the last sample, N·s. The next block contains it (default: 0).
     inner : tuple of float
-        Further state of the model, as the model defines it (default: empty).
+        Further state variables of the follower model, which defines them (default: empty).
     cam_angle : float, optional
         Cam angle in [0, 2π), rad. None if unknown (default).
     cam_speed : float, optional
@@ -361,14 +368,14 @@ class FollowerState:
         If a number is not finite.
     """
 
-    displacement: float  #: m
-    velocity: float  #: m/s
-    contact_force: float  #: N
-    in_contact: bool
-    pending_impulse: float = 0.0  #: N·s
-    inner: tuple[float, ...] = ()
-    cam_angle: float | None = None  #: in [0, 2π), rad
-    cam_speed: float | None = None  #: rad/s
+    displacement: float  #: displacement of the follower, m
+    velocity: float  #: velocity of the follower, m/s
+    contact_force: float  #: contact force, N
+    in_contact: bool  #: True if the follower is on the cam
+    pending_impulse: float = 0.0  #: impulse of landings after the last sample, N·s
+    inner: tuple[float, ...] = ()  #: further state variables of the follower model
+    cam_angle: float | None = None  #: cam angle in [0, 2π), rad, or None if unknown
+    cam_speed: float | None = None  #: cam speed, rad/s, or None if unknown
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -389,7 +396,7 @@ class Block(NamedRows):
     Parameters
     ----------
     interval : Interval
-        The interval.
+        The interval of the run that the samples cover.
     rows : array, ``(6, n)``
         Samples in SI units, in the order of `COLUMNS`.
     events : tuple of Event
@@ -413,7 +420,10 @@ class Block(NamedRows):
 
 
 def add_cam_state(state: FollowerState, interval: Interval) -> FollowerState:
-    """Return a state with the cam's angle and speed at the end of its interval."""
+    """Return a state of the follower with the cam's angle and speed added.
+
+    They are those at the end of ``interval``.
+    """
     _, angle = wrap(interval.angle_at(interval.duration))
     speed = interval.speed_at(interval.duration)
     return replace(state, cam_angle=angle, cam_speed=speed)
@@ -427,7 +437,9 @@ def require_continuation(state: FollowerState | None, interval: Interval) -> Non
     if state is None or state.cam_angle is None:
         return
     difference = abs(math.remainder(interval.angle - state.cam_angle, TURN))
-    if difference > 2.0 * ANGLE_TOLERANCE:  # a validator with this tolerance may round
+    # Twice the tolerance, because the check of incoming drive data with the single tolerance may
+    # accept an angle that exceeds it by rounding.
+    if difference > 2.0 * ANGLE_TOLERANCE:
         raise DynamicsError(
             f"an interval from {interval.angle:.9g} rad on, for a follower that ended at "
             f"{state.cam_angle:.9g} rad of its turn; allowed: {2.0 * ANGLE_TOLERANCE:g} rad apart, "
@@ -438,7 +450,7 @@ def require_continuation(state: FollowerState | None, interval: Interval) -> Non
 def speed_change(state: FollowerState | None, interval: Interval) -> float:
     """Return the increase of the cam speed (rad/s) from a state to the next interval.
 
-    It is 0 if the difference is rounding, or if the speed of the state is unknown.
+    It is 0 if the difference is rounding, if ``state`` is None, or if its cam speed is unknown.
     """
     if state is None or state.cam_speed is None:
         return 0.0
@@ -454,10 +466,11 @@ def is_same_speed(first: float, second: float) -> bool:
 def add_impulses(
     rows: FloatArray, grid: SampleGrid, events: Sequence[Event], pending: float
 ) -> float:
-    """Add the impulse of each event to the first sample at or after it.
+    """Add the impulse of each landing to the first sample at or after it.
 
-    ``pending`` is the impulse (N·s) that the previous interval left. Returns the impulse (N·s) of
-    the events after the last sample, which belongs to the next interval.
+    ``rows`` are the samples of an interval, ``(6, n)``. ``pending`` is the impulse (N·s) of
+    landings after the last sample of the previous interval, which is added to the first sample.
+    Returns the impulse (N·s) of the landings after the last sample of this interval.
     """
     late = 0.0
     due = [(0, pending)] + [(grid.index_after(event.time), event.impulse) for event in events]

@@ -20,32 +20,34 @@ from cam_rig.laws.law import extremes
 from cam_rig.laws.sampling import sample
 from cam_rig.units import TURN, FloatArray
 
-#: Upper bound of the rounding error of a contact force, in float epsilons of its terms.
+#: Upper bound of the rounding error of a contact force, as a multiple of the float epsilon of the
+#: sum of its largest terms.
 ROUNDING_ERRORS = 16.0
 
 
 def force_weights(parameters: FollowerParameters, speed: float) -> FloatArray:
-    """Return the weights of s, s' and s'' in the contact force at a cam speed (rad/s).
+    """Return the weights of s, s' and s'' in the contact force at a cam speed ω (rad/s).
 
-    They are k (N/m), c ω and m ω², shape (3,).
+    They are k (N/m), c ω (N·rad/m) and m ω² (N·rad²/m), shape (3,).
     """
     p = parameters
     return np.array([p.spring_stiffness, p.damping * speed, p.mass * speed**2])
 
 
 def force_ordinates(law: Law, parameters: FollowerParameters, speed: float) -> FloatArray:
-    """Return Bernstein ordinates of the contact force (N), ``(p + 1, n)``.
+    """Return the contact force (N) over a turn as Bernstein ordinates, ``(p + 1, n)``.
 
-    p is the degree of the law and n its number of pieces. ``speed`` is the cam speed in rad/s.
+    p is the degree of the law and n its number of polynomial pieces. ``speed`` is the cam speed in
+    rad/s. The force may be negative, because the follower is kept on the cam.
     """
     weighted = np.tensordot(force_weights(parameters, speed), law.motion, axes=1)
     return np.asarray(weighted + parameters.preload)
 
 
 def force_extremes(law: Law, parameters: FollowerParameters, speed: float) -> tuple[float, float]:
-    """Return the smallest and largest contact force (N) of a turn at a speed (rad/s).
+    """Return the smallest and largest contact force (N) of a turn at a cam speed (rad/s).
 
-    The follower is on the cam throughout, so the smallest force may be negative.
+    The model keeps the follower on the cam, so the smallest force may be negative.
     """
     force = Law(law.name, law.breaks, force_ordinates(law, parameters, speed))
     minimum, maximum = extremes(force, 0)
@@ -53,7 +55,10 @@ def force_extremes(law: Law, parameters: FollowerParameters, speed: float) -> tu
 
 
 def force_rounding(law: Law, parameters: FollowerParameters, speed: float) -> float:
-    """Return a bound of the contact force's rounding error (N) at a speed (rad/s)."""
+    """Return an upper bound of the contact force's rounding error (N) at a cam speed.
+
+    ``speed`` is in rad/s. The bound is valid at all cam angles.
+    """
     size = force_weights(parameters, speed) @ np.array(law.bounds) + parameters.preload
     return ROUNDING_ERRORS * bernstein.EPS * float(size)
 
@@ -62,10 +67,10 @@ def force_rounding(law: Law, parameters: FollowerParameters, speed: float) -> fl
 def loss_intervals(
     law: Law, parameters: FollowerParameters, speed: float
 ) -> tuple[tuple[float, float], ...]:
-    """Return the intervals of the cam angle in which the contact force is negative.
+    """Return the ranges of the cam angle in which the contact force is negative.
 
-    Each is (start, end) in rad, within [0, 2π]. Contact is lost there, because the cam cannot pull.
-    ``speed`` is in rad/s.
+    Each range is (start, end) in rad, within [0, 2π]. A real follower loses contact there, because
+    the cam cannot pull. ``speed`` is the cam speed in rad/s.
     """
     ordinates = force_ordinates(law, parameters, speed)
     losses: list[tuple[float, float]] = []
@@ -81,9 +86,9 @@ def loss_intervals(
 
 
 def state_at(law: Law, parameters: FollowerParameters, angle: float, speed: float) -> FollowerState:
-    """Return the state of a follower on the cam at an angle (rad) and a speed (rad/s).
+    """Return the state of a rigid follower on the cam at a cam angle.
 
-    The follower is rigid.
+    ``angle`` is in rad, and ``speed`` is the constant cam speed in rad/s.
     """
     p, (s, slope, curvature) = parameters, law.at(angle)
     v, a = slope * speed, curvature * speed**2
@@ -99,9 +104,10 @@ def _at_one_speed(
     sample_rate: int,
     _step: float,
 ) -> tuple[FollowerState, Block]:
-    """Return the state at the end of an interval of constant speed, and its block.
+    """Return the state at the end of an interval of constant speed, and its samples.
 
-    The previous state is not used. The contact force may be negative.
+    ``sample_rate`` is in Hz. The previous state is not used, because the motion of the follower is
+    that of the cam. The contact force may be negative.
     """
     end = interval.angle + interval.speed * interval.duration
     rows = contact_samples(law, parameters, interval, sample_rate)
@@ -114,9 +120,9 @@ advance = with_ramps(_at_one_speed, require_smooth)
 def contact_samples(
     law: Law, parameters: FollowerParameters, interval: Interval, sample_rate: int
 ) -> FloatArray:
-    """Return the samples of a follower on the cam at constant speed, ``(6, n)``.
+    """Return the samples of a rigid follower on the cam at constant speed, ``(6, n)``.
 
-    The rows are in the order of `cam_rig.dynamics.interval.COLUMNS`.
+    The rows are in the order of `cam_rig.dynamics.interval.COLUMNS`. ``sample_rate`` is in Hz.
     """
     grid, speed = interval.grid(sample_rate), interval.speed
     rows, kinematic = grid.new_rows(), np.diag([1.0, speed, speed**2])
@@ -139,4 +145,4 @@ def shaft_torque(law: Law, parameters: FollowerParameters, angle: float, speed: 
     contact force, or 0 if the force is negative.
     """
     force = state_at(law, parameters, angle, speed).contact_force
-    return max(force, 0.0) * law.at(angle)[1] + 0.0  # not −0, whose message has other bytes
+    return max(force, 0.0) * law.at(angle)[1] + 0.0  # converts −0 to 0, so that messages are equal

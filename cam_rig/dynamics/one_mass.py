@@ -1,6 +1,7 @@
 """Model `one_mass`: a rigid follower that lifts off and lands.
 
-`OneMassTrajectory` finds the phases of contact and flight in one interval, and their events.
+`OneMassTrajectory` finds the phases of contact and flight in one interval, and the lift-offs and
+landings between them.
 """
 
 from __future__ import annotations
@@ -45,9 +46,10 @@ def flight_from(
     gap: float | None = None,
     gap_rate: float | None = None,
 ) -> Flight:
-    """Return the flight of one mass from a displacement (m) and a velocity (m/s).
+    """Return the flight of one mass from an initial displacement and velocity.
 
-    ``gap`` (m) and ``gap_rate`` (m/s) are those to the cam, None if not known.
+    ``start`` is the displacement in m and ``velocity`` is in m/s. ``gap`` (m) is the distance to
+    the cam and ``gap_rate`` (m/s) its rate, or None if they are not known more accurately.
     """
     return Flight(free_mass(parameters), np.array([start, velocity]), gap, gap_rate)
 
@@ -57,7 +59,10 @@ NO_WEIGHTS = CamWeights(lift=0.0, velocity=0.0, acceleration=0.0, constant=0.0)
 
 
 class OneMassTrajectory(Trajectory):
-    """Trajectory of one mass through an interval at constant speed, with its flights."""
+    """Trajectory of one mass through an interval at constant cam speed, with its flights.
+
+    `run` computes it.
+    """
 
     max_events = 10_000
 
@@ -67,10 +72,11 @@ class OneMassTrajectory(Trajectory):
         self.parameters, self.interval = parameters, interval
 
     def run(self, state: FollowerState | None, step: float = 0.0) -> None:
-        """Find all phases and events of the interval.
+        """Find all contacts, flights, lift-offs and landings in the interval.
 
-        The run starts from ``state``, or on the cam if it is None. ``step`` is a step of the cam's
-        velocity ṡ (m/s) just before the interval.
+        They are stored in ``phases`` and ``events``. The run starts from ``state``, or on the cam
+        if it is None. ``step`` is an abrupt change of the cam's velocity ṡ (m/s) just before the
+        interval, which is an impact or a lift-off.
         """
         start: FloatArray | Flight = np.zeros(2)
         if state is not None and not state.in_contact:
@@ -86,7 +92,7 @@ class OneMassTrajectory(Trajectory):
             self._search(self.run_table(duration), first, duration)
 
     def run_table(self, duration: float) -> RunTable:
-        """Return the table for the event search in a run of ``duration`` s.
+        """Return the coefficients for the event search in a run of ``duration`` s.
 
         The run starts at the start of the interval.
         """
@@ -115,7 +121,8 @@ class OneMassTrajectory(Trajectory):
     def end(self) -> FollowerState:
         """State of the follower at the end of the interval.
 
-        A velocity jump at this angle belongs to the next interval and is not included.
+        A velocity jump of the law at this cam angle belongs to the next interval and is not
+        included.
         """
         if isinstance(self.last, Flight):
             y, v = self.last.start.tolist()
@@ -133,9 +140,10 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """Return the state at the end of an interval, and its block of samples and events.
+    """Return the state at the end of an interval, and its samples and events.
 
-    ``step`` is a step of the cam's velocity ṡ (m/s) just before the interval.
+    ``state`` is None at the start of a run. ``sample_rate`` is in Hz. ``step`` is an abrupt change
+    of the cam's velocity ṡ (m/s) just before the interval, which is an impact or a lift-off.
     """
     trajectory = OneMassTrajectory(law, parameters, interval)
     trajectory.run(state, step)

@@ -27,11 +27,11 @@ MAX_NUMBER = 1e15
 MIN_SPEED = 1e-30
 #: Highest cam speed that is accepted, rad/s.
 MAX_SPEED = 1e9
-#: Largest damping ratio of a rig's stem or shaft (assumed). A part with a larger ratio is
-#: practically rigid, and would need ever shorter windows.
+#: Largest accepted damping ratio of a rig's stem or shaft (assumed). A stem or shaft with a larger
+#: ratio is practically rigid, and its motion would need ever shorter intervals of the solution.
 MAX_DAMPING_RATIO = 10.0
-#: Smallest and largest accepted number (SI) of each rule. The rule's name is part of the error
-#: message.
+#: Smallest and largest accepted number (SI) of each rule for an input. The key, for example "> 0",
+#: is the name of the rule and part of the error message.
 LIMITS = {
     "> 0": (MIN_POSITIVE, MAX_NUMBER),
     "≥ 0": (0.0, MAX_NUMBER),
@@ -54,17 +54,23 @@ def require_number(name: str, value: object, rule: str) -> None:
         raise DynamicsError(f"{name} is {value!r}; allowed: finite and {rule}{limits}")
 
 
-#: Rule of the numbers of a follower or a shaft that may be 0. All other numbers must be > 0.
+#: Rule of `LIMITS` for each number of a follower or a shaft that may be 0. All other numbers must
+#: be > 0.
 RULES = dict.fromkeys(("damping", "stem_damping", "shaft_damping", "preload"), "≥ 0")
 RULES |= {"restitution": "in [0, 1)", "motor_torque": "of either sign"}
 
 
 def check_numbers(numbers: Mapping[str, Any], *optional: str) -> dict[str, float | None]:
-    """Return numbers as floats, after a check of their limits.
+    """Return the numbers of a follower or a shaft as floats, after a check of their limits.
 
-    ``numbers`` are values by name. Numbers whose name is in ``optional`` may be None. Integers are
-    converted, because they would make integer matrices, and the event search would be compiled once
-    more for them.
+    ``numbers`` are values (SI) by name. Numbers whose name is in ``optional`` may be None. Integers
+    are converted, because they would make integer matrices, and numba would compile the event
+    search once more for them.
+
+    Raises
+    ------
+    DynamicsError
+        If a number is not finite or outside its limits.
     """
     for name, value in numbers.items():
         if value is not None or name not in optional:
@@ -94,9 +100,14 @@ def require_turning(speed: object) -> None:
 
 
 def check_row(name: str, values: object) -> FloatArray:
-    """Return values as an array of finite numbers, ``(n,)``.
+    """Return a one-dimensional input as an array of finite numbers, ``(n,)``.
 
-    ``name`` is the name of the values in the error message.
+    ``name`` is the name of the input in the error message.
+
+    Raises
+    ------
+    DynamicsError
+        If the values are not a row of finite numbers.
     """
     try:
         row = np.asarray(values, dtype=np.float64)
@@ -109,7 +120,13 @@ def check_row(name: str, values: object) -> FloatArray:
 
 
 def check_state(values: object, size: int) -> FloatArray:
-    """Return the state of a model as an array of finite numbers, ``(size,)``."""
+    """Return the state of a model as an array of finite numbers, ``(size,)``.
+
+    Raises
+    ------
+    DynamicsError
+        If the values are not ``size`` finite numbers.
+    """
     state = check_row("state", values)
     if state.size != size:
         raise DynamicsError(f"state: has {state.size} numbers; allowed: {size}")
@@ -117,7 +134,13 @@ def check_state(values: object, size: int) -> FloatArray:
 
 
 def check_times(values: object, last: float = MAX_NUMBER) -> FloatArray:
-    """Return ascending times (s) between 0 and ``last`` as an array, ``(n,)``."""
+    """Return ascending times (s) between 0 and ``last`` as an array, ``(n,)``.
+
+    Raises
+    ------
+    DynamicsError
+        If a time is not finite or out of range, or the times do not ascend.
+    """
     times = check_row("times", values)
     if times.size == 0:
         return times
@@ -134,12 +157,14 @@ def check_times(values: object, last: float = MAX_NUMBER) -> FloatArray:
 
 
 def si_or_none(number: Quantity | None) -> float | None:
-    """Return the SI value of a number of a rig file, None if the file lacks it."""
+    """Return the SI value of a number of a rig file, or None if the number is missing."""
     return None if number is None else number.si
 
 
 def require_parameter(name: str, value: float | None) -> float:
-    """Return an optional number of the follower that a model requires.
+    """Return a number of the follower, after a check that the rig file contains it.
+
+    ``name`` is its key in the rig file.
 
     Raises
     ------
@@ -180,11 +205,11 @@ class FollowerParameters:
         If a number is not finite or outside its limits.
     """
 
-    mass: float  #: kg
-    spring_stiffness: float  #: closing spring, N/m
-    damping: float  #: follower to ground, N·s/m
-    preload: float  #: of spring and weight at zero lift, N
-    stem_stiffness: float | None = None  #: N/m, or None
+    mass: float  #: mass of the follower, kg
+    spring_stiffness: float  #: stiffness of the closing spring, N/m
+    damping: float  #: damping between follower and ground, N·s/m
+    preload: float  #: force of spring and weight at zero lift, N
+    stem_stiffness: float | None = None  #: stiffness of the stem, N/m, or None
     restitution: float | None = 0.0  #: Newton's coefficient of a landing, or None
 
     def __post_init__(self) -> None:

@@ -1,8 +1,8 @@
-"""Speed ramps θ(t) = θ₀ + ω t + α t²/2, by the models for constant speed.
+"""Speed ramps θ(t) = θ₀ + ω t + α t²/2 of the cam, solved by models for constant speed.
 
 Along a ramp the lift is a piecewise polynomial of time, of twice the degree of the law. It is
-written as a substitute law on a substitute cam that turns at constant speed. Every model can then
-solve it like any other law.
+written as the law of a substitute cam that turns at constant speed and gives the follower the same
+motion in time. Every model can then solve it like any other law.
 """
 
 from __future__ import annotations
@@ -28,14 +28,17 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import compose, product
 from cam_rig.units import TURN, FloatArray
 
-#: Largest angle of the substitute cam that a ramp uses, rad. The rest of its turn is never reached.
+#: Largest angle by which the substitute cam of a speed ramp turns, rad. The rest of its turn is
+#: never reached.
 MAX_SUBSTITUTE_ANGLE = 0.875 * TURN
 
+#: Type of the parameters of a follower model.
 P = TypeVar("P")
 
+#: Function ``advance`` of a follower model, see `cam_rig.dynamics.Model`.
 Advance = Callable[[Law, P, FollowerState | None, Interval, int], tuple[FollowerState, Block]]
-#: A follower model at constant speed. Its last argument is the increase of ṡ (m/s) since the
-#: previous state.
+#: Function ``advance`` of a follower model at constant speed. Its additional last argument is the
+#: abrupt change of the cam's velocity ṡ (m/s) since the previous state.
 AtOneSpeed = Callable[
     [Law, P, FollowerState | None, Interval, int, float], tuple[FollowerState, Block]
 ]
@@ -44,10 +47,10 @@ AtOneSpeed = Callable[
 def with_ramps(
     advance: AtOneSpeed[P], require: Callable[[Law], None] = lambda _law: None
 ) -> Advance[P]:
-    """Extend a model for constant speed to ramps and to changes of the speed.
+    """Extend a follower model for constant cam speed to ramps and changes of the speed.
 
-    Returns the extended function. ``require`` raises a `DynamicsError` for a law that the model
-    cannot solve.
+    ``advance`` computes the motion in an interval of constant speed. The returned function computes
+    it in any interval. ``require`` raises a `DynamicsError` for a law that the model cannot solve.
     """
 
     @wraps(advance)
@@ -81,9 +84,10 @@ def with_ramps(
 
 @lru_cache(maxsize=64)
 def substitute(law: Law, interval: Interval) -> tuple[Law, Interval]:
-    """Return a substitute law and an interval at constant speed that replace a ramp.
+    """Return a law and an interval of constant speed that replace a speed ramp.
 
-    The substitute cam starts at angle 0.
+    A cam with the substitute law gives the follower the same motion in time as ``law`` on the ramp
+    ``interval``. It starts at angle 0.
     """
     duration = interval.duration
     speed = min(interval.angle_at(duration) - interval.angle, MAX_SUBSTITUTE_ANGLE) / duration
@@ -99,17 +103,19 @@ def substitute(law: Law, interval: Interval) -> tuple[Law, Interval]:
     return law.substitute(np.array([*breaks, TURN]), motion, velocity_jumps), steady
 
 
-#: Start time (s), end time (s), index of the piece of the law, cam angle at its start (rad).
+#: Passage of the cam over one piece of the law on a speed ramp: start time (s), end time (s), index
+#: of the piece, and cam angle at the start of the piece (rad).
 Stretch = tuple[float, float, int, float]
 
 
 def _velocity_jumps(
     law: Law, interval: Interval, stretches: list[Stretch], speed: float
 ) -> dict[int, float]:
-    """Return the jumps of a substitute law's slope s' by the index of the stretch.
+    """Return the jumps of the slope s' of a substitute law, by the index of its piece.
 
-    They are the velocity jumps of the law that the ramp passes, at the cam speed there. ``speed``
-    is that of the substitute cam, rad/s.
+    The pieces of the substitute law are ``stretches``. The jumps are those of the velocity of
+    ``law`` that the cam passes on the ramp, at the cam speed there. ``speed`` is the constant speed
+    of the substitute cam, rad/s.
     """
     return {
         i: law.velocity_jumps[piece] * interval.speed_at(start) / speed
@@ -121,9 +127,10 @@ def _velocity_jumps(
 
 
 def _stretches(law: Law, interval: Interval) -> list[Stretch]:
-    """Return the stretches of a ramp, one per piece of the law that the cam passes.
+    """Return the passages of the cam over pieces of the law on a speed ramp, in order.
 
-    A velocity jump at the end of the ramp belongs to the next interval.
+    A velocity jump of the law at the end of the ramp belongs to the next interval and is not
+    passed.
     """
     stretches, start = [], 0.0
     end_angle = interval.angle_at(interval.duration)
@@ -145,10 +152,11 @@ def _stretches(law: Law, interval: Interval) -> list[Stretch]:
 def _piece(
     law: Law, interval: Interval, start: float, end: float, index: int, low: float
 ) -> FloatArray:
-    """Return s, ṡ and s̈ in one stretch as polynomials of time, ``(3, 2p + 3)``.
+    """Return s, ṡ and s̈ of the cam on a speed ramp as polynomials of time.
 
-    ``start`` and ``end`` are times in s, ``index`` is the piece of the law, and ``low`` is the cam
-    angle (rad) at the start of the piece.
+    The polynomials cover the passage over one piece of the law of degree p. They are rows of
+    Bernstein ordinates, ``(3, 2p + 3)``, in m, m/s and m/s². ``start`` and ``end`` are times in s,
+    ``index`` is that of the piece, and ``low`` is the cam angle (rad) at its start.
     """
     span, length = float(law.spans[index]), end - start
     speeds = np.array([interval.speed_at(start), interval.speed_at(end)])

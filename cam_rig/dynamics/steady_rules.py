@@ -1,9 +1,9 @@
-"""Rules for a steady motion, each with its tolerance and the reason for it.
+"""Rules that decide if a motion is steady, each with its tolerance and the reason for it.
 
-A turn is *steady* if the turns after it repeat it. A motion in contact is linear, so its steady
-turn is computed exactly and needs no rule. For a follower that leaves the cam, turns are computed
-until a rule is satisfied. The rules differ because their users need different accuracy or have
-different data:
+A turn of the cam is *steady* if the turns after it repeat it. A motion in contact is linear, so its
+steady turn is computed exactly and needs no rule. For a follower that leaves the cam, turns are
+computed until a rule is satisfied. The rules differ because their users need different accuracy or
+have different data:
 
 ======================  ===========================================================================
 user                    rule
@@ -20,8 +20,9 @@ lab sheets              after `LAB_TURNS` turns from rest
 
 from __future__ import annotations
 
-#: Number of turns by which a tick may start too early and still count as settled. Rig time is in
-#: whole nanoseconds, which are 1e-9 of a turn at 60 rpm and 1e-6 of a turn at 60 000 rpm.
+#: Number of turns by which a tick (one time step of a run) may start too early and still count as
+#: steady. Rig time is in whole nanoseconds, which are 1e-9 of a turn at 60 rpm and 1e-6 of a turn
+#: at 60 000 rpm.
 TURN_ATOL = 1e-6
 
 #: Number of turns from rest for a sound level, which is that of the last turn. Levels are printed
@@ -29,45 +30,45 @@ TURN_ATOL = 1e-6
 #: the motion of a follower that ends it in flight.
 LEVEL_TURNS = 2
 
-#: Relative tolerance of a steady contact force: all further turns change it by less. Measures of
-#: the force are printed to six digits.
+#: Relative tolerance of a steady contact force. The force is steady if all further turns change it
+#: by less. It is printed to six digits.
 FORCE_RTOL = 1e-6
-#: Number of turns after which a motion that has not become steady is measured and reported as
-#: unsettled. A damping ratio of 1 % leaves 1e-6 after 25 turns if the stem vibrates nine times per
-#: turn.
+#: Number of turns after which a motion that has not become steady is evaluated and reported as not
+#: steady. For comparison: at a damping ratio of 1 % and nine vibrations of the stem per turn, 1e-6
+#: of a vibration is left after 25 turns.
 MAX_FORCE_TURNS = 40
 
-#: Tolerance of a steady state, relative to the lift and to the largest velocity of the law. Spectra
-#: show eight digits, and an error in the time of a landing changes its amplitudes by the same
-#: order.
+#: Tolerance of a steady state, relative to the lift (displacement) and to the largest velocity of
+#: the law. Spectra show eight digits, and an error in the time of a landing changes their
+#: amplitudes by the same order.
 STATE_RTOL = 1e-8
 #: Largest period of a motion whose spectrum is computed, in turns.
 MAX_PERIOD_TURNS = 8
-#: Numbers of turns from rest after which a period is searched for, tried in this order. Most
-#: motions need few.
+#: Numbers of turns from rest after which a periodic motion is searched for, tried in this order.
+#: Most motions are periodic after few turns.
 SPECTRUM_TURNS = (4, 16, 64)
 
-#: Tolerance of a turn that returns to its start, relative to the turn and to the scale of its
-#: vibration. Derivatives of a turn are differences over 1e-6 of that scale, so their relative error
-#: is 1e-5.
+#: Tolerance for the difference of the states before and after a steady turn, relative to the turn
+#: and to the scale of its vibration. Derivatives of a turn are differences over 1e-6 of that scale,
+#: so their relative error is 1e-5.
 RETURN_RTOL = 1e-11
-#: Numbers of turns from rest after which a turn is tested for returning to its start, tried in this
-#: order.
+#: Numbers of turns from rest after which the states before and after a turn are compared, tried in
+#: this order.
 RETURN_TURNS = (2, 4, 8, 16, 32)
 
-#: Relative tolerance of states one period apart. It allows for the rounding of hundreds of exact
-#: turns, which grows with each landing.
+#: Relative tolerance for the difference of two states one period apart. It allows for the rounding
+#: errors of hundreds of turns, which grow with each landing.
 PERIOD_RTOL = 1e-9
 
-#: Number of turns from rest after which lab sheets evaluate a motion. A student's bench shows four
-#: digits.
+#: Number of turns from rest after which lab sheets (worksheets for students) evaluate a motion. The
+#: simulated test bench of a student shows four digits.
 LAB_TURNS = 6
 
 
 def is_steady(turns: float, transient_turns: float) -> bool:
     """Return True if a tick starts after the turns that are omitted at each speed.
 
-    `turns` is the number of turns from the start of the speed to the start of the tick.
-    `transient_turns` is the number of omitted turns.
+    A tick is one time step of a run. `turns` is the number of turns from the change to the present
+    cam speed to the start of the tick. `transient_turns` is the number of omitted turns.
     """
     return turns > transient_turns - TURN_ATOL

@@ -1,9 +1,10 @@
 """Map of the follower's state at cam angle 0 to the state one turn later.
 
-The state of one mass is the gap to the cam and its rate. Two masses have two more numbers, the
-stretch of the stem between them and its rate. Between two landings the motion is known in closed
-form, and a landing is a root of an equation. The map and its derivative are therefore exact to
-rounding.
+The state of a follower of one mass is the gap to the cam and its rate. Two masses have two more
+numbers, the stretch of the stem between them and its rate. Between two landings the motion is known
+in closed form, and a landing is a root of an equation. The map and its derivative are therefore
+exact to rounding. They determine if the follower bounces periodically, and if such a motion is
+stable.
 """
 
 from __future__ import annotations
@@ -30,14 +31,15 @@ from cam_rig.dynamics.velocity_jumps import require_continuous, step_before_velo
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Largest number of phases that one call of the search records.
+#: Largest number of phases (contact or flight) that the event search records at once.
 MAX_PHASES = 64
-#: Number of turns per call, after which the backend is selected again.
+#: Number of turns per call of the event search. After each call plain Python or compiled code is
+#: selected again.
 TURNS_PER_CALL = 100
 #: State of a follower on the cam: gap 0 m and gap rate 0 m/s.
 ON_THE_CAM = (0.0, 0.0)
-#: State at cam angle 0 in SI: gap and gap rate, for two masses also stretch and stretch rate of the
-#: stem.
+#: State of a follower at cam angle 0: the gap to the cam (m) and its rate (m/s), for two masses
+#: also the stretch of the stem (m) and its rate (m/s).
 State = tuple[float, ...]
 
 
@@ -48,8 +50,9 @@ class TurnsRun:
     n is 2 for one mass and 4 for two masses.
     """
 
-    records: NDArray[np.void]  #: records of `cam_rig.dynamics.events.turns.TURN_RESULT`
-    size: int  #: n
+    #: One record per turn, of the type `cam_rig.dynamics.events.turns.TURN_RESULT`.
+    records: NDArray[np.void]
+    size: int  #: number n of numbers in a state
 
     @property
     def states(self) -> FloatArray:
@@ -93,28 +96,35 @@ class TurnsRun:
 
     @property
     def growth(self) -> FloatArray:
-        """Logarithm of the growth of n perturbations in each turn, ``(turns, n)``.
+        """Logarithms of the growth of n perturbations in each turn, ``(turns, n)``.
 
-        Their sum is the logarithm of the contraction of volumes. A landing contributes r² to the
-        contraction, and the dampers contribute the rest. In a turn with contact two logarithms are
-        −∞, because the contact mass cannot move freely on the cam.
+        Their means over many turns are the Lyapunov exponents per turn. The sum of the n numbers is
+        the logarithm of the change of a volume of states. A landing with restitution r contributes
+        the factor r² to this change, and the dampers contribute the rest. In a turn with contact
+        two logarithms are −∞, because the contact mass cannot move freely on the cam.
         """
         return self._columns("growth")
 
     @property
     def derivatives(self) -> FloatArray:
-        """Derivative of each turn's last state by its first state, ``(turns, n, n)``."""
+        """Derivative of the state after each turn by the state before it, ``(turns, n, n)``."""
         return np.ascontiguousarray(self.records["derivative"][:, : self.size, : self.size])
 
     def derivative(self) -> FloatArray:
-        """Return the derivative of the run's last state by its first state, ``(n, n)``."""
+        """Return the derivative of the last state of the run by its first, ``(n, n)``.
+
+        It is the product of the derivatives of all turns.
+        """
         product = np.eye(self.size)
         for turn in self.derivatives:
             product = turn @ product
         return product
 
     def _columns(self, name: str) -> FloatArray:
-        """Return the first n numbers of a field of the records, ``(turns, n)``."""
+        """Return the first n numbers of an array field of the records, ``(turns, n)``.
+
+        The arrays have room for two masses, and the other numbers are unused.
+        """
         return np.ascontiguousarray(self.records[name][:, : self.size])
 
 
@@ -126,9 +136,9 @@ class StroboscopicMap:
     Parameters
     ----------
     law : Law
-        The law, whose lift must not jump.
+        The motion law of the cam. Its lift must not jump.
     parameters : FollowerParameters or TwoMassParameters
-        The follower, with a restitution.
+        The follower, with a coefficient of restitution.
     speed : float
         Cam speed in all turns, rad/s, > 0.
 
@@ -158,9 +168,11 @@ class StroboscopicMap:
 
     @property
     def scale(self) -> FloatArray:
-        """Magnitudes of the numbers in a state of the map, ``(n,)``.
+        """Typical magnitudes of the n numbers in a state of the map, ``(n,)``, in SI units.
 
-        The magnitude of the stem stretch is the stretch by the largest forces.
+        They are the lift for the gap and lift × speed for its rate. For two masses they are also
+        the stretch of the stem by the largest forces, and this stretch times the frequency of the
+        stem.
         """
         p, (lift, slope, curvature) = self.parameters, self.law.bounds
         sizes = [self.law.lift, self.law.lift * self.speed]
@@ -211,7 +223,10 @@ class StroboscopicMap:
         return TurnsRun(records, self.size)
 
     def follower(self, state: State) -> FollowerState:
-        """Convert a state at cam angle 0 to the state of the follower's model."""
+        """Convert a state of the map, at cam angle 0, to a state of the follower model.
+
+        The result can be the initial state of the models `one_mass` and `two_mass`.
+        """
         first = self._start(state)[0]
         is_flying = first["mode"] == RunMode.FLIGHT
         lift, velocity = (a + b for a, b in zip(self._cam(), state, strict=False))
@@ -220,12 +235,18 @@ class StroboscopicMap:
         return FollowerState(lift, velocity, 0.0, not is_flying, inner=(*stem, *gap_state))
 
     def _cam(self) -> tuple[float, float]:
-        """Return the cam's s (m) and ṡ (m/s) at angle 0, before a velocity jump there."""
+        """Return the lift s (m) and velocity ṡ (m/s) of the cam at angle 0.
+
+        If the velocity of the law jumps at angle 0, it is the velocity before the jump.
+        """
         s, slope = self.law.motion[:2, -1, -1].tolist()
         return s, slope * self.speed
 
     def _start(self, state: State) -> NDArray[np.void]:
-        """Return the initial state of a run as one record of `RUN_STATE`."""
+        """Return the initial state of the event search, one record of `RUN_STATE`.
+
+        ``state`` is a state of the map, at cam angle 0.
+        """
         gap, gap_rate, *stem = state
         require_number("gap", gap, "≥ 0")
         require_number("opening", gap_rate, "of either sign")

@@ -1,7 +1,9 @@
-"""Model `two_mass`: a roller mass and an end mass (paper, eq. 14-19).
+"""Model `two_mass`: a follower of a roller mass and an end mass (paper, eq. 14-19).
 
-A landing stops the roller mass on the cam (ż := ṡ, the plastic re-contact of the paper), or the
-roller mass rebounds with Newton's restitution e. The velocity of the end mass does not change.
+The roller mass (contact mass) is on the cam, and the end mass is at the other end of an elastic
+stem, on the closing spring. A landing stops the roller mass on the cam (ż := ṡ, the plastic
+re-contact of the paper), or the roller mass rebounds with Newton's restitution e. The velocity of
+the end mass does not change.
 
 A velocity jump Δs' > 0 of the law is an impact on the roller mass, m₁ (1 + e) ω Δs'. A jump Δs' < 0
 lifts the roller mass off with the velocity it has.
@@ -49,9 +51,10 @@ def first_lift_off(
 ) -> float | None:
     """Return the time (s) of the first lift-off, or None if later than ``limit`` (s).
 
-    The run starts at cam angle 0 from the vibration ``state`` (η, η̇) and turns at ``speed`` rad/s.
-    A lower bound of the force is computed for all parts of all turns at once. The zero of the force
-    is searched for only in parts whose bound is not positive.
+    The run starts at cam angle 0 in contact, with the vibration ``state`` (η, η̇) of the end mass.
+    The cam turns at ``speed`` rad/s. A lower bound of the contact force is computed for all parts
+    of all turns at once. The zero of the force is searched for only in parts whose bound is not
+    positive.
     """
     response, output = contact_response(law, parameters, speed), force_output(parameters)
     turns = max(1, math.ceil(limit * response.speed / TURN))
@@ -72,14 +75,15 @@ def first_lift_off(
 def may_lose_contact(
     response: LinearResponse, parameters: TwoMassParameters, free: FloatArray
 ) -> NDArray[np.bool_]:
-    """Return for each part of the turn if the contact force may reach zero.
+    """Return an array that is True if the contact force may reach zero in a part.
 
-    The shape is ``(turns, parts)``. ``free`` is the free vibration at the start of each part,
-    ``(turns, parts, 2)``. The force has two lower bounds, and the larger one counts:
+    It has one element per part of each turn, ``(turns, parts)``. ``free`` is the free vibration
+    (η, η̇) at the start of each part, ``(turns, parts, 2)``. The force has two lower bounds, and
+    the larger one counts:
 
     - the smaller force at the ends of the part, less max |F̈| T²/8 for a part of T s
-    - the smallest ordinate of the polynomial, less the amplitude of the vibration, whose energy
-      does not grow
+    - the smallest ordinate of the polynomial part of the force, less the share of the free
+      vibration, whose energy does not grow
     """
     output, matrix = force_output(parameters), response.matrix
     ordinates = polynomial_parts(response, output)
@@ -102,7 +106,10 @@ def may_lose_contact(
 
 
 def acceleration_rounding(law: Law, p: TwoMassParameters, speed: float) -> float:
-    """Return the rounding error (m/s²) of the roller's acceleration at a lift-off."""
+    """Return an upper bound of the rounding error of the acceleration at a lift-off.
+
+    The acceleration is that of the roller mass, in m/s². ``speed`` is the cam speed in rad/s.
+    """
     lift, slope, curvature = law.bounds
     force = p.roller_mass * (speed**2 * curvature) + p.share * p.preload
     force += p.spring_stiffness * lift + (p.stem_damping + p.damping) * speed * slope
@@ -115,7 +122,7 @@ class Separation(Trajectory):
     Parameters
     ----------
     law : Law
-        The law.
+        The motion law of the cam.
     parameters : TwoMassParameters
         The follower.
     speed : float
@@ -149,7 +156,9 @@ class Separation(Trajectory):
         self._force = force_output(parameters)
 
     def run(self, duration: float, state: FloatArray | None = None, contact: bool = True) -> None:
-        """Find all phases and events up to a time.
+        """Find all contacts, flights, lift-offs and landings up to a time.
+
+        They are stored in ``phases`` and ``events``.
 
         Parameters
         ----------
@@ -175,10 +184,11 @@ class Separation(Trajectory):
         self.run_from(duration, start)
 
     def run_from(self, duration: float, start: FloatArray | Flight, step: float = 0.0) -> None:
-        """Find all phases and events of a run of ``duration`` s.
+        """Find all contacts, flights, lift-offs and landings in ``duration`` s.
 
-        ``start`` is the vibration (η, η̇) in contact, or a flight. ``step`` is a step of the cam's
-        velocity ṡ (m/s) just before the run.
+        They are stored in ``phases`` and ``events``. ``start`` is the vibration (η, η̇) in contact,
+        or a flight. ``step`` is an abrupt change of the cam's velocity ṡ (m/s) just before the run,
+        which is an impact or a lift-off.
         """
         require_number("duration", duration, "> 0")
         require_angle(self.angle + self.speed * duration, "angle at the end")
@@ -188,7 +198,7 @@ class Separation(Trajectory):
         self._search(self.run_table(float(duration)), first, float(duration))
 
     def run_table(self, duration: float) -> RunTable:
-        """Return the table for the event search in a run of ``duration`` s."""
+        """Return the coefficients for the event search in a run of ``duration`` s."""
         p, output = self.parameters, self._force
         drive, weights = self.response.drive[1].tolist(), output.law[0].tolist()
         return self._table(
@@ -207,9 +217,10 @@ class Separation(Trajectory):
         )
 
     def fly(self, flight: Flight, times: FloatArray) -> FloatArray:
-        """Return (z, ż, y, ẏ) of the masses at times (s) since a lift-off.
+        """Return (z, ż, y, ẏ) of the masses at times (s) since the start of a flight.
 
-        The shape is ``(4, len(times))``.
+        z (m) is the displacement of the roller mass, and y (m) that of the end mass. The shape is
+        ``(4, len(times))``.
         """
         change, _ = self.system.state_change(flight.start, times)
         return from_inner(self.parameters, flight.start[:, None] + change)
@@ -231,7 +242,8 @@ class Separation(Trajectory):
     def end(self, duration: float) -> FollowerState:
         """Return the state of the follower at the end of an interval of ``duration`` s.
 
-        A velocity jump at this angle belongs to the next interval and is not included.
+        A velocity jump of the law at this cam angle belongs to the next interval and is not
+        included. The trajectory must have been computed by `run` or `run_from`.
         """
         if isinstance(self.last, Flight):
             z, v, _, _ = self.fly(self.last, np.zeros(1))[:, 0].tolist()
@@ -266,7 +278,8 @@ def states(trajectory: Separation, times: FloatArray) -> FloatArray:
 def phase_states(trajectory: Separation, phase: Phase, times: FloatArray) -> FloatArray:
     """Return the motion and the force (z, ż, y, ẏ, F) at times (s) in one phase.
 
-    The shape is ``(5, len(times))``.
+    The phase is a contact or a flight. z (m) is the displacement of the roller mass, y (m) that of
+    the end mass, and F (N) the contact force. The shape is ``(5, len(times))``.
     """
     if phase.flight is not None:
         flight = trajectory.fly(phase.flight, times - phase.begin)
@@ -287,10 +300,11 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """Return the state at the end of an interval, and its block of samples and events.
+    """Return the state at the end of an interval, and its samples and events.
 
-    The motion in the block is that of the roller mass. ``step`` is a step of the cam's velocity ṡ
-    (m/s) just before the interval.
+    The motion in the samples is that of the roller mass. ``state`` is None at the start of a run.
+    ``sample_rate`` is in Hz. ``step`` is an abrupt change of the cam's velocity ṡ (m/s) just before
+    the interval, which is an impact or a lift-off.
     """
     trajectory = Separation(law, parameters, interval.speed, interval.angle, interval.turns)
     start: FloatArray | Flight = np.zeros(2)
@@ -317,7 +331,11 @@ def _write_contact(
     trajectory: Separation,
     phase: Phase,
 ) -> None:
-    """Write motion and contact force of a contact phase to its columns of a block."""
+    """Write motion and contact force of a contact phase to its columns of a block.
+
+    ``columns`` are the indices of the samples, and ``times`` are their times since the start of the
+    interval, s. ``sample_rate`` is in Hz.
+    """
     first, count, period = float(times[0]), times.size, 1.0 / sample_rate
     block.motion[:, columns] = sample_law(
         trajectory.law,

@@ -1,9 +1,10 @@
-"""Velocity jumps of a law: the jumps that belong to an interval, and their times.
+"""Velocity jumps of a law: the jumps in an interval of the run, and their times.
 
-A jump at the border of two intervals belongs to the later one. An interval from angle a to b
-contains the joints in [a − ε, b − ε), ε = `JOINT_ATOL_RAD`. Exactly one of two adjacent intervals
-contains each joint, whatever the rounding of its angle. A joint before the start of its interval
-is passed at time 0.
+A law has a velocity jump at a joint of two polynomial pieces if its slope s' changes there. A jump
+at the border of two intervals belongs to the later one. An interval from cam angle a to b contains
+the joints in [a − ε, b − ε), ε = `JOINT_ATOL_RAD`. Exactly one of two adjacent intervals contains
+each joint, whatever the rounding of its angle. A joint before the start of its interval is passed
+at time 0.
 """
 
 from __future__ import annotations
@@ -19,26 +20,28 @@ from cam_rig.laws import Law
 from cam_rig.laws.law import JUMP_RTOL
 from cam_rig.units import TURN
 
-#: Largest rounding of the cam angle at the border of two intervals, rad: the rounding of an angle
-#: of 1e5 turns stored in one number.
+#: Largest rounding error of the cam angle at the border of two intervals, rad. It is that of an
+#: angle of 1e5 turns that is stored in one float.
 JOINT_ATOL_RAD = 1e-9
-#: Largest difference of cam angles (rad) of two events that count as simultaneous.
+#: Largest difference of the cam angles (rad) of two events, for example a lift-off and a velocity
+#: jump, that count as simultaneous.
 SAME_ANGLE_RAD = 1e-12
 
 
 class VelocityJump(NamedTuple):
-    """Joint ahead of the cam at which the slope s' of the law jumps."""
+    """Joint of the law, which the cam will pass, at which the slope s' jumps."""
 
-    time: float  #: time to the joint, s
-    step: float  #: step of s', m/rad
+    time: float  #: time at which the cam passes the joint, since the start of the interval, s
+    step: float  #: change of s' at the joint, m/rad
 
 
 def velocity_jumps_ahead(
     law: Law, angle: float, speed: float, duration: float
 ) -> tuple[VelocityJump, ...]:
-    """Return the velocity jumps that belong to an interval, in the order of time.
+    """Return the velocity jumps of a law in an interval, in the order of time.
 
-    The interval starts at ``angle`` (rad) and takes ``duration`` s at ``speed`` rad/s.
+    The interval starts at the cam angle ``angle`` (rad) and takes ``duration`` s at ``speed``
+    rad/s. A jump at its end belongs to the next interval and is not included.
     """
     if not law.velocity_jumps:
         return ()
@@ -73,10 +76,10 @@ def _arrival_time(law: Law, angle: float, speed: float, ahead: float, piece: int
 
 
 def step_before_velocity_jump(law: Law, angle: float) -> float:
-    """Return an angle (rad), moved to just before a velocity jump if it is at one.
+    """Return a cam angle (rad), decreased slightly if the law's velocity jumps there.
 
-    The motion at the end of an interval is evaluated at this angle, because a jump there belongs to
-    the next interval.
+    The motion at the end of an interval is evaluated at this angle. It is then the motion before
+    the jump, because a jump there belongs to the next interval.
     """
     if not (law.velocity_jumps and law.repeats):
         return angle

@@ -1,6 +1,7 @@
 """Residual and torsional vibration in steady state (paper, figs. 4-6 and 9).
 
-The residual vibration is that of the follower in a dwell.
+The residual vibration is the free vibration of the follower in a dwell of the cam. The torsional
+vibration is the twist of the shaft between cam and flywheel.
 """
 
 from __future__ import annotations
@@ -25,10 +26,12 @@ from cam_rig.laws import Law
 from cam_rig.laws.law import extremes, peak
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: Largest difference between the ordinates of a piece that counts as flat, relative to the lift.
+#: Largest difference between the Bernstein ordinates of a piece of the law that counts as flat,
+#: relative to the lift.
 FLAT_RTOL = 1e-12
-#: Largest height of a low piece above the lowest ordinate, relative to the lift. A spline
-#: through readings may dip below its dwell by a fraction of the scatter.
+#: Largest height of a piece above the lowest ordinate of the law at which the piece may belong to
+#: the low dwell, relative to the lift. A spline through gauge readings may dip below its dwell by a
+#: fraction of their scatter.
 LOW_RTOL = 1e-3
 #: Width of the window around the lowest lift that replaces the low dwell of a law without one,
 #: rad. It is the width of the low dwell of the other laws of the paper in this project.
@@ -37,10 +40,10 @@ DEFAULT_WINDOW_RAD = float(np.radians(62.5))
 
 @dataclass(frozen=True)
 class LowDwell:
-    """Window of the turn in which the residual vibration is evaluated."""
+    """Range of cam angles (window) in which the residual vibration is evaluated."""
 
-    start: float  #: cam angle, rad
-    span: float  #: rad
+    start: float  #: cam angle at the start of the window, rad
+    span: float  #: cam angle that the window covers, rad
     dwell: (
         bool  #: True if it is a dwell of the law, False for a window of width `DEFAULT_WINDOW_RAD`
     )
@@ -51,14 +54,18 @@ class LowDwell:
         return (self.start + 0.5 * self.span) % TURN
 
     def contains(self, angle: FloatArray) -> NDArray[np.bool_]:
-        """Return for each cam angle (rad) if it is in the window, without its end."""
+        """Return an array that is True for each cam angle (rad) in the window.
+
+        The end of the window is not included.
+        """
         return np.asarray((angle - self.start) % TURN < self.span * (1.0 - 1e-9))
 
 
 def low_dwell(law: Law) -> LowDwell:
-    """Return the longest low dwell of a law: adjacent flat pieces at the lowest lift.
+    """Return the longest low dwell of a law, as a range of cam angles.
 
-    A law without a low dwell gets a window of width `DEFAULT_WINDOW_RAD` around its lowest lift.
+    A low dwell consists of adjacent pieces of constant lift at the lowest lift. If the law has
+    none, the result is a range of width `DEFAULT_WINDOW_RAD` around its lowest lift.
     """
     lowest = float(law.ordinates.min())
     low = law.ordinates.max(axis=0) - lowest <= LOW_RTOL * law.lift
@@ -78,7 +85,7 @@ def low_dwell(law: Law) -> LowDwell:
     return LowDwell((middle - 0.5 * DEFAULT_WINDOW_RAD) % TURN, DEFAULT_WINDOW_RAD, False)
 
 
-#: Number of sample times in a turn of the flywheel at which its speed is evaluated.
+#: Number of times in a turn of the flywheel at which its speed and its load are evaluated.
 SAMPLES = 4096
 
 
@@ -86,11 +93,11 @@ SAMPLES = 4096
 class FlywheelTurn:
     """Steady turn of a cam on its shaft, driven by a constant motor torque."""
 
-    inertia: float  #: I_v of the flywheel, kg·m², infinite at constant flywheel speed
-    fluctuation: float  #: (max − min)/mean speed of the flywheel
-    cam_fluctuation: float  #: (max − min)/mean speed of the cam
-    #: Handbook formula of the fluctuation, ΔE/((I_v + I) ω²), for a rigid shaft and the load at
-    #: constant speed
+    inertia: float  #: moment of inertia I_v of the flywheel, kg·m², infinite at constant speed
+    fluctuation: float  #: speed fluctuation (max − min)/mean of the flywheel
+    cam_fluctuation: float  #: speed fluctuation (max − min)/mean of the cam
+    #: Speed fluctuation by the handbook formula ΔE/((I_v + I) ω²), which assumes a rigid shaft and
+    #: the load at constant speed. ΔE is that of `energy_fluctuation`.
     formula: float
     twist: float  #: peak-to-peak twist of the shaft, rad
     torque: float  #: torque of the motor, N·m
@@ -99,9 +106,10 @@ class FlywheelTurn:
 def flywheel_turn(
     law: Law, shaft: TorsionalParameters, inertia: float, speed: float
 ) -> FlywheelTurn:
-    """Return the steady turn at a mean speed (rad/s) and a flywheel inertia (kg·m²).
+    """Return the steady turn of a cam on its shaft with a flywheel.
 
-    An infinite inertia is a flywheel at constant speed.
+    ``inertia`` is that of the flywheel, kg·m². An infinite inertia is a flywheel at constant speed.
+    ``speed`` is the mean speed, rad/s.
     """
     is_infinite = math.isinf(inertia)
     shaft_with_flywheel = replace(shaft, flywheel_inertia=None if is_infinite else inertia)
@@ -122,10 +130,10 @@ def flywheel_turn(
 
 
 def energy_fluctuation(law: Law, shaft: TorsionalParameters, speed: float) -> float:
-    """Return the fluctuation of energy (J) of the load in a turn at a speed (rad/s).
+    """Return the fluctuation ΔE (J) of the flywheel's energy in a turn.
 
-    It is the peak-to-peak value of ∫(T_mean − T) dθ with the torque of the load T = (m ω² s'' + c ω
-    s' + k s + F₀) s'.
+    The load is that of a rigid shaft at the constant ``speed`` ω (rad/s). ΔE is the peak-to-peak
+    value of ∫(T_mean − T) dθ with the torque of the load T = (m ω² s'' + c ω s' + k s + F₀) s'.
     """
     f = shaft.follower
     angles = np.linspace(0.0, TURN, SAMPLES + 1)
@@ -137,29 +145,30 @@ def energy_fluctuation(law: Law, shaft: TorsionalParameters, speed: float) -> fl
     return float(np.ptp(energy))
 
 
-#: Smallest number of natural periods of the stem per turn at which the vibration is computed. With
-#: fewer, free and forced vibration cannot be separated.
+#: Smallest number of natural periods of the stem per turn at which the residual vibration is
+#: computed. With fewer periods, free and forced vibration cannot be separated.
 MIN_PERIODS = 3.0
-#: Lowest speed of a vibration table, rpm. At lower speeds a turn has more periods of the stem than
-#: can be sampled.
+#: Lowest cam speed at which vibration is computed, rpm. At lower speeds a turn has more periods of
+#: the stem than can be sampled.
 MIN_RPM = 1.0
-#: Highest speed of a vibration table, rpm.
+#: Highest cam speed at which vibration is computed, rpm.
 MAX_RPM = 1e5
 
 
 def find_max_rpm(follower: FollowerParameters) -> float:
-    """Return the highest speed (rpm) at which the residual vibration can be computed.
+    """Return the highest cam speed (rpm) at which the residual vibration is computed.
 
-    At this speed `MIN_PERIODS` natural periods of the stem fit in one turn.
+    At this speed `MIN_PERIODS` natural periods of the follower on its stem fit in one turn. The
+    result is at most `MAX_RPM`.
     """
     stiffness = follower.spring_stiffness + follower.stem
     return min(MAX_RPM, math.sqrt(stiffness / follower.mass) / MIN_PERIODS / RPM)
 
 
 def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
-    """Raise a `ConfigError` if a speed (rpm) is too low or too high for the stem.
+    """Raise a `ConfigError` if a cam speed (rpm) is too low or too high for the stem.
 
-    A speed is too low if a turn has more periods of the stem than can be sampled.
+    The limits are `MIN_RPM` and the result of `find_max_rpm`.
     """
     max_rpm = find_max_rpm(follower)
     for speed in rpm:
@@ -170,31 +179,34 @@ def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
             )
 
 
-#: Smallest number of samples per turn of the vibration.
+#: Smallest number of samples of the follower's vibration per turn of the cam.
 MIN_SAMPLES = 4096
-#: Smallest number of samples per natural period of the stem.
+#: Smallest number of samples of the follower's vibration per natural period on its stem.
 SAMPLES_PER_PERIOD = 32
-#: Largest ratio of the residual vibration to the whole vibration. A larger residual vibration is
-#: an artefact of a stem that does not follow the law.
+#: Largest accepted ratio of the residual (free) vibration to the whole vibration. A larger free
+#: vibration is an artefact: at this speed the mass on its stem does not follow the law.
 MAX_RESIDUAL_RATIO = 2.0
-#: Number of samples per turn of the shaft's twist.
+#: Number of samples of the shaft's twist per turn.
 TWIST_SAMPLES = 2048
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyTurn:
-    """Samples of one turn of eq. 5 of the paper in steady state, ``(n,)`` each."""
+    """Samples of one turn of a mass on its stem in steady state, ``(n,)`` each.
+
+    The equation of motion is eq. 5 of the paper.
+    """
 
     angle: FloatArray  #: cam angle, rad
-    displacement: FloatArray  #: x, m
-    acceleration: FloatArray  #: ẍ, m/s²
-    vibration: FloatArray  #: r about the static fraction of the lift, m
+    displacement: FloatArray  #: displacement x of the mass, m
+    acceleration: FloatArray  #: acceleration ẍ of the mass, m/s²
+    vibration: FloatArray  #: vibration r = x − α s about the static fraction of the lift, m
 
 
 def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyTurn:
-    """Return the samples of a steady turn of the mass on its stem.
+    """Return the samples of a turn of a mass on its stem in steady state.
 
-    ``speed`` is the cam speed, rad/s.
+    ``follower`` must have a stem stiffness. ``speed`` is the cam speed, rad/s.
     """
     model, out = response(law, follower, speed), outputs(follower)
     rate = math.sqrt(-model.matrix[1, 0])
@@ -214,15 +226,16 @@ def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyT
 class SteadyVibration:
     """Steady vibration of the follower and the shaft of a cam at one speed."""
 
-    window: LowDwell  #: window in which the residual vibration is evaluated
-    #: Largest free vibration in the window, m. The joints of the law excite it.
+    window: LowDwell  #: range of cam angles in which the residual vibration is evaluated
+    #: Largest amplitude of the free vibration in the window, m. The joints of the law excite it.
     residual_amplitude: float
-    peak_to_peak: float  #: peak-to-peak vibration about the static fraction of the lift, m
-    acceleration: float  #: largest |ẍ|, m/s²
+    #: Peak-to-peak vibration about the static fraction of the lift in the window, m.
+    peak_to_peak: float
+    acceleration: float  #: largest |acceleration| of the mass on its stem, m/s²
     rigid_acceleration: float  #: largest acceleration of the law itself, m/s²
     #: Peak-to-peak twist, cam angle less flywheel angle, rad. None for a rig without a shaft.
     twist: float | None
-    #: (max − min)/mean speed of the flywheel. None if its speed is constant.
+    #: Speed fluctuation (max − min)/mean of the flywheel. None if its speed is constant.
     fluctuation: float | None = None
 
 
@@ -234,11 +247,11 @@ def vibration(
     Parameters
     ----------
     law : Law
-        The law.
+        The motion law of the cam.
     follower : FollowerParameters
         The follower, with a stem stiffness.
     shaft : TorsionalParameters, optional
-        The shaft, or None for a rig without a shaft.
+        The shaft with its flywheel, or None for a rig without a shaft.
     speed : float
         Cam speed, rad/s.
 
@@ -282,21 +295,22 @@ def vibration(
 def residual_vibration(
     law: Law, follower: FollowerParameters, speeds: FloatArray, window: LowDwell | None = None
 ) -> FloatArray:
-    """Return the largest free vibration (m) in a window at speeds (rad/s), ``(m,)``.
+    """Return the amplitude (m) of the residual vibration at m cam speeds, ``(m,)``.
 
-    The free vibration decays between joints, so it is largest at the start of the window or at a
-    joint inside it.
+    It is the largest amplitude of the free vibration in a range of cam angles, the window. The free
+    vibration decays between the joints of the law, so it is largest at the start of the window or
+    at a joint inside it.
 
     Parameters
     ----------
     law : Law
-        The law.
+        The motion law of the cam.
     follower : FollowerParameters
         The follower, with a stem stiffness.
     speeds : array, ``(m,)``
         Cam speeds, rad/s.
     window : LowDwell, optional
-        The window (default: the low dwell of the law).
+        The range of cam angles (default: the low dwell of the law).
 
     Raises
     ------
@@ -312,7 +326,7 @@ def residual_vibration(
     amplitudes = np.array(
         [max(free_amplitude(run, speed, angle) for angle in angles) for speed in speeds.tolist()]
     )
-    # The highest speed is the critical one: there the vibration follows the law least.
+    # The highest speed is checked, because there the mass on its stem follows the law least.
     last = int(np.argmax(speeds))
     total = float(np.abs(steady_turn(law, follower, float(speeds[last])).vibration).max())
     if not amplitudes[last] <= MAX_RESIDUAL_RATIO * total:
@@ -324,16 +338,17 @@ def residual_vibration(
     return np.asarray(amplitudes)
 
 
-#: Smallest relative difference of the two rates of the stem. Closer rates are moved apart to this
-#: difference, because the rates are equal at critical damping.
+#: Smallest value of |√(δ² − κ)| relative to √κ for a mode η̈ + 2δ η̇ + κ η = 0. At critical damping
+#: its two eigenvalues are equal, and a smaller value is replaced by this one, so that they differ.
 MIN_RATE_DIFFERENCE = 1e-7
 
 
 def free_amplitude(run: ModalRun, speed: float, angle: float) -> float:
-    """Return the amplitude of the output's free vibration at a cam angle (rad).
+    """Return the amplitude of the free vibration in a run's output at a cam angle.
 
-    The run is in steady state at ``speed`` rad/s. The vibration is (η, η̇) = Σ a (1, λ) e^{λt} with
-    two rates λ, complex or real. The amplitude of the output p η + q η̇ is Σ |a (p + q λ)|.
+    The run is in steady state at the cam speed ``speed`` (rad/s). ``angle`` is in rad. The free
+    vibration is (η, η̇) = Σ a (1, λ) e^{λt} with two eigenvalues λ, complex or real. The amplitude
+    of the output p η + q η̇ is Σ |a (p + q λ)|.
     """
     mode, (displacement, velocity) = run.mode, run.steady(speed, angle)
     p, q = mode.per_displacement, mode.per_velocity
@@ -349,9 +364,9 @@ def free_amplitude(run: ModalRun, speed: float, angle: float) -> float:
 def steady_twist(
     law: Law, shaft: TorsionalParameters, speed: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return flywheel angle (rad) and twist ψ (rad) of a steady turn, ``(n,)`` each.
+    """Return flywheel angle (rad) and shaft twist (rad) over a turn, ``(n,)`` each.
 
-    ``speed`` is the mean speed, rad/s.
+    The turn is in steady state. ``speed`` is the mean speed, rad/s. n is `TWIST_SAMPLES`.
     """
     motion = steady_motion(law, shaft, speed)
     times = np.linspace(0.0, motion.stop_time, TWIST_SAMPLES)

@@ -1,4 +1,4 @@
-"""Shape of a cam under each follower: contour, curvature, checks, cutter path."""
+"""Shape of a cam for each type of follower: contour, curvature, checks, cutter path."""
 
 from cam_rig.profile.contact import turn_angles
 from cam_rig.profile.disc import Contour, Disc, contours, contours_at, discs

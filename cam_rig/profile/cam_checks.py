@@ -48,7 +48,7 @@ def breadth_check(law: Law) -> Check:
     return Check.at("s(θ) + s(θ + 180°) − s_max", worst, "at most", limit, "mm", remedy)
 
 
-# Pressure angle: from the follower's direction of motion to the common normal.
+# Pressure angle: the angle from the follower's direction of motion to the common normal.
 
 #: Default limit of the pressure angle of a follower in a guide, rad, as handbooks recommend.
 MAX_GUIDED_ANGLE = float(np.radians(30.0))
@@ -67,7 +67,10 @@ def max_pressure_angle(follower: Follower, element: Element) -> float:
 
 
 def pressure_check(scan: Scan, follower: Follower) -> Check:
-    """Return the check of the greatest pressure angle over the turn, of either sign."""
+    """Return the check of the largest magnitude of the pressure angle over the turn.
+
+    A cam that fails it can be made (``is_fatal`` is False).
+    """
     steepest = scan.greatest(lambda touch: np.abs(touch.pressure))
     limit = max_pressure_angle(follower, scan.element)
     remedy = "let base_radius be larger, the spans longer, or set most_pressure_angle"
@@ -77,21 +80,21 @@ def pressure_check(scan: Scan, follower: Follower) -> Check:
 
 
 def check_cam(cam: CamConfig, law: Law) -> list[Check]:
-    """Return all checks of a cam that apply to its kind of follower.
+    """Return all checks of a cam that apply to its type of follower.
 
-    Checks that explain later checks come first.
+    If a failed check is the cause of a failure in another check, it comes before it.
 
     Parameters
     ----------
     cam : CamConfig
-        The cam.
+        The cam, with its follower and base radius.
     law : Law
-        Its law.
+        The motion law of the cam.
 
     Returns
     -------
     list of Check
-        The checks, those of conjugate cams with the name of the disc.
+        The passed and the failed checks. Those of conjugate cams have the name of the disc.
 
     Raises
     ------
@@ -143,7 +146,8 @@ def _disc_checks(
 def require_profile(cam: CamConfig, law: Law) -> None:
     """Raise a `ProfileError` if a cam cannot exist.
 
-    The message is that of the first failed fatal check.
+    This is so if it fails a check with ``is_fatal`` True. The message is that of the first such
+    check.
     """
     for check in check_cam(cam, law):
         if check.is_fatal and not check.passed:
@@ -176,11 +180,11 @@ class CheckedCam:
     Parameters
     ----------
     cam : CamConfig
-        The cam.
+        The cam, with its follower and base radius.
     law : Law
-        Its law.
+        The motion law of the cam.
     checks : list of Check
-        The checks of `check_cam`.
+        Results of `check_cam`.
     """
 
     cam: CamConfig
@@ -198,10 +202,11 @@ class CheckedCam:
         return [check for check in self.checks if not check.passed]
 
     def worst(self, name: str) -> float | None:
-        """Return the value nearest to its limit among the checks called `name`.
+        """Return the worst value (SI) among the checks called `name`.
 
-        Conjugate cams can have two checks of the same name, one per disc. Returns None if no check
-        has this name, or if that value is not finite.
+        It is the smallest value if the limit is a lower one, otherwise the largest. Conjugate cams
+        have two checks of the same name, one per disc. Returns None if no check has this name, or
+        if the worst value is not finite.
         """
         named = [check for check in self.checks if check.name == name]
         choose = min if named and named[0].relation == "more than" else max

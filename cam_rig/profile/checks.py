@@ -1,4 +1,7 @@
-"""Checks of a cam for reach, curvature and crossing, and its minimum base radius."""
+"""Checks of a cam for reach, curvature and crossing, and its minimum base radius.
+
+The reach checks ensure that the follower and its arm can be at all positions of the law.
+"""
 
 from __future__ import annotations
 
@@ -20,13 +23,13 @@ from cam_rig.profile.faces import Swung, SwungCentre, SwungFace
 from cam_rig.schema.cam import ConstantBreadth, Flat, Follower, InclinedFlat
 from cam_rig.units import TURN, FloatArray
 
-#: Required relations of a value to its limit, by their text.
+#: Relations of a checked value to its limit, by their text in messages.
 RELATIONS: dict[str, Callable[[float, float], bool]] = {
     "more than": operator.gt,
     "less than": operator.lt,
     "at most": operator.le,
 }
-#: Display units of checks, and the factor that converts SI values to each.
+#: Display units of checked values, and the factor that converts an SI value to each.
 FACTORS = {"mm": 1e3, "mm/rad": 1e3, "°": 180.0 / np.pi, "1": 1.0, "crossings": 1.0}
 
 
@@ -74,7 +77,10 @@ class Check:
     def at(
         cls, name: str, worst: Extreme, relation: str, limit: float, unit: str, remedy: str
     ) -> Check:
-        """Return the fatal check of an extreme value, with its cam angle."""
+        """Return the check of an extreme value over the turn, at its cam angle.
+
+        A cam that fails it cannot exist (``is_fatal`` is True).
+        """
         return cls(name, worst.value, relation, limit, unit, worst.angle, remedy)
 
     @property
@@ -121,7 +127,11 @@ CROSSING_POINTS = 3600
 
 
 def reach_checks(scan: Scan) -> Iterator[Check]:
-    """Yield the checks of the distances and angles that the follower must reach."""
+    """Yield the checks that the follower can be at all positions of the law.
+
+    They compare the distance from the cam's axis, and for a follower on an arm the angle of the arm
+    and the distance of the cam from the pivot, with their geometric limits.
+    """
     element, law = scan.element, scan.law
     nearest = min_clearance(element, law)
     remedy = "the cam would not hold its shaft: let base_radius be larger"
@@ -129,7 +139,8 @@ def reach_checks(scan: Scan) -> Iterator[Check]:
     if isinstance(element, Swung):
         yield from _arm_checks(element, law)
     yield from pivot_checks(scan)
-    if isinstance(element, SwungFace):  # 1 + φ' of eq. 2.28: at 0 the contact is at infinity
+    # The checked value is 1 + φ' of eq. 2.28. If it is 0, the contact is at infinity.
+    if isinstance(element, SwungFace):
         back = greatest_between(lambda angle: -law(angle, 1), law.breaks)
         turn = Extreme(1.0 - back.value / element.arm, back.angle)
         remedy = "the face falls faster than the cam turns: let the fall be longer or the lift less"
@@ -137,9 +148,10 @@ def reach_checks(scan: Scan) -> Iterator[Check]:
 
 
 def min_clearance(element: Element, law: Law) -> Extreme:
-    """Return the least distance (m) of roller, point or face from the cam's axis.
+    """Return the least distance (m) of the follower's element from the cam's axis.
 
-    It occurs at the lowest or the highest lift.
+    The element is a roller, a point or a face. The least distance occurs at the lowest or the
+    highest lift.
     """
     ends = extremes(law, 0)
     distances = [Extreme(float(element.clearance(np.array(s.value))), s.angle) for s in ends]
@@ -147,9 +159,9 @@ def min_clearance(element: Element, law: Law) -> Extreme:
 
 
 def _arm_checks(element: Swung, law: Law) -> Iterator[Check]:
-    """Yield the checks of an arm's angle at the lowest and the highest lift.
+    """Yield the checks of an oscillating follower's arm angle at both ends of the lift.
 
-    Beyond these angles the arm would have to follow the cam backwards.
+    The angle is compared with its geometric limits, beyond which the arm cannot follow the cam.
     """
     least, greatest = (0.0, np.pi) if isinstance(element, SwungCentre) else (-np.pi / 2, np.pi / 2)
     remedy = "out of reach: let pivot_distance or the arm be longer, or the lift less"
@@ -160,7 +172,10 @@ def _arm_checks(element: Swung, law: Law) -> Iterator[Check]:
 
 
 def pivot_checks(scan: Scan) -> Iterator[Check]:
-    """Yield the check that the cam does not cut the pivot of an arm."""
+    """Yield the check that the cam does not cut the pivot of the follower's arm.
+
+    Yields nothing if the follower has no arm.
+    """
     if isinstance(scan.element, Swung):
         farthest, pivot = scan.greatest(lambda touch: np.abs(touch.contact)), scan.element.pivot
         remedy = "the cam would cut the pivot: let pivot_distance be longer"
@@ -184,9 +199,10 @@ def crossing_check(disc: Disc, law: Law) -> Check:
     return Check("contour across itself", count, "at most", 0.0, "crossings", angle, remedy)
 
 
-# Radius of curvature: undercut, cusps and rollers that are too large (§2.3.1-2.3.2).
+# Radius of curvature: undercut, cusps, and rollers that are too large (profile thesis,
+# §2.3.1-2.3.2).
 
-#: Radius of curvature below which a contour has a cusp, as a fraction of the base radius. The
+#: Radius of curvature up to which a contour has a cusp, as a fraction of the base radius. The
 #: radius then counts as 0.
 CUSP_RATIO = 1e-9
 
@@ -248,8 +264,8 @@ def curvature_checks(scan: Scan, follower: Follower, min_base: float | None) -> 
 def corner_check(law: Law, tolerance: float) -> Check:
     """Return the check that the contour has no corner.
 
-    A jump of s' gives the contour a corner. ``tolerance`` is the allowed jump as a fraction of the
-    lift.
+    The contour has a corner at a cam angle at which s' jumps. ``tolerance`` is the largest allowed
+    jump of s' divided by the lift, 1/rad.
     """
     jumps = np.abs(law.jumps(1))
     worst = int(np.argmax(jumps))
@@ -258,14 +274,14 @@ def corner_check(law: Law, tolerance: float) -> Check:
     return Check.at("step of the slope s'", step, "at most", limit, "mm/rad", remedy)
 
 
-# Minimum base radius without undercut (eq. 2.42, and its counterpart for rollers).
+# Minimum base radius without undercut (profile thesis, eq. 2.42, and its counterpart for rollers).
 
-#: Factor from a base radius without undercut to the next smaller one in the search. With undercut
-#: the search multiplies by the inverse.
+#: Factor by which the search for the minimum base radius decreases a base radius without undercut.
+#: A base radius with undercut is divided by it.
 BASE_STEP = 0.5
-#: Smallest base radius that the search tries, as a fraction of the cam's base radius.
+#: Smallest base radius in the search for the minimum, as a fraction of the cam's base radius.
 MIN_BASE_RATIO = 1e-2
-#: Largest base radius that the search tries, as a multiple of the cam's base radius.
+#: Largest base radius in the search for the minimum, as a multiple of the cam's base radius.
 MAX_BASE_RATIO = 1e3
 #: Tolerance of the minimum base radius, as a fraction of the cam's base radius.
 BASE_RTOL = 1e-12
@@ -274,11 +290,12 @@ BASE_RTOL = 1e-12
 def find_min_base_radius(follower: Follower, law: Law) -> float | None:
     """Return the minimum base radius (m), or None if no base radius is sufficient.
 
-    Above it the least convex radius of curvature meets the limit of the cam file (default: 0), and
-    the follower does not cross the cam's axis. A face in a guide has closed forms: the radius of
-    curvature is R_b + (s + s'') cos β, and the distance from the axis is R_b + s cos β. For other
-    followers `search_base_radius` is used. The result is None too if the cam cuts the pivot of an
-    arm at this base radius.
+    With a larger base radius the least convex radius of curvature exceeds the limit of the cam file
+    (default: 0), and the follower does not cross the cam's axis. A face in a guide has closed
+    forms: the radius of curvature is R_b + (s + s'') cos β, and the distance from the axis is
+    R_b + s cos β, with the base radius R_b and the inclination β of the face. For other followers
+    `search_base_radius` is used. The result is also None if the cam cuts the pivot of an arm at the
+    minimum base radius.
 
     References
     ----------
@@ -301,7 +318,7 @@ def find_min_base_radius(follower: Follower, law: Law) -> float | None:
     least = search_base_radius(margin, base_radius)
     if not least:
         return least
-    # the larger the base radius, the sooner the cam cuts the pivot
+    # A larger base radius brings the cam closer to the pivot of the arm.
     plates = discs_on(follower, law, least * (1.0 + BASE_RTOL))
     checks = (check for disc in plates for check in pivot_checks(Scan(law, disc.element)))
     return least if all(check.passed for check in checks) else None
@@ -310,8 +327,8 @@ def find_min_base_radius(follower: Follower, law: Law) -> float | None:
 def search_base_radius(margin: Callable[[float], float], base_radius: float) -> float | None:
     """Find the base radius (m) at which the margin of a check is 0.
 
-    The margin is finite and increases with the base radius. The base radius next to `base_radius`
-    is returned.
+    The margin must be finite and increase with the base radius. The solution closest to
+    `base_radius` is returned.
 
     Parameters
     ----------
@@ -343,7 +360,7 @@ def _min_convex_radius(plates: tuple[Disc, ...], law: Law) -> float:
 
 
 def discs_on(follower: Follower, law: Law, base: float) -> tuple[Disc, ...]:
-    """Return the discs of a cam with another base radius (m).
+    """Return the discs of a cam whose base radius is replaced by ``base`` (m).
 
     The result is empty if the follower does not reach the base circle, or crosses the axis.
     """

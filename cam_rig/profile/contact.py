@@ -25,15 +25,12 @@ from cam_rig.units import TURN, ComplexArray, FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of a follower at some cam angles: four arrays of one shape.
+    """Motion of a follower at some cam angles: four arrays of one shape."""
 
-    They are the angle (rad), s (m), s' (m/rad) and s'' (m/rad²).
-    """
-
-    angle: FloatArray
-    s: FloatArray
-    slope: FloatArray
-    curvature: FloatArray
+    angle: FloatArray  #: cam angle θ, rad
+    s: FloatArray  #: displacement s, m
+    slope: FloatArray  #: s' = ds/dθ, m/rad
+    curvature: FloatArray  #: s'' = d²s/dθ², m/rad²
 
     @classmethod
     def uniform(cls, law: Law, count: int) -> Motion:
@@ -48,25 +45,25 @@ class Motion:
     def at(cls, law: Law, angle: FloatArray) -> Motion:
         """Return the motion of a law at any cam angles (rad).
 
-        A joint of the law belongs to the piece that starts there.
+        At a joint of two polynomial pieces of the law, the values are those of the later piece.
         """
         return cls(angle, *(law(angle, order) for order in range(3)))
 
     @classmethod
     def on_pieces(cls, law: Law, u: FloatArray) -> Motion:
-        """Return the motion of a law at `u` ∈ [0, 1] of each of its n pieces.
+        """Return the motion at relative positions `u` ∈ [0, 1] of each piece of a law.
 
-        The arrays are ``(len(u), n)``. A joint is in both of its pieces, so a jump has both of its
-        limits.
+        The arrays have the shape ``(len(u), n)`` for the n polynomial pieces. At a jump between two
+        pieces, the end of the first and the start of the second contain both values.
         """
         values = np.tensordot(bernstein.basis(law.degree, u), law.motion, axes=([1], [1]))
         return cls(law.breaks[:-1] + u[:, None] * law.spans, *np.moveaxis(values, 1, 0))
 
     @classmethod
     def on_piece(cls, law: Law, piece: int, u: FloatArray) -> Motion:
-        """Return the motion of a law at `u` ∈ [0, 1] of one piece.
+        """Return the motion at relative positions `u` ∈ [0, 1] of one piece of a law.
 
-        The arrays are ``(len(u),)``.
+        ``piece`` is the index of the polynomial piece. The arrays have the shape ``(len(u),)``.
         """
         values = law.motion[:, :, piece] @ bernstein.basis(law.degree, u).T
         return cls(law.breaks[piece] + u * law.spans[piece], *values)
@@ -77,8 +74,8 @@ def turn_angles(points: int) -> FloatArray:
     return np.linspace(0.0, TURN, points, endpoint=False)
 
 
-#: Largest product of curvature and distance from the axis (no unit) of a pitch curve that counts as
-#: straight. The rounding error of a straight flank's curvature is a thousandth of it.
+#: Largest product of curvature and distance from the axis (no unit) at which a pitch curve counts
+#: as straight. The rounding error of a straight flank's curvature is a thousandth of it.
 STRAIGHT_CURVATURE = 1e-10
 
 
@@ -117,29 +114,36 @@ class Touch:
 
 
 class Element(ABC):
-    """Element of a follower: the part that touches one cam.
+    """Part of a follower that touches the cam: a roller, a point or a face.
 
-    Its position (m) increases as the follower moves outwards. It is the height in the guide, or the
-    arc length at the end of the arm. `place_on` measures it on a finished contour without the law.
+    Its position (m) is the height in the guide, or the arc length at the end of the arm. `place_on`
+    determines it on a finished contour, without the law.
     """
 
-    roller: float  # roller radius, m, 0 for a point or a face
+    roller: float  #: radius of the roller, m, 0 for a point or a face
 
     @abstractmethod
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact with the cam of a follower that moves by the law."""
+        """Return the contact of the element with the cam at the angles of a motion.
+
+        The follower moves by the law. The result has the point of contact, the curvature of the
+        contour and the pressure angle at each cam angle.
+        """
 
     @abstractmethod
     def place_on(self, points: ComplexArray) -> FloatArray:
         """Return the position (m) at which the element just touches each point.
 
-        The points are those of a contour in the guide's frame, m. The position
-        is −∞ for points that it never touches.
+        The points are those of a contour in the guide's frame, m. The position is −∞ for points
+        that it cannot touch.
         """
 
     @abstractmethod
     def lift_at(self, position: FloatArray) -> FloatArray:
-        """Return the displacement s (m) of the follower at a position of the element (m)."""
+        """Return the displacement s (m) of the follower at positions of the element (m).
+
+        It is the inverse of the relation by which the position follows from s.
+        """
 
     @abstractmethod
     def clearance(self, s: FloatArray) -> FloatArray:
@@ -158,9 +162,9 @@ class Element(ABC):
 
     @abstractmethod
     def moves(self, points: ComplexArray) -> ComplexArray:
-        """Return the velocity of the follower's material at some points, divided by ṡ.
+        """Return the velocity of the follower at points, divided by ṡ.
 
-        The points are in the guide's frame, in m.
+        The points move with the follower. They are given in the guide's frame, in m.
         """
 
 
@@ -171,12 +175,14 @@ def offset_contact(
     roller: float,
     pressure: FloatArray,
 ) -> Touch:
-    """Return the contact on the contour that lies inside a pitch curve.
+    """Return the contact of a roller with its cam, from the pitch curve.
 
-    The equations are 2.22-2.25 and 2.43-2.46. `centre` are the points of the pitch curve (m),
-    `roller` is the radius of the roller (m), and `pressure` are the pressure angles (rad).
-    `tangent` and `second` are the first and second derivative of the pitch curve by θ in the cam
-    frame, expressed in the guide's frame. A curvature below `STRAIGHT_CURVATURE` counts as 0.
+    The pitch curve is the path of the roller's centre in the cam frame. The contour is inside of it
+    at a distance of the radius of the roller (profile thesis, eq. 2.22-2.25 and 2.43-2.46).
+    `centre` are the points of the pitch curve (m), `roller` is the radius of the roller (m), and
+    `pressure` are the pressure angles (rad). `tangent` and `second` are the first and second
+    derivative of the pitch curve with respect to θ in the cam frame, expressed in the guide's
+    frame. A curvature below `STRAIGHT_CURVATURE` counts as 0.
     """
     speed = np.abs(tangent)
     normal = 1j * tangent / speed
@@ -191,24 +197,27 @@ def offset_contact(
 
 # Extreme values over one turn: dense samples of each smooth piece, refined around the best one.
 
-#: Number of samples over the turn, shared equally among the pieces of the law.
+#: Number of samples over the turn in the search for an extreme value, divided equally among the
+#: pieces of the law.
 TURN_SAMPLES = 4096
-#: Smallest number of samples of a piece of the law.
+#: Smallest number of samples of a piece of the law in the search for an extreme value.
 MIN_PIECE_SAMPLES = 65
-#: Largest number of samples of a piece of the law.
+#: Largest number of samples of a piece of the law in the search for an extreme value.
 MAX_PIECE_SAMPLES = 513
-#: Number of points of each round of `zoom`.
+#: Number of points at which `zoom` evaluates a function in each round.
 ZOOM_POINTS = 33
-#: Number of rounds of `zoom`: they locate the maximum to 1e-9 of a piece, and its value to
-#: rounding.
+#: Number of rounds of `zoom`. They locate the maximum to 1e-9 of a piece of the law, and its value
+#: to rounding.
 ZOOM_ROUNDS = 5
+#: Function of one variable that is evaluated for an array of arguments.
 Curve = Callable[[FloatArray], FloatArray]
 
 
 def zoom(curve: Curve, middle: float, width: float) -> tuple[float, float]:
-    """Return the position in [0, 1] and the value of the maximum of a function.
+    """Return the position and the value of the maximum of a function on [0, 1].
 
-    The search covers `width` on each side of `middle`.
+    The search covers `width` on each side of `middle`. Each round evaluates `ZOOM_POINTS` points,
+    and the next one searches between the neighbours of the best point.
     """
     for _ in range(ZOOM_ROUNDS):
         u = np.linspace(max(0.0, middle - width), min(1.0, middle + width), ZOOM_POINTS)
@@ -227,32 +236,40 @@ def _samples(pieces: int) -> FloatArray:
 def _dense(law: Law) -> Motion:
     """Return the motion of a law at dense samples of all its pieces.
 
-    A joint has both of its limits. The cache serves searches that scan one law many times.
+    `Motion.on_pieces` describes the arrays. The result is cached for searches that evaluate one law
+    many times.
     """
     return Motion.on_pieces(law, _samples(law.spans.size))
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Scan of the contact of an element over the whole turn, for extreme values."""
+    """Contact of a follower's element over the whole turn, to find extreme values."""
 
-    law: Law
-    element: Element
+    law: Law  #: motion law of the cam
+    element: Element  #: element of the follower that touches the cam
 
     @cached_property
     def touch(self) -> Touch:
-        """Contact at the samples of the scan, arrays of shape ``(m, n)``.
+        """Contact at dense samples of the turn, arrays of shape ``(m, n)``.
 
-        There are m samples of each of the law's n pieces.
+        There are m samples of each of the law's n polynomial pieces.
         """
         return self.element.touch(_dense(self.law))
 
     def greatest(self, quantity: Callable[[Touch], FloatArray]) -> Extreme:
-        """Return the greatest value of a quantity of the contact over the turn."""
+        """Return the greatest value of a quantity of the contact over the turn.
+
+        `quantity` is a function of the contact, for example the pressure angle. The result also has
+        the cam angle (rad).
+        """
         return self.greatest_of(lambda _, touch: quantity(touch))
 
     def greatest_of(self, quantity: Callable[[Motion, Touch], FloatArray]) -> Extreme:
-        """Return the greatest value of a quantity of motion and contact over the turn."""
+        """Return the greatest value of a quantity of motion and contact over the turn.
+
+        `quantity` is a function of both. The result also has the cam angle (rad).
+        """
         u, values = _samples(self.law.spans.size), quantity(_dense(self.law), self.touch)
         row, piece = np.unravel_index(np.argmax(values), values.shape)
 
@@ -264,7 +281,10 @@ class Scan:
         return Extreme(value, float(self.law.breaks[piece] + u_max * self.law.spans[piece]))
 
     def least(self, quantity: Callable[[Touch], FloatArray]) -> Extreme:
-        """Return the least value of a quantity of the contact over the turn."""
+        """Return the least value of a quantity of the contact over the turn.
+
+        `quantity` is a function of the contact. The result also has the cam angle (rad).
+        """
         greatest = self.greatest(lambda touch: -quantity(touch))
         return Extreme(-greatest.value, greatest.angle)
 
@@ -284,8 +304,9 @@ def greatest_between(curve: Curve, edges: FloatArray) -> Extreme:
 
 @lru_cache(maxsize=32)
 def stroke(law: Law) -> float:
-    """Return the smallest plus the largest displacement of a law, s_min + s_max, m.
+    """Return the sum s_min + s_max of a law's smallest and largest displacement, m.
 
-    It equals s_max if s_min is 0. It is not the difference s_max − s_min.
+    It equals s_max if s_min is 0. The distance of the two elements of a follower that the cam moves
+    in both directions contains this sum. It is not the difference s_max − s_min.
     """
     return sum(extreme.value for extreme in extremes(law, 0))

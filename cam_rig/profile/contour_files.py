@@ -1,4 +1,7 @@
-"""Contours of cams from files of other programs: their placement, and tables of points."""
+"""Contours of cams from files of other programs: their placement, and tables of points.
+
+A placement converts the coordinates of a file to the frame of the cam.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +18,20 @@ from cam_rig.schema.instrument_table import CellTable, plain_number, read_lines
 from cam_rig.schema.quantity import UNITS
 from cam_rig.units import TURN, FloatArray
 
-#: Largest size (bytes) of a file that is read: 80 000 points as `drawing_files.write_contour`
-#: writes them.
+#: Largest accepted size (bytes) of a contour file. It is sufficient for 80 000 points in the format
+#: of `drawing_files.write_contour`.
 MAX_BYTES = 8 * MIB
-#: Largest accepted distance of a contour from the cam's axis, m: far above that of any cam.
+#: Largest accepted coordinate of a contour relative to the cam's axis, m. It is far above that of
+#: any cam.
 MAX_SIZE = 10.0
-#: Smallest accepted value of the largest distance of a contour from the axis, m. A smaller contour
-#: is in another unit.
+#: Smallest accepted value of the largest coordinate of a contour, m. A smaller contour is probably
+#: in another unit.
 MIN_SIZE = 1e-5
-#: Largest range of the angles of a polar table, rad: one turn and its rounding.
+#: Largest accepted range of the angles in a table of polar coordinates, rad: one turn plus its
+#: rounding error.
 MAX_TURN = TURN * (1.0 + 1e-6)
-#: Largest difference of z in a contour that counts as plane, m: above the rounding of other
-#: programs.
+#: Largest difference of the coordinate z (m) with which a contour counts as plane. It is above the
+#: rounding of the files of other programs.
 MAX_HEIGHT = 1e-6
 
 
@@ -54,7 +59,7 @@ class Placement:
     is_mirrored: bool = False
 
     def note(self) -> str:
-        """Sentence that describes the placement."""
+        """Return a text that describes the placement, for a note on the file."""
         x, y = (1e3 * coordinate for coordinate in self.axis)
         mirrored = ", seen from the other side" if self.is_mirrored else ""
         return (
@@ -85,15 +90,13 @@ UNPLACED = Placement()
 
 @dataclass(frozen=True)
 class ContourFile:
-    """Contours that were read from a file, and notes on how it was read.
+    """Contours that were read from a file, and notes on how it was read."""
 
-    A contour is an array of points `(2, n)` in m. `are_points` is True if they are points of a
-    table, between which the contour is unknown.
-    """
-
-    curves: list[FloatArray]
+    curves: list[FloatArray]  #: contours in the frame of the cam, points `(2, n)` in m each
+    #: True if the points are those of a table, between which the contour is unknown. False if they
+    #: follow the curves of a drawing.
     are_points: bool
-    notes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  #: assumptions and corrections, as texts
 
 
 def encloses_axis(points: FloatArray) -> bool:
@@ -109,7 +112,8 @@ def encloses_axis(points: FloatArray) -> bool:
 def require_size(path: Path, curve: FloatArray) -> None:
     """Raise `ProfileError` if a contour does not have the size of a cam.
 
-    A contour that is not finite is rejected too. `path` is the file in the message.
+    The limits are `MIN_SIZE` and `MAX_SIZE`. `curve` are points in m. A contour with coordinates
+    that are not finite is rejected too. `path` is the file in the message.
     """
     size = float(np.abs(curve).max(initial=0.0)) if np.isfinite(curve).all() else math.inf
     if not MIN_SIZE <= size <= MAX_SIZE:
@@ -122,8 +126,16 @@ def require_size(path: Path, curve: FloatArray) -> None:
 def read_contour_table(path: Path, placement: Placement = UNPLACED) -> ContourFile:
     """Read the contours of a table with columns x and y, or angle and radius.
 
-    A column `disc` separates several contours. The angle of polar points is clockwise from +y of
-    the file, as cam angles are in the frame of the cam. The placement applies to them too.
+    A column `disc` separates several contours. The angle of polar coordinates is clockwise from +y
+    of the file, like the cam angle in the frame of the cam. The placement is applied to both kinds
+    of coordinates.
+
+    Raises
+    ------
+    ConfigError
+        If the table or one of its headings, units or numbers is invalid.
+    ProfileError
+        If a contour does not have the size of a cam.
     """
     lines, _ = read_lines(path, "points of a contour", MAX_BYTES)
     table = _ContourTable(str(path), lines)
@@ -158,7 +170,7 @@ def read_contour_table(path: Path, placement: Placement = UNPLACED) -> ContourFi
 
 
 class _ContourTable(CellTable):
-    """Reader of a table of points of contours."""
+    """Reader of a table of contour points: headings, units, order of the rows, discs."""
 
     def headings_of_numbers(self) -> list[Heading]:
         """Return the headings of the table.
@@ -198,9 +210,14 @@ class _ContourTable(CellTable):
         )
 
     def points(self, headings: list[Heading], used: list[int]) -> FloatArray:
-        """Return the numbers of two columns of the table, `(2, n)`.
+        """Return the numbers of two columns of the table, `(2, n)`, in the units of the table.
 
-        They are not multiplied with the factor of their unit.
+        `used` are the indices of the columns.
+
+        Raises
+        ------
+        ConfigError
+            If a cell is not a finite number.
         """
         rows = []
         for line, cells in self.rows[self.first :]:
@@ -213,7 +230,11 @@ class _ContourTable(CellTable):
         return np.array(rows).reshape(-1, 2).T
 
     def length_factor(self, heading: Heading, unit: str | None) -> tuple[float, list[str]]:
-        """Return the factor from lengths in the table to m, and a note if it is assumed."""
+        """Return the factor from lengths in the table to m, and notes on assumptions.
+
+        `heading` is that of a column of lengths. `unit` is the unit that the user states for a
+        table without a unit, or None. If both have none, mm is assumed, with a note.
+        """
         if heading.factor is None:
             notes = [f"no unit of length in {heading.text!r}: mm assumed"] if unit is None else []
             return UNITS["length"][unit or "mm"], notes
@@ -225,7 +246,11 @@ class _ContourTable(CellTable):
         return heading.factor, []
 
     def angle_factor(self, heading: Heading, angles: list[float]) -> tuple[float, list[str]]:
-        """Return the factor from angles in the table to the cam angle in rad, and notes."""
+        """Return the factor from angles in the table to the cam angle in rad, and notes.
+
+        A heading without a unit has its unit guessed from `angles`, the numbers of the column. An
+        angle of the crank is halved. The notes state both.
+        """
         factor, notes = heading.factor, []
         if factor is None:
             factor, unit = self.guess_angle_unit(heading, angles)
@@ -239,10 +264,16 @@ class _ContourTable(CellTable):
         return factor, notes
 
     def order(self, angle: FloatArray, radius: FloatArray, discs: list[str]) -> list[int]:
-        """Return the order of the table's rows around the cam, as indices.
+        """Return the order of the table's rows around the cam, as indices of the rows.
 
-        The rows of a disc whose angles (rad) rise and fall several times are sorted by angle. Raise
-        ConfigError if they cover more than a turn, or have several radii (m) at an angle.
+        The rows of each disc are sorted by angle if their angles (rad) rise and fall several times.
+        Otherwise their order is kept.
+
+        Raises
+        ------
+        ConfigError
+            If the angles cover more than a turn, or rows to be sorted have several radii (m) at
+            an angle.
         """
         rows = list(range(angle.size))
         for disc in dict.fromkeys(discs):
@@ -255,7 +286,7 @@ class _ContourTable(CellTable):
                 )
             steps = np.diff(angle[members], append=angle[members[:1]])
             if min(np.count_nonzero(steps < 0.0), np.count_nonzero(steps > 0.0)) <= 1:
-                continue  # in order, from any angle on
+                continue  # the rows are in order around the cam, from any angle on
             placed = members[np.argsort(angle[members], kind="stable")]
             repeated = (np.diff(angle[placed]) == 0.0) & (np.diff(radius[placed]) != 0.0)
             if repeated.any():
@@ -269,9 +300,9 @@ class _ContourTable(CellTable):
         return rows
 
     def require_plane(self, headings: list[Heading], factor: float) -> None:
-        """Raise ConfigError if the coordinate z varies within a disc.
+        """Raise `ConfigError` if the coordinate z varies by more than `MAX_HEIGHT` in a disc.
 
-        `factor` is the unit of x and y in m.
+        A table without z is accepted. `factor` is the unit of x and y in m.
         """
         column = next((i for i, heading in enumerate(headings) if heading.quantity == "z"), None)
         if column is None:

@@ -1,4 +1,7 @@
-"""Discs of a cam with their followers: one disc, or two for conjugate cams."""
+"""Discs of a cam and their contours, computed from the follower and the law.
+
+A cam has one disc (plate), or two if it is a pair of conjugate cams.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from cam_rig.units import ComplexArray, FloatArray
 
 @dataclass(frozen=True)
 class Disc:
-    """Plate of a cam, with the elements of the follower that touch it.
+    """Plate of a cam, with the roller, point or face of the follower that touches it.
 
     Parameters
     ----------
@@ -80,14 +83,14 @@ def discs(follower: Follower, law: Law, base_radius: float | None = None) -> tup
         case kinds.ConstantDiameter():  # rollers 2 R_p + s_max apart
             other = GuidedCentre(roller, 0.0, base + roller + stroke(law), side=-1)
             plates = [Disc("", GuidedCentre.on_base(base, roller, 0.0), other)]
-        case kinds.Conjugate():  # the second cam lowers what the first cam lifts (§2.2.2)
+        case kinds.Conjugate():  # the second roller sinks as the first one rises (§2.2.2)
             first = GuidedCentre.on_base(base, roller, eccentricity)
             start = first.start + stroke(law)
             if follower.roller_distance is not None:
                 start = follower.roller_distance.si - first.start
             second = GuidedCentre(roller, -eccentricity, start, side=-1)
             plates = [Disc("first", first), Disc("second", second)]
-        case kinds.OscillatingConjugate():  # two arms of one rocker
+        case kinds.OscillatingConjugate():  # the follower is a rocker with two arms
             plates = _rocker(follower, law, base)
     return tuple(plates)
 
@@ -97,7 +100,7 @@ def _si(quantity: Quantity | None) -> float:
 
 
 def _rocker(follower: kinds.OscillatingConjugate, law: Law, base: float) -> list[Disc]:
-    """Return the two discs of a rocker with two arms.
+    """Return the two discs of oscillating conjugate cams, whose follower has two arms.
 
     The second roller sinks as the first roller rises. `base` is the base radius, m.
     """
@@ -114,9 +117,9 @@ def _rocker(follower: kinds.OscillatingConjugate, law: Law, base: float) -> list
 
 @dataclass(frozen=True, eq=False)
 class Contour:
-    """Contour of one disc in the cam frame, by the cam angle of its contact.
+    """Contour of one disc in the cam frame, as points by the cam angle of their contact.
 
-    Point i is touched at cam angle i.
+    The follower touches point i at cam angle i.
 
     Parameters
     ----------
@@ -170,9 +173,9 @@ class Contour:
 
 
 def contours(follower: Follower, law: Law, count: int) -> tuple[Contour, ...]:
-    """Return the contours of a cam at `count` equal steps, one per disc.
+    """Return the contours of a cam at `count` equal steps of the cam angle, one per disc.
 
-    Only `check_cam` checks them.
+    They are not checked. `cam_rig.profile.cam_checks.check_cam` checks a cam.
 
     Parameters
     ----------
@@ -181,7 +184,12 @@ def contours(follower: Follower, law: Law, count: int) -> tuple[Contour, ...]:
     law : Law
         Law of the cam.
     count : int
-        Points of each contour.
+        Number of points of each contour.
+
+    Returns
+    -------
+    tuple of Contour
+        One contour, or two for conjugate cams.
 
     Raises
     ------
@@ -201,5 +209,5 @@ def _contours(follower: Follower, law: Law, motion: Motion) -> tuple[Contour, ..
 
 
 def plane(values: ComplexArray) -> FloatArray:
-    """Convert complex numbers to x and y, shape ``(2, n)``."""
+    """Convert n complex numbers x + iy to an array of x and y, shape ``(2, n)``."""
     return np.stack([values.real, values.imag])

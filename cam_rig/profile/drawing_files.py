@@ -1,4 +1,7 @@
-"""Drawings of closed polylines in mm, true to scale (DXF, SVG), and CSV tables."""
+"""Files of contours and laws: drawings true to scale (DXF, SVG), and CSV tables.
+
+A drawing consists of closed polylines in mm.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +25,10 @@ from cam_rig.units import TURN, FloatArray
 MM = 1e3
 #: Free margin of the page around the curves, mm.
 MARGIN_MM = 5.0
-#: Smallest number of decimals of coordinates in mm. It is sufficient for lines of 0.25 mm.
+#: Smallest number of decimals of the coordinates in an SVG drawing, in mm. It is sufficient for
+#: lines of 0.25 mm.
 COARSEST_DIGITS = 2
-#: Page with width (mm), height (mm) and paths.
+#: Template of an SVG page, with its width (mm), its height (mm) and its paths.
 PAGE = """\
 <?xml version="1.0" encoding="utf-8"?>
 <svg xmlns="http://www.w3.org/2000/svg" width="{0}mm" height="{1}mm" viewBox="0 0 {0} {1}">
@@ -73,14 +77,15 @@ def to_document(curves: dict[str, FloatArray]) -> Drawing:
 
 # Contours and laws as CSV: full precision, units in the names of the columns.
 
-#: Columns of a contour.
+#: Columns of a CSV table of a contour. A table of two discs has the column ``disc`` before them.
 HEADER = ("angle_deg", "x_mm", "y_mm", "curvature_radius_mm", "pressure_angle_deg")
 
 
 def write_contour(path: Path, curves: list[ContourPath], count: int) -> None:
     """Write contours as CSV, one row for each of `count` equal steps of the cam angle.
 
-    Two discs have a further column with the number of the disc.
+    The columns are those of `HEADER`. If there are two discs, the first column is the number of the
+    disc, 1 or 2.
     """
     has_discs = len(curves) > 1
     degrees = np.arange(count) * (360.0 / count)

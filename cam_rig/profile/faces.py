@@ -1,4 +1,9 @@
-"""Elements of followers: a circle, a point (a circle of radius 0) or a face."""
+"""Elements of followers that touch a cam: a roller, a point (roller of radius 0) or a face.
+
+An element moves in a straight guide, or is carried by an arm around a pivot. Equation numbers are
+those of the profile thesis. Points are complex numbers x + iy in the frame of the follower's guide
+(`cam_rig.profile.contact`).
+"""
 
 from __future__ import annotations
 
@@ -12,45 +17,46 @@ from cam_rig.units import ComplexArray, FloatArray
 
 
 class Guided(Element):
-    """Element of a follower in a straight guide.
+    """Element (roller, point or face) of a follower in a straight guide.
 
-    The guide passes the cam's axis at a distance of `eccentricity`. The element's position is its
-    height.
+    The guide passes the cam's axis at a distance of `eccentricity`. The position of the element is
+    its height.
     """
 
-    eccentricity: float
-    start: float
-    side: int
+    eccentricity: float  #: distance of the guide from the cam's axis, m
+    start: float  #: height of the element at s = 0, m
+    side: int  #: 1 above the cam, −1 below it
 
     def lift_at(self, position: FloatArray) -> FloatArray:
-        """Return the displacement s (m) of the follower at a height of the element (m)."""
+        """Return the displacement s (m) of the follower at heights of the element (m)."""
         return self.side * (position - self.start)
 
     def stand(self, s: FloatArray) -> ComplexArray:
-        """Return the centre, or the face's point at its guide, at a displacement s (m).
+        """Return the reference point (m) of the element at a displacement s (m).
 
-        The result is in m.
+        It is the centre of the roller, the point, or the point at which the face meets the guide.
         """
         return self.side * (self.eccentricity + 1j * (self.start + self.side * s))
 
     def moves(self, points: ComplexArray) -> ComplexArray:
-        """Return the direction of the guide at each point, a unit vector.
+        """Return the direction in which the follower moves, a unit vector for each point.
 
-        It is the same on either side of the cam.
+        It is the direction of the guide, 1j, and the same at all points and on both sides of the
+        cam.
         """
         return np.full_like(points, 1j)
 
 
 class Swung(Element):
-    """Element of a follower that an arm carries around its pivot.
+    """Element (roller, point or face) of a follower that an arm carries around a pivot.
 
-    Its position is the arc length at the end of the arm.
+    The position of the element is the arc length at the end of the arm.
     """
 
-    arm: float
-    pivot: float
-    start: float
-    side: int
+    arm: float  #: length of the arm, m
+    pivot: float  #: distance of the pivot from the cam's axis, m
+    start: float  #: angle of the arm at s = 0, rad
+    side: int  #: 1 above the line through pivot and axis, −1 below it
 
     def arm_angle(self, s: FloatArray) -> FloatArray:
         """Return the angle of the arm at the pivot (rad) at a displacement s (m).
@@ -60,13 +66,17 @@ class Swung(Element):
         return self.start + self.side * s / self.arm
 
     def lift_at(self, position: FloatArray) -> FloatArray:
-        """Return the displacement s (m) of the follower at an arc length (m)."""
+        """Return the displacement s (m) of the follower at positions of the arm (m).
+
+        The position is the arc length at the end of the arm.
+        """
         return self.side * (position - self.arm * self.start)
 
     def moves(self, points: ComplexArray) -> ComplexArray:
-        """Return the velocity of the follower's material at some points, divided by ṡ.
+        """Return the velocity of the rotating follower at points, divided by ṡ.
 
-        The rotation about the pivot is clockwise as s increases, on both sides of the cam.
+        The points are in the guide's frame, m. The rotation about the pivot is clockwise as s
+        increases, on both sides of the cam.
         """
         return np.asarray(1j * (self.pivot - points) / self.arm)
 
@@ -94,9 +104,9 @@ class GuidedCentre(Guided):
 
     @classmethod
     def on_base(cls, base_radius: float, roller: float, eccentricity: float) -> GuidedCentre:
-        """Return the element whose displacement is 0 on the base circle (eq. 2.19).
+        """Return the roller or point for a cam of a given base radius (eq. 2.19).
 
-        Lengths are in m.
+        It touches the base circle at a displacement of 0. Lengths are in m.
 
         Raises
         ------
@@ -116,7 +126,11 @@ class GuidedCentre(Guided):
         return self.start + self.side * s
 
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact with the cam of a follower that moves by the law."""
+        """Return the contact of the roller or point with the cam at the angles of a motion.
+
+        The result has the point of contact (m), the radius of curvature of the contour (m) and the
+        pressure angle (rad) at each cam angle, for a follower that moves by the law.
+        """
         side, height = self.side, self.height(motion.s)
         up = side * motion.slope - self.eccentricity
         centre = side * (self.eccentricity + 1j * height)
@@ -127,15 +141,18 @@ class GuidedCentre(Guided):
     def place_on(self, points: ComplexArray) -> FloatArray:
         """Return the height (m) of the centre at which the element just touches each point.
 
-        The centre is that of the roller, or the point of a pointed follower. The points are those
-        of a contour, m.
+        The centre is that of the roller, or the tip of a pointed follower. The points are those of
+        a contour, m. The height is −∞ if the roller cannot touch the point.
         """
         square = self.roller**2 - self.offset_from_path(points) ** 2
         height = self.side * points.imag + np.sqrt(np.maximum(square, 0.0))
         return np.asarray(np.where(square >= 0.0, height, -np.inf) if self.roller else height)
 
     def offset_from_path(self, points: ComplexArray) -> FloatArray:
-        """Return the distance (m) of points to the right of the path of the centre."""
+        """Return the distance (m) of points from the straight path of the centre.
+
+        It is positive to the right of the path, as seen from the cam.
+        """
         return np.asarray(self.side * points.real - self.eccentricity)
 
     def clearance(self, s: FloatArray) -> FloatArray:
@@ -174,9 +191,9 @@ class SwungCentre(Swung):
 
     @classmethod
     def on_base(cls, base_radius: float, roller: float, arm: float, pivot: float) -> SwungCentre:
-        """Return the element whose displacement is 0 on the base circle (eq. 2.34).
+        """Return the roller or point for a cam of a given base radius (eq. 2.34).
 
-        Lengths are in m.
+        It touches the base circle at a displacement of 0. Lengths are in m.
 
         Raises
         ------
@@ -194,7 +211,11 @@ class SwungCentre(Swung):
         return cls(roller, arm, pivot, float(np.arccos(cosine)))
 
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact with the cam of a follower that moves by the law."""
+        """Return the contact of the roller or point with the cam at the angles of a motion.
+
+        The result has the point of contact (m), the radius of curvature of the contour (m) and the
+        pressure angle (rad) at each cam angle, for a follower that moves by the law.
+        """
         slope, curvature = motion.slope / self.arm, motion.curvature / self.arm
         out = self.arm * np.exp(-1j * self.side * self.arm_angle(motion.s))
         centre = self.pivot - out
@@ -206,7 +227,8 @@ class SwungCentre(Swung):
     def place_on(self, points: ComplexArray) -> FloatArray:
         """Return the position (m) of the arm at which the element just touches each point.
 
-        The position is the arc length of the arm's end. The points are those of a contour, m.
+        The position is the arc length at the end of the arm. The points are those of a contour, m.
+        The position is −∞ if the roller cannot touch the point.
         """
         arm = self.pivot - points
         arm_angle = -self.side * np.angle(arm)
@@ -218,7 +240,10 @@ class SwungCentre(Swung):
         return np.asarray(self.arm * np.where(cosine <= 1.0, arm_angle, -np.inf), dtype=np.float64)
 
     def offset_from_path(self, points: ComplexArray) -> FloatArray:
-        """Return the distance (m) of points inside the circular path of the centre."""
+        """Return the distance (m) of points from the circular path of the centre.
+
+        It is positive inside the circle around the pivot.
+        """
         return np.asarray(self.arm - np.abs(self.pivot - points), dtype=np.float64)
 
     def clearance(self, s: FloatArray) -> FloatArray:
@@ -261,9 +286,10 @@ class GuidedFace(Guided):
 
     @classmethod
     def on_base(cls, base_radius: float, inclination: float, eccentricity: float) -> GuidedFace:
-        """Return the element whose displacement is 0 on the base circle.
+        """Return the face for a cam of a given base radius.
 
-        Lengths are in m, and the inclination is in rad.
+        It touches the base circle at a displacement of 0. Lengths are in m, and the inclination is
+        in rad.
         """
         start = (base_radius + eccentricity * np.sin(inclination)) / np.cos(inclination)
         return cls(inclination, eccentricity, float(start))
@@ -275,7 +301,11 @@ class GuidedFace(Guided):
         return float(self.start * cosine - self.eccentricity * sine)
 
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact with the cam of a follower that moves by the law."""
+        """Return the contact of the face with the cam at the angles of a motion.
+
+        The result has the point of contact (m), the radius of curvature of the contour (m) and the
+        pressure angle (rad) at each cam angle, for a follower that moves by the law.
+        """
         cosine = self.side * np.cos(self.inclination)
         along = self.side * np.exp(1j * self.inclination)
         distance = self.clearance(motion.s)
@@ -289,7 +319,7 @@ class GuidedFace(Guided):
         )
 
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Return the height (m) in the guide at which the face contains each point.
+        """Return the height (m) of the face in its guide at which it touches each point.
 
         The points are those of a contour, m.
         """
@@ -326,9 +356,9 @@ class SwungFace(Swung):
 
     @classmethod
     def on_base(cls, base_radius: float, arm: float, offset: float, pivot: float) -> SwungFace:
-        """Return the element whose displacement is 0 on the base circle (eq. 2.27).
+        """Return the face for a cam of a given base radius (eq. 2.27).
 
-        Lengths are in m.
+        It touches the base circle at a displacement of 0. Lengths are in m.
 
         Raises
         ------
@@ -345,7 +375,11 @@ class SwungFace(Swung):
         return cls(arm, offset, pivot, float(np.arcsin(reach / pivot)))
 
     def touch(self, motion: Motion) -> Touch:
-        """Return the contact with the cam of a follower that moves by the law."""
+        """Return the contact of the face with the cam at the angles of a motion.
+
+        The result has the point of contact (m), the radius of curvature of the contour (m) and the
+        pressure angle (rad) at each cam angle, for a follower that moves by the law.
+        """
         arm_angle, turn = self.arm_angle(motion.s), 1.0 + motion.slope / self.arm  # dψ/dθ
         slope, curvature = turn - 1.0, motion.curvature / self.arm
         along = np.exp(-1j * arm_angle)
@@ -363,9 +397,10 @@ class SwungFace(Swung):
         )
 
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Return the arc length (m) at which the face contains each point.
+        """Return the position (m) of the arm at which the face touches each point.
 
-        The points are those of a contour, m.
+        The position is the arc length at the end of the arm. The points are those of a contour, m.
+        The position is −∞ if the face cannot touch the point.
         """
         arm = self.pivot - points
         reach = np.abs(arm)
@@ -379,6 +414,6 @@ class SwungFace(Swung):
         return np.asarray(self.pivot * np.sin(self.arm_angle(s)) + self.offset)
 
     def stand(self, s: FloatArray) -> ComplexArray:
-        """Return the face's point at the end of the arm, in m, at a displacement s (m)."""
+        """Return the point (m) of the face at the end of the arm, at a displacement s (m)."""
         face = (self.arm - 1j * self.offset) * np.exp(-1j * self.arm_angle(s))
         return np.asarray(self.pivot - face)

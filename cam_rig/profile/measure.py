@@ -1,7 +1,8 @@
 """Measurement of a finished contour by a follower that rests on it.
 
-The measurement does not use the law. A face or a roller rests on the point of the contour that
-lifts it farthest. A point rests where its path crosses the contour.
+The result is the displacement s of the follower at each cam angle. The law of the cam is not used,
+so the result can be compared with it. A face or a roller rests on the point of the contour that
+lifts it farthest. A pointed follower rests where the path of its tip crosses the contour.
 """
 
 from __future__ import annotations
@@ -23,15 +24,17 @@ from cam_rig.units import TURN, ComplexArray, FloatArray, rms
 
 #: Closed curve in the cam frame: a function of a parameter of period 2π that returns x + iy in m.
 Curve = Callable[[FloatArray], ComplexArray]
-#: Number of points of the contour in the first step of the search for a contact.
+#: Number of points of the contour in the first step of the search for the contact of a follower.
 COARSE_POINTS = 4096
-#: Number of rounds that refine the best point.
+#: Number of rounds that refine the contact point on the contour after the first step.
 ROUNDS = 5
-#: Number of points of each round, between the neighbours of the best point of the previous round.
+#: Number of points of the contour in each round, between the neighbours of the best point of the
+#: previous round.
 ROUND_POINTS = 33
-#: Number of bisections that refine a crossing from 2π/COARSE_POINTS to rounding.
+#: Number of bisections that refine the crossing of a point's path with the contour, from a
+#: parameter step of 2π/COARSE_POINTS to rounding.
 BISECTIONS = 44
-#: Number of cam angles that are processed together. It bounds the memory.
+#: Number of cam angles that are processed together. It limits the memory.
 BLOCK = 64
 
 
@@ -114,10 +117,10 @@ def rest_on_contour(element: Element, curve: Curve, angle: FloatArray) -> FloatA
 def _find_highest(
     element: Element, curve: Curve, outline: ComplexArray, turn: ComplexArray
 ) -> FloatArray:
-    """Return the position (m) of the element at the point that lifts it farthest.
+    """Return the position (m) of a roller or a face that rests on a contour, ``(k,)``.
 
-    The shape is ``(k,)`` for the k turned positions ``turn`` of the contour. ``outline`` are coarse
-    points of the contour.
+    It rests on the point of the contour that lifts it farthest. ``turn`` are the k rotations
+    e^{iθ} of the cam, ``(k, 1)``, and ``outline`` are coarse points of the contour.
     """
     best = np.argmax(element.place_on(outline * turn), axis=1)
     step = TURN / COARSE_POINTS
@@ -133,10 +136,11 @@ def _find_highest(
 def _find_crossing(
     element: GuidedCentre | SwungCentre, curve: Curve, outline: ComplexArray, turn: ComplexArray
 ) -> FloatArray:
-    """Return the position (m) at which the element's path crosses the contour.
+    """Return the position (m) of a pointed follower that rests on a contour, ``(k,)``.
 
-    The farthest crossing counts. The shape is ``(k,)`` for the k turned positions ``turn`` of the
-    contour. The position is −∞ without a crossing. ``outline`` are coarse points of the contour.
+    It is the farthest position at which the path of its tip crosses the contour, or −∞ if there is
+    no crossing. ``turn`` are the k rotations e^{iθ} of the cam, ``(k, 1)``, and ``outline`` are
+    coarse points of the contour.
     """
     points = outline * turn
     right = element.offset_from_path(points) >= 0.0
@@ -153,19 +157,19 @@ def _find_crossing(
     return np.where(crosses[rows, best], position, -np.inf)
 
 
-# Rotation of a contour whose zero direction is unknown.
+# Rotation of a contour from a file that does not state the direction of cam angle 0.
 
-#: Number of cam angles of the first search for the rotation of a contour.
+#: Number of cam angles at which the rotation of a contour is searched for and fitted.
 ALIGN_ANGLES = 720
-#: Number of Gauss-Newton steps that refine the rotation.
+#: Largest number of Gauss-Newton steps that refine the rotation of a contour.
 ALIGN_STEPS = 4
 
 
 def find_rotation(element: Element, curve: Curve, law: Law) -> tuple[float, float]:
     """Return the rotation (rad) that aligns a contour with the law, and the residual.
 
-    The displacement at cam angle θ + rotation is that of the law at θ, by least squares. The
-    residual is the r.m.s. error in m.
+    After the rotation, the displacement of the follower at cam angle θ + rotation is closest to
+    that of the law at θ, by least squares. The residual is the r.m.s. difference in m.
     """
     angle = turn_angles(ALIGN_ANGLES)
     lift, expected, slope = rest_on_contour(element, curve, angle), law(angle), law(angle, 1)
@@ -183,21 +187,23 @@ def find_rotation(element: Element, curve: Curve, law: Law) -> tuple[float, floa
 
 # Faults of the points of a contour that the measured displacement does not show.
 
-#: Step between two points of a contour above which it is a gap, as a multiple of the median step.
-#: Contours written at equal steps of the cam angle stay below 2.
+#: Distance of two neighbouring points of a contour above which it counts as a gap, as a multiple of
+#: the median distance. Contours written at equal steps of the cam angle stay below 2.
 MAX_STEP_RATIO = 10.0
-#: Smallest number of points of a contour.
+#: Smallest number of points of a contour without a warning.
 MIN_POINTS = 36
 
 
-#: Smallest area of a contour, as a fraction of its squared extent: above the rounding of a line.
+#: Smallest area of a contour, as a fraction of the square of its diagonal. A smaller area is the
+#: rounding error of points on a line.
 MIN_AREA_FRACTION = 1e-6
 
 
 def require_axis_inside(points: FloatArray, placement: Placement) -> None:
-    """Raise ProfileError if the points ``(2, n)`` (m) do not enclose the axis, or have no area.
+    """Raise `ProfileError` if a contour does not enclose the cam's axis, or has no area.
 
-    The points are in the frame of the cam. The error has the coordinates of the file.
+    ``points`` ``(2, n)`` (m) are in the frame of the cam. The message contains the coordinates of
+    the file, to which ``placement`` converts them.
     """
     drawn = placement.in_file(points)
     low, high = drawn.min(axis=1), drawn.max(axis=1)
@@ -218,10 +224,10 @@ def require_axis_inside(points: FloatArray, placement: Placement) -> None:
 
 
 def contour_warnings(points: FloatArray, is_table: bool) -> list[str]:
-    """Return warnings about the points of a contour ``(2, n)`` (m).
+    """Return warnings about the points of a contour ``(2, n)`` (m), as texts.
 
-    A contour must not cross itself. The points of a table must have no gaps, and there must be at
-    least `MIN_POINTS` of them, because the spline between them is a guess.
+    A contour must not cross itself. If ``is_table`` is True, the contour between the points is
+    unknown. Then there must be no gaps between them, and at least `MIN_POINTS` points.
     """
     warnings = []
     if not LinearRing(points.T).is_simple:
@@ -245,7 +251,7 @@ def contour_warnings(points: FloatArray, is_table: bool) -> list[str]:
 
 # Backlash of a frame or a rocker that a cam moves both ways.
 
-#: Number of points of a manufactured contour.
+#: Number of points of a contour through which a spline is drawn to compute the backlash.
 CONTOUR_POINTS = 3600
 #: Number of cam angles at which the backlash is computed.
 READINGS = 360
@@ -254,17 +260,26 @@ READINGS = 360
 def backlash(
     elements: tuple[Element, Element], curves: tuple[Curve, Curve], angle: FloatArray
 ) -> FloatArray:
-    """Return the backlash (m of s) of a follower between its two contacts, ``(n,)``.
+    """Return the backlash (m) of a follower that a cam moves in both directions, ``(n,)``.
 
-    ``angle`` are cam angles (rad), ``(n,)``. The backlash is negative if the follower does not fit
-    between the contacts.
+    It is the difference of the displacements s at which the two elements of the follower touch
+    their contours. It is negative if the follower does not fit between them. ``angle`` are cam
+    angles (rad), ``(n,)``.
     """
     low, high = (rest_on_contour(*pair, angle) for pair in zip(elements, curves, strict=True))
     return high - low
 
 
 def both_elements(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
-    """Return the two elements of a follower that the cam moves in both directions."""
+    """Return the two elements of a follower that the cam moves in both directions.
+
+    An element is a roller or a face.
+
+    Raises
+    ------
+    ProfileError
+        The cam moves the follower in one direction only.
+    """
     second = plates[0].opposite if len(plates) == 1 else plates[1].element
     if second is None:
         raise ProfileError(
@@ -274,10 +289,10 @@ def both_elements(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
 
 
 def closure(follower: Follower, law: Law) -> FloatArray:
-    """Return the backlash (m) of a follower moved in both directions, ``(360,)``.
+    """Return the backlash (m) of a follower on its computed contours, ``(360,)``.
 
-    The backlash is computed at `READINGS` cam angles over the turn. The contours are splines
-    through `CONTOUR_POINTS` points.
+    The cam moves the follower in both directions. The backlash is computed at `READINGS` equally
+    spaced cam angles over the turn. The contours are splines through `CONTOUR_POINTS` points.
     """
     cam_contours = contours(follower, law, CONTOUR_POINTS)
     curves = [closed_curve(contour.points) for contour in cam_contours]

@@ -21,24 +21,28 @@ from cam_rig.profile.shapes import bearing, circle, stem, tip
 from cam_rig.schema.cam import CamConfig
 from cam_rig.units import FloatArray
 
-#: Height of a stem's bearing, as a fraction of the follower's reach.
+#: Height of the drawn bearing of a stem, as a fraction of the follower's greatest distance from the
+#: cam's axis.
 BEARING = 0.1
-#: Free height for lift-off below the bearing, as a fraction of the largest lift.
+#: Free height below the drawn bearing for a follower that lifts off, as a fraction of the largest
+#: lift.
 LIFT_OFF = 0.12
-#: Distance of a stem's end above its bearing, as a fraction of the follower's reach.
+#: Distance of a stem's end above its drawn bearing, as a fraction of the follower's greatest
+#: distance from the cam's axis.
 STEM_END = 0.04
 
 
 @dataclass(frozen=True)
 class FollowerShape:
-    """Follower in the plane of a drawing: lengths in m, angles in rad, ``(n,)``.
+    """Outline and position of a follower in the plane of a drawing.
 
-    A follower in a guide along y does not rotate. The lift of an arm is the arc length at its end.
+    Lengths are in m and angles in rad. A follower in a guide along y does not rotate. The lift of
+    an oscillating follower is the arc length at the end of its arm.
 
     Parameters
     ----------
     element : Guided or Swung
-        Element of the first disc.
+        Roller, point or face of the follower that touches the first disc.
     max_lift : float
         Greatest lift of the law in m.
     """
@@ -52,16 +56,18 @@ class FollowerShape:
         return float(np.hypot(*self.place(np.array([self.max_lift]))[0]))
 
     def place(self, lift: FloatArray) -> FloatArray:
-        """Return the roller's centre, the point or the middle of the face, ``(n, 2)``, m.
+        """Return the position (m) of the follower's reference point at each lift, ``(n, 2)``.
 
-        ``lift`` are the lifts of the follower (m), ``(n,)``.
+        It is the centre of the roller, the point, or the point of the face at its guide or at the
+        end of the arm. ``lift`` are the lifts of the follower (m), ``(n,)``.
         """
         return plane(self.element.stand(lift)).T
 
     def contact(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Return the contact points (m) and the unit normals at them, ``(n, 2)`` each.
 
-        The follower moves by the law. The normals point from the cam to the follower.
+        ``motion`` is that of the follower at n cam angles. The normals point from the cam to the
+        follower.
         """
         touch = self.element.touch(motion)
         return plane(touch.contact).T, plane(touch.normal).T
@@ -78,7 +84,8 @@ class FollowerShape:
     def origin(self, lift: FloatArray) -> FloatArray:
         """Return the position (m) of the outline's origin at each lift, ``(n, 2)``.
 
-        It is the pivot of an arm, otherwise the result of `place`.
+        The origin is the point to which `outline` is relative: the pivot of an arm, otherwise the
+        result of `place`. ``lift`` are the lifts of the follower (m), ``(n,)``.
         """
         if isinstance(self.element, Swung):
             return np.tile([self.element.pivot, 0.0], (lift.size, 1))
@@ -92,16 +99,20 @@ class FollowerShape:
         return plane(1j * np.exp(1j * self.turn(lift))).T
 
     def carried(self, points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-        """Move points ``(n, 2)`` (m) with the follower from one lift to another."""
+        """Return points that move with the follower from one lift to another, ``(n, 2)``.
+
+        ``points`` (m) are their positions at the lifts ``start`` (m), ``(n,)``. The results are
+        those at the lifts ``end``.
+        """
         angle = self.turn(end) - self.turn(start)
         (x, y), cosine, sine = (points - self.origin(start)).T, np.cos(angle), np.sin(angle)
         turned: FloatArray = np.column_stack([x * cosine - y * sine, x * sine + y * cosine])
         return self.origin(end) + turned
 
     def outline(self) -> list[FloatArray]:
-        """Return the polylines of the follower's outline, relative to its origin, m.
+        """Return the polylines of the follower's outline in m, relative to its `origin`.
 
-        They show roller, point or face, and the stem or the arm.
+        They show the roller, the point or the face, and the stem or the arm.
         """
         element, half, roller = self.element, 0.03 * self.reach, self.element.roller
         if isinstance(element, SwungFace):
@@ -121,7 +132,11 @@ class FollowerShape:
         return [tip(half, 2.0 * half), stem(half, 2.0 * half, top)]
 
     def in_guide(self) -> list[FloatArray]:
-        """Return the follower's outline with a stem that ends slightly above its bearing."""
+        """Return the follower's outline with a stem that ends slightly above its bearing.
+
+        The polylines are those of `outline` in m, with a shorter stem. An oscillating follower has
+        no stem and is unchanged.
+        """
         if isinstance(self.element, Swung):
             return self.outline()
         bearing_top = max(float(strip[:, 1].max()) for strip in self.support())
@@ -129,9 +144,9 @@ class FollowerShape:
         return [np.column_stack([x, np.minimum(y, end)]) for x, y in (s.T for s in self.outline())]
 
     def support(self) -> list[FloatArray]:
-        """Return the polylines of the stationary parts, m.
+        """Return the polylines of the stationary parts that carry the follower, in m.
 
-        They are the pin of the pivot, or the bearing above all moving parts.
+        They are the pin of the pivot, or the bearing of the stem above all other moving parts.
         """
         top = self.reach
         if isinstance(self.element, Swung):
@@ -141,7 +156,7 @@ class FollowerShape:
 
     @property
     def _bearing(self) -> float:
-        """Height of the bearing's lower edge, m.
+        """Height of the lower edge of the stem's bearing above the cam's axis, m.
 
         It leaves room for a follower that has lifted off.
         """
@@ -150,7 +165,10 @@ class FollowerShape:
 
 
 def follower_shape(cam: CamConfig, law: Law) -> FollowerShape:
-    """Return the shape of a cam's follower for drawings."""
+    """Return the outline and the positions of a cam's follower, for drawings.
+
+    It is the follower of the first disc.
+    """
     element = discs(cam.follower, law)[0].element
     assert isinstance(element, Guided | Swung)
     return FollowerShape(element, extremes(law, 0)[1].value)

@@ -1,7 +1,8 @@
-"""Closed polylines along a path, with few points and a verified chord error.
+"""Closed polylines along a contour or a cutter path, with few points.
 
-A jump of the law's slope or acceleration is a corner or a jump of curvature of the path. The
-polyline has a vertex on each side of it.
+The largest distance of the path from the chords of the polyline (the chord error) is measured and
+kept within a tolerance. A jump of s' or s'' of the law is a corner or a jump of curvature of the
+path. The polyline has a vertex just before and just after it.
 """
 
 from __future__ import annotations
@@ -29,26 +30,33 @@ class ContourPath:
     It is the contour, the pitch curve or the path of a cutter.
     """
 
-    name: str
-    disc: Disc
-    law: Law
-    offset: float = 0.0
+    name: str  #: name of the path in a drawing, such as CAM or PITCH
+    disc: Disc  #: disc of the cam
+    law: Law  #: motion law of the cam
+    offset: float = 0.0  #: distance from the contour, m
 
     def at(self, angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the path's points at cam angles (rad), its radii and pressure angles.
+        """Return points, radii of curvature and pressure angles of the path.
 
-        The results are points ``(2, n)`` in m, radii of curvature in m and pressure angles in rad.
+        `angle` are n cam angles (rad). The results are points ``(2, n)`` in m, radii of curvature
+        of the path ``(n,)`` in m, and pressure angles ``(n,)`` in rad.
         """
         return self.of(Motion.at(self.law, angle))
 
     def of(self, motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return points, radii and pressure angles as `at`, for the angles of a motion."""
+        """Return points, radii of curvature and pressure angles of the path.
+
+        `motion` is that of the follower at n cam angles. The results are those of `at`.
+        """
         contour = Contour.of(self.disc, motion)
         points = contour.points + self.offset * contour.normal
         return points, contour.radius + self.offset, contour.pressure
 
     def require_room(self) -> None:
-        """Raise a `ProfileError` if the cutter is too large for a concave part."""
+        """Raise a `ProfileError` if a cutter is too large for a concave part of the contour.
+
+        The radius of the cutter is `offset`.
+        """
         concave = sharpest_concave(Scan(self.law, self.disc.element))
         if concave is not None and concave.value <= self.offset:
             raise ProfileError(
@@ -61,10 +69,10 @@ class ContourPath:
 def contour_paths(
     follower: Follower, law: Law, kind: str = "CAM", offset: float = 0.0
 ) -> list[ContourPath]:
-    """Return closed paths `offset` (m) outside a cam's contours, one per disc.
+    """Return closed paths at a distance `offset` (m) outside a cam's contours.
 
-    An offset of 0 gives the contours, an offset of the cutter's radius the path of a cutter. The
-    name of a path starts with `kind`.
+    The result has one path per disc. An offset of 0 gives the contours, an offset of the cutter's
+    radius gives the path of a cutter. The name of a path starts with `kind`.
     """
     return [
         ContourPath(f"{kind}_{disc.name.upper()}" if disc.name else kind, disc, law, offset)
@@ -75,7 +83,13 @@ def contour_paths(
 def pitch_paths(follower: Follower, law: Law) -> list[ContourPath]:
     """Return the pitch curves of a cam, one per disc.
 
-    Those of a point follower are the contours.
+    A pitch curve is the path of the roller's centre in the cam frame. For a point follower it is
+    the contour.
+
+    Raises
+    ------
+    ConfigError
+        If the follower has a flat face.
     """
     paths = contour_paths(follower, law, "PITCH", follower.roller)
     if isinstance(paths[0].disc.element, GuidedFace | SwungFace):
@@ -86,31 +100,31 @@ def pitch_paths(follower: Follower, law: Law) -> list[ContourPath]:
     return paths
 
 
-#: Number of samples of the path from which the number of chords is estimated.
+#: Number of samples of the path per turn, from which the number of chords is estimated.
 PATH_SAMPLES = 8192
-#: Number of samples of each chord at which the chord error is measured.
+#: Number of samples of the path per chord, at which the chord error is measured.
 CHORD_SAMPLES = 12
-#: Longest chord as a fraction of the path. It gives straight parts vertices too.
+#: Longest chord as a fraction of the length of the path, so that straight parts have vertices too.
 MAX_CHORD_RATIO = 1.0 / 90.0
-#: Factor of the number of points from one trial to the next.
+#: Smallest factor by which the number of points is increased if the tolerance is not reached.
 POINTS_FACTOR = 1.08
-#: Largest number of trials to reach the tolerance.
+#: Largest number of trials to reach the tolerance, each with more points.
 MAX_TRIALS = 12
-#: Smallest accepted tolerance of the chords, m. Shorter distances are within the rounding of a
+#: Smallest accepted tolerance of the chord error, m. Shorter distances are within the rounding of a
 #: coordinate of 1 m.
 MIN_TOLERANCE = 1e-11
-#: Samples of a smooth stretch: cam angles (rad), steps of the path between them (m), curvature
-#: (1/m).
+#: Samples of a smooth part of a path: cam angles (rad), distances between neighbouring points (m),
+#: and curvatures between them (1/m).
 Samples = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def polyline(path: ContourPath, tolerance: float) -> FloatArray:
-    """Return points ``(2, n)`` (m) on a path, whose chords are within a tolerance.
+    """Return the vertices ``(2, n)`` (m) of a closed polyline along a path.
 
     Parameters
     ----------
     path : ContourPath
-        The path.
+        Contour, pitch curve or path of a cutter.
     tolerance : float
         Greatest distance between the path and a chord in m, at least `MIN_TOLERANCE`.
 
@@ -135,10 +149,10 @@ def polyline(path: ContourPath, tolerance: float) -> FloatArray:
 
 
 def _samples(path: ContourPath, low: float, high: float) -> Samples:
-    """Return samples of a smooth stretch of a path from `low` to just before `high`.
+    """Return samples of a smooth part of a path from cam angle `low` to `high` (rad).
 
-    Both limits are cam angles in rad. The samples are angles (rad), distances of neighbours (m) and
-    curvatures (1/m). At `high` the law can already be that of the next stretch.
+    They are the cam angles (rad), the distances of neighbouring points (m) and the curvatures
+    between them (1/m). The last angle is just below `high`, where the law may jump.
     """
     count = max(CHORD_SAMPLES, round(PATH_SAMPLES * (high - low) / TURN))
     angle = np.linspace(low, np.nextafter(high, low), count + 1)
@@ -149,10 +163,10 @@ def _samples(path: ContourPath, low: float, high: float) -> Samples:
 
 
 def _line(path: ContourPath, samples: Samples, longest: float, tolerance: float) -> FloatArray:
-    """Return the points of the polyline on a smooth stretch, both ends included.
+    """Return the vertices ``(2, n)`` (m) of a polyline along a smooth part of a path.
 
-    `longest` is the greatest length of a chord, `tolerance` its greatest distance from the path,
-    both in m.
+    Both ends of the part are included. `longest` is the greatest length of a chord, and `tolerance`
+    is its greatest distance from the path, both in m.
     """
     angle, step, curvature = samples
     chords = step * np.maximum(np.sqrt(curvature / (8.0 * tolerance)), 1.0 / longest)
@@ -172,10 +186,10 @@ def _line(path: ContourPath, samples: Samples, longest: float, tolerance: float)
 
 
 def _chord_error(path: ContourPath, nodes: FloatArray) -> tuple[FloatArray, float]:
-    """Return the points of a path at some cam angles, and the chord error (m).
+    """Return the points of a path at cam angles, and the chord error between them (m).
 
-    `nodes` are the angles, rad. The error is the largest distance of the path from the chords
-    between the points.
+    `nodes` are n cam angles, rad. The points are ``(2, n)`` in m. The chord error is the largest
+    distance of the path from the chords between the points.
     """
     fraction = np.arange(CHORD_SAMPLES) / CHORD_SAMPLES
     angle = nodes[:-1, None] + fraction * np.diff(nodes)[:, None]

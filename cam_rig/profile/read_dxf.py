@@ -46,46 +46,48 @@ from cam_rig.profile.contour_files import (
 from cam_rig.schema.quantity import UNITS
 from cam_rig.units import FloatArray
 
-#: Name of each unit of the header variable $INSUNITS that is accepted.
+#: Names of the accepted units of a drawing (DXF header variable $INSUNITS).
 UNIT_NAMES = {units.MM: "mm", units.CM: "cm", units.M: "m", units.IN: "in"}
-#: Types of entities of which a contour can consist.
+#: Types of DXF entities of which a contour can consist.
 CURVES = (Line, Arc, Circle, Ellipse, Spline, LWPolyline, Polyline)
-#: Largest number of entities of a drawing, including those of its blocks.
+#: Largest accepted number of entities of a drawing, including those of its blocks.
 MAX_ENTITIES = 100_000
-#: Largest distance of an arc or a spline from its chords, m: below the errors of a machine.
+#: Largest distance of an arc or a spline from the chords that replace it, m. It is below the errors
+#: of a machine tool.
 ARC_ERROR = 1e-9
-#: Smallest number of points of a curve with arcs. A spline through only the ends of its straight
-#: parts would bulge.
+#: Smallest number of points of a curve with arcs or splines. Its straight parts are divided into
+#: many points, because a spline through only their ends would bulge.
 ARC_POINTS = 20_000
-#: Number of thirds of the Bézier curves that replace an arc. 32 Bézier curves have an error of 1e-9
-#: radii.
+#: Number of Bézier curves with which `ezdxf.path.make_path` replaces a circle, an arc or an
+#: ellipse. An arc of a polyline gets a third of them, 32, whose error is at most 1e-9 of the
+#: radius.
 ARC_SEGMENTS = 96
 #: Number of points of a curve at which its refinement stops.
 MAX_POINTS = 1_000_000
-#: Largest distance (m) of ends of entities that are joined. Programs write 3 to 16 decimals of mm.
+#: Largest distance (m) between the ends of two entities that are joined. Programs write 3 to 16
+#: decimals of mm.
 JOIN_DISTANCE = 5e-6
-#: Largest difference of the radii of a circle around the axis, m.
+#: Largest difference of the distances of a curve's points from the cam's axis (m) with which the
+#: curve counts as a circle around the axis.
 MAX_ECCENTRICITY = 1e-6
-#: Largest radius of a bore with its keyway, as a fraction of the smallest radius of its cam. A
-#: contour inside of its pitch curve is larger: its roller is seldom larger than the cam.
+#: Largest radius of a bore with its keyway, as a fraction of the smallest radius of the curve
+#: around it. A larger curve may be a contour inside of its pitch curve, because a roller is seldom
+#: larger than its cam.
 MAX_BORE_RATIO = 0.5
-#: Smallest number of straight lines of a closed curve that can be a contour. If there are other
-#: curves, a curve with fewer lines is a frame or a keyway.
+#: Smallest number of lines of a closed curve of straight lines that can be a contour. If the
+#: drawing has other curves, a curve with fewer lines counts as a frame or a keyway.
 MIN_LINES = 12
 
 
 @dataclass
 class _Curve:
-    """Curve of one entity of a drawing, or of several joined entities.
+    """Curve of one entity of a drawing, or of several joined entities."""
 
-    `points` are `(n, 2)` in m of the drawing. `is_exact` is True if there are arcs or splines in
-    it, so that its lines are straight. `tilted` names an entity of it that is not in a plane of
-    constant z, or is empty.
-    """
-
-    points: FloatArray
+    points: FloatArray  #: points in the frame of the drawing, `(n, 2)`, m
+    #: True if the curve contains arcs or splines. Its lines are then straight parts of the contour,
+    #: and not chords of a curve.
     is_exact: bool
-    tilted: str = ""
+    tilted: str = ""  #: text on an entity that is not in a plane of constant z, or empty
 
     @property
     def is_closed(self) -> bool:
@@ -97,7 +99,11 @@ class _Curve:
         return len(self.points) > 2 and gap <= JOIN_DISTANCE
 
     def outline(self) -> FloatArray:
-        """Return the points `(2, n)` of a closed curve, without a repeated first point."""
+        """Return the points `(2, n)` (m) of a closed curve, each once.
+
+        The first point is not repeated at the end. A curve with arcs or splines has at least
+        `ARC_POINTS` points.
+        """
         points = self.points
         if self.is_exact:
             length = float(np.hypot(*np.diff(points, axis=0).T).sum())
@@ -111,10 +117,10 @@ def read_dxf(
     layer: str | None = None,
     count: int | None = None,
 ) -> ContourFile:
-    """Read the closed curves of a drawing, in the file's order.
+    """Read the closed curves of a DXF drawing, which may be contours of a cam.
 
-    Curves are closed polylines, circles, ellipses and splines, and chains of lines, arcs, splines
-    and open polylines whose ends meet. Blocks are resolved.
+    Closed curves are closed polylines, circles, ellipses and splines, and chains of lines, arcs,
+    splines and open polylines whose ends meet. Blocks are resolved.
 
     Parameters
     ----------
@@ -123,10 +129,11 @@ def read_dxf(
     placement
         Unit of a drawing without one, axis and zero direction.
     layer
-        Only this layer is read, even if it is off or frozen. By default, all visible entities.
+        Name of the only layer that is read, even if it is off or frozen. By default all visible
+        entities are read.
     count
-        Number of contours that are wanted. If there are more, the frame of the drawing, and
-        those inside of another, such as a bore, are left out.
+        Number of contours of the cam. If the drawing has more closed curves, its frame, and curves
+        inside of another such as a bore, are left out (default: all curves are returned).
 
     Raises
     ------
@@ -184,7 +191,7 @@ def read_dxf(
 
 
 def _is_centred(points: FloatArray) -> bool:
-    """Return True if points `(2, n)` are on a circle around the axis.
+    """Return True if points `(2, n)` (m) are on a circle around the cam's axis.
 
     Such a contour is that of a cam without lift.
     """
@@ -194,8 +201,9 @@ def _is_centred(points: FloatArray) -> bool:
 def _is_cam_inside(points: FloatArray, outline: FloatArray) -> bool:
     """Return True if a curve inside of an outline could be the contour of the cam.
 
-    A circle around the axis is not, and neither is a bore with a keyway, which is small. A circle
-    as the outline may be the blank of any cam.
+    Both are points `(2, n)` (m) in the frame of the cam. A circle around the axis is not a contour,
+    and neither is a small curve, which is a bore with a keyway. If the outline is a circle around
+    the axis, it may be the blank of the cam, and a curve inside of it may have any size.
     """
     radius, outer = float(np.hypot(*points).max()), np.hypot(*outline)
     is_large = _is_centred(outline) or radius > MAX_BORE_RATIO * outer.min()
@@ -203,7 +211,8 @@ def _is_cam_inside(points: FloatArray, outline: FloatArray) -> bool:
     return bool(is_inside and is_large and encloses_axis(points) and not _is_centred(points))
 
 
-#: Errors that ezdxf raises for damaged files: it reads tags before it checks the structure.
+#: Errors that ezdxf raises for damaged files. It raises many types, because it reads the tags of a
+#: file before it checks their structure.
 DAMAGE_ERRORS = (
     *(OSError, DXFError, ValueError, ArithmeticError, LookupError),
     *(AttributeError, AssertionError, StopIteration),
@@ -213,7 +222,13 @@ logging.getLogger("ezdxf").addHandler(logging.NullHandler())
 
 
 def _read_drawing(path: Path) -> tuple[Drawing, list[DXFEntity]]:
-    """Return a drawing and the entities of its model space, including those of blocks."""
+    """Return a drawing and the curve entities of its model space and its blocks.
+
+    Raises
+    ------
+    ProfileError
+        If the file does not exist, cannot be read, or has too many entities.
+    """
     try:
         data = read_bytes(path, MAX_BYTES)  # rejects large files, pipes and devices
         document = ezdxf.readfile(path)
@@ -221,7 +236,7 @@ def _read_drawing(path: Path) -> tuple[Drawing, list[DXFEntity]]:
             document.units = 0
         drawn = [e for e in document.modelspace() if isinstance(e, (*CURVES, Insert))]
         count = _count_entities(document, drawn, {})
-        every = disassemble.recursive_decompose(drawn)  # without dimensions and hatches
+        every = disassemble.recursive_decompose(drawn)  # expands the blocks
         entities = list(islice(every, MAX_ENTITIES + 1 if count <= MAX_ENTITIES else 0))
     except FileNotFoundError:
         raise ProfileError(f"{path}: no such file") from None
@@ -238,10 +253,10 @@ def _read_drawing(path: Path) -> tuple[Drawing, list[DXFEntity]]:
 def _count_entities(
     document: Drawing, entities: Iterable[DXFEntity], of_blocks: dict[str, int]
 ) -> int:
-    """Return the number of entities, including those of blocks.
+    """Return the number of entities, including those of blocks, without expanding them.
 
-    The blocks are not drawn. An empty block counts as an entity. `of_blocks` has the numbers of the
-    blocks that were counted.
+    An empty block counts as an entity. `of_blocks` stores the number of entities of each block that
+    has been counted, by its name.
     """
     total = 0
     for entity in entities:
@@ -301,7 +316,10 @@ def _select_layer(path: Path, entities: list[DXFEntity], layer: str) -> list[DXF
 
 
 def _without_duplicates(curves: list[_Curve]) -> list[_Curve]:
-    """Return the curves without repeated curves, in either direction."""
+    """Return the curves without those that repeat another one.
+
+    A curve with the same points in the opposite order is a repetition too.
+    """
     distinct = dict[bytes, _Curve]()
     for curve in curves:
         if curve.points[::-1].tobytes() not in distinct:
@@ -310,7 +328,11 @@ def _without_duplicates(curves: list[_Curve]) -> list[_Curve]:
 
 
 def _read_curve(path: Path, entity: DXFGraphic, factor: float) -> _Curve:
-    """Return an entity as a curve. `factor` is the drawing's unit in m."""
+    """Return an entity of a drawing as a curve.
+
+    `factor` is the unit of the drawing in m. `path` is the file in the message of a `ProfileError`
+    for an entity that cannot be read.
+    """
     try:
         return _convert_to_curve(path, entity, factor)
     except ProfileError:
@@ -340,10 +362,11 @@ def _convert_to_curve(path: Path, entity: DXFGraphic, factor: float) -> _Curve:
 
 
 def _flatten(path: Path, entity: Spline, factor: float) -> FloatArray:
-    """Return points `(n, 2)` of a spline (m) whose chords are within `ARC_ERROR` of it.
+    """Return points `(n, 2)` (m) of a spline whose chords are within `ARC_ERROR` of it.
 
-    Each chord is divided into thirds until the spline at both thirds is that near. A cubic curve
-    that is on its chord there is straight.
+    Each chord is divided into thirds until the distance of the spline from the chord at both thirds
+    is at most `ARC_ERROR`. A cubic curve that is on its chord at both thirds is straight. `factor`
+    is the unit of the drawing in m.
     """
     tool = entity.construction_tool()
     control = factor * np.array([(p.x, p.y) for p in tool.control_points])
@@ -357,7 +380,7 @@ def _flatten(path: Path, entity: Spline, factor: float) -> FloatArray:
     # the outer knots of an unclamped spline lie beyond its range
     parameters = np.unique(knots[degree : len(knots) - degree])
     points = _evaluate(spline, parameters)
-    divided = np.arange(len(parameters) - 1)  # chords that are not known to be short enough
+    divided = np.arange(len(parameters) - 1)  # indices of the chords that are still to be checked
     while divided.size and len(parameters) < MAX_POINTS:
         thirds = (
             parameters[divided, None]
@@ -380,7 +403,10 @@ def _flatten(path: Path, entity: Spline, factor: float) -> FloatArray:
 
 
 def _evaluate(spline: BSpline, parameters: FloatArray) -> FloatArray:
-    """Return points `(n, 2)` of a spline with homogeneous coordinates at parameters."""
+    """Return points `(n, 2)` of a rational spline at n parameter values.
+
+    `spline` has homogeneous coordinates (x w, y w, w) with the weight w.
+    """
     x, y, weight = spline(parameters).T
     return np.column_stack([x / weight, y / weight])
 
@@ -393,9 +419,9 @@ def _no_points_error(path: Path, entity: DXFEntity) -> ProfileError:
 
 
 def _describe_tilt(entity: DXFEntity, z: FloatArray) -> str:
-    """Return a text on an entity whose coordinate z (m) varies, else an empty text.
+    """Return a text on an entity that is not parallel to the xy plane, or an empty text.
 
-    The text contains the name of the entity and the range of z.
+    `z` are its coordinates z in m. The text contains the name of the entity and the range of z.
     """
     height = float(np.ptp(z))
     if height <= MAX_HEIGHT:
@@ -408,13 +434,14 @@ def _name(entity: DXFEntity) -> str:
 
 
 def _join_chains(loose: list[_Curve]) -> tuple[list[_Curve], str]:
-    """Join curves whose ends meet to closed chains.
+    """Join open curves whose ends meet to closed curves.
 
-    Returns the chains, and a text on the ends that do not meet.
+    Returns the closed curves, and a text on the chains that remain open, for a message. The text is
+    empty if there are none.
     """
     if not loose:
         return [], ""
-    # end 2i is the start of curve i, end 2i + 1 its end
+    # Row 2i contains the first point of curve i, row 2i + 1 its last point.
     ends = np.array([[curve.points[0], curve.points[-1]] for curve in loose]).reshape(-1, 2)
     tree = cKDTree(ends)
     meeting = [tree.query_ball_point(end, JOIN_DISTANCE) for end in ends]
@@ -441,9 +468,11 @@ def _join_chains(loose: list[_Curve]) -> tuple[list[_Curve], str]:
 
 
 def _walk(tip: int, meeting: Sequence[list[int]], free: set[int]) -> list[int]:
-    """Walk along curves whose ends meet, from the end `tip` on.
+    """Follow a chain of curves whose ends meet, from the end `tip` on.
 
-    Returns the ends at which the curves are entered. These curves are removed from `free`.
+    Ends are numbered: 2i is the start of curve i, 2i + 1 its end. `meeting` contains the numbers of
+    the ends at the position of each end, and `free` the indices of the curves that are not yet in
+    a chain. Returns the ends at which the chain enters the curves, which are removed from `free`.
     """
     entered = []
     while (end := next((e for e in meeting[tip] if e // 2 in free), None)) is not None:
@@ -454,7 +483,11 @@ def _walk(tip: int, meeting: Sequence[list[int]], free: set[int]) -> list[int]:
 
 
 def _select_outer(every: list[_Curve]) -> list[_Curve]:
-    """Return the curves that are not inside of another curve, without frames."""
+    """Return the curves that are not inside of another curve, without frames.
+
+    A frame is a curve of few straight lines (see `MIN_LINES`). A curve is inside of another one if
+    its bounding box is.
+    """
     shaped = [curve for curve in every if curve.is_exact or len(curve.points) > MIN_LINES]
     curves = shaped or every
     boxes = [np.array([c.points.min(axis=0), c.points.max(axis=0)]) for c in curves]
@@ -466,9 +499,10 @@ def _select_outer(every: list[_Curve]) -> list[_Curve]:
 
 
 def _describe_contents(document: Drawing, layer: str | None) -> str:
-    """Return the number of entities of each kind in a drawing as text.
+    """Return a text with the number of entities of each type in a drawing.
 
-    The text also states what is needed.
+    The text also states the entities that are needed. It is part of a message for a drawing without
+    a closed curve. `layer` is the only layer that was read, or None.
     """
     counts = Counter(entity.dxftype() for entity in document.modelspace())
     listed = ", ".join(f"{count} {kind}" for kind, count in counts.most_common(8)) or "nothing"

@@ -1,4 +1,4 @@
-"""Plane shapes of a cam and its follower as polylines."""
+"""Plane shapes for drawings of a cam and its follower, as polylines."""
 
 from __future__ import annotations
 
@@ -16,31 +16,45 @@ def circle(radius: float, points: int = 96) -> FloatArray:
 
 
 def close_outline(points: FloatArray) -> FloatArray:
-    """Return an outline ``(n + 1, 2)`` with its first point repeated at the end."""
+    """Return an outline ``(n, 2)`` with its first point repeated at the end.
+
+    The shape of the result is ``(n + 1, 2)``.
+    """
     return np.vstack([points, points[:1]])
 
 
 def stem(half: float, foot: float, top: float) -> FloatArray:
-    """Return a box ``(5, 2)`` about the y axis from `foot` to `top`, in any unit."""
+    """Return a follower's stem as a closed box ``(5, 2)``, in any unit.
+
+    The box is symmetric about the y axis, with half the width `half`, from y = `foot` to `top`.
+    """
     return np.array([[-half, top], [-half, foot], [half, foot], [half, top], [-half, top]])
 
 
 def tip(half: float, height: float) -> FloatArray:
-    """Return a knife edge that ends in the origin, shape ``(3, 2)``, in any unit."""
+    """Return a pointed tip as a polyline ``(3, 2)``, in any unit.
+
+    The tip is in the origin. The other ends are at x = ± `half` and y = `height`.
+    """
     return np.array([[-half, height], [0.0, 0.0], [half, height]])
 
 
 def bearing(centre: float, inner: float, outer: float, low: float, high: float) -> list[FloatArray]:
-    """Return the two boxes of a bearing on either side of x = `centre`, in any unit."""
+    """Return a guide bearing as two closed boxes on either side of x = `centre`.
+
+    In x each box extends from a distance of `inner` to `outer` from the centre, in y from `low` to
+    `high`, in any unit.
+    """
     right = np.array([[inner, low], [outer, low], [outer, high], [inner, high], [inner, low]])
     middle = np.array([centre, 0.0])
     return [middle + right, middle + right * (-1.0, 1.0)]
 
 
 def rotate(points: FloatArray, angle: float) -> FloatArray:
-    """Convert points ``(n, 2)`` of the cam frame to the rig's frame.
+    """Rotate points ``(n, 2)`` counterclockwise by a cam angle (rad).
 
-    The cam angle is in rad, and the follower is on +y.
+    It converts points of the cam frame to the stationary frame of the rig, in which the follower is
+    on +y.
     """
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.asarray(points @ np.array([[cosine, sine], [-sine, cosine]]))
@@ -56,31 +70,31 @@ def distances(points: FloatArray, strip: FloatArray) -> FloatArray:
     return np.asarray(np.hypot(away[:, :, 0], away[:, :, 1]).min(axis=1))
 
 
-#: Angle between two numbers of the ring, degrees.
+#: Angle between two numbers of the ring of degrees around a drawn cam, degrees.
 NUMBER_STEP = 30
-#: Angle between two ticks of the ring, degrees.
+#: Angle between two ticks of the ring of degrees around a drawn cam, degrees.
 TICK_STEP = 10
-#: Radius of the end of a short tick, as a multiple of the ring's radius.
+#: Radius of the outer end of a short tick, as a multiple of the radius of the ring of degrees.
 SHORT_TICK = 1.03
-#: Radius of the end of a long tick, as a multiple of the ring's radius.
+#: Radius of the outer end of a long tick, as a multiple of the radius of the ring of degrees.
 LONG_TICK = 1.07
-#: Radius of the middle of a number, as a multiple of the ring's radius.
+#: Radius of the middle of a number, as a multiple of the radius of the ring of degrees.
 NUMBER_RADIUS = 1.17
 #: Number of polylines that fill the picture of a cam. They are few, because browsers without a
 #: graphics card are slow.
 SHELLS = 6
-#: Number of points of each of these polylines.
+#: Number of points of each polyline that fills the picture of a cam.
 SHELL_POINTS = 60
 #: Start and end of the arc that shows the cam's direction of rotation, degrees.
 ARROW_ARC_DEG = (150.0, 390.0)
-#: Size of the arrow's head, as a fraction of the arc's radius.
+#: Size of the head of the arrow that shows the rotation, as a fraction of the radius of its arc.
 BARB_RATIO = 0.28
 
 
 def ring(radius: float) -> list[FloatArray]:
-    """Return the polylines of the ring of degrees, with ticks every 10°.
+    """Return the polylines of a ring of degrees around a cam, with ticks every 10°.
 
-    The ticks are longer every 30°.
+    The ticks are longer every 30°. The first polyline is the circle, the others are the ticks.
     """
     ticks = []
     for degrees in range(0, 360, TICK_STEP):
@@ -90,9 +104,10 @@ def ring(radius: float) -> list[FloatArray]:
 
 
 def ring_numbers(radius: float) -> tuple[FloatArray, list[str]]:
-    """Return the positions ``(11, 2)`` and the texts of the numbers on the ring.
+    """Return the positions ``(11, 2)`` and the texts of the numbers on a ring of degrees.
 
-    The ring shows degrees. The number 0 is left out, because the follower is at that position.
+    `radius` is that of the ring. The number 0 is left out, because the follower is at that
+    position.
     """
     degrees = range(NUMBER_STEP, 360, NUMBER_STEP)
     centres = np.array([_direction(number) for number in degrees]) * NUMBER_RADIUS * radius
@@ -113,9 +128,10 @@ def rotation_arrow(radius: float) -> list[FloatArray]:
 
 
 def body(outline: FloatArray) -> tuple[list[FloatArray], float]:
-    """Return polylines ``(n, 2)`` that fill an outline, and half their stroke width.
+    """Return closed polylines ``(n, 2)`` that fill an outline, and half their line width.
 
-    The polylines are closed. The outline surrounds the origin.
+    Drawn with this line width, they cover the area inside of the outline, which surrounds the
+    origin. Both are in the unit of the outline.
     """
     outline = outline[np.linspace(0, len(outline) - 1, SHELL_POINTS + 1).astype(int)]
     radii = np.hypot(*outline.T)
@@ -125,6 +141,9 @@ def body(outline: FloatArray) -> tuple[list[FloatArray], float]:
 
 
 def _direction(degrees: float) -> FloatArray:
-    """Return the unit vector of an angle of the ring: 0° up, then counterclockwise."""
+    """Return the unit vector at an angle of the ring of degrees.
+
+    0° is up (+y), and the angle increases counterclockwise.
+    """
     angle = math.radians(degrees)
     return np.array([-math.sin(angle), math.cos(angle)])

@@ -1,7 +1,8 @@
 """Table of all quantities, shared by designs, campaigns and the Python API.
 
-A name has one meaning everywhere. A name with ``_rigid`` belongs to one rigid mass that stays on
-the cam, so a limit that a design keeps is also kept in a campaign of the same cam.
+A design optimises a law, and a campaign evaluates many rigs with varied numbers. A name has one
+meaning everywhere. A name with ``_rigid`` belongs to one rigid mass that stays on the cam, so a
+limit that a design keeps is also kept in a campaign of the same cam.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ _TORQUE = {"N*m": 1.0, "Nm": 1.0, "N·m": 1.0, "mN*m": 1e-3}
 _UPPER: tuple[Sense, ...] = ("<=",)
 _LOWER: tuple[Sense, ...] = (">=",)
 _BOTH: tuple[Sense, ...] = ("<=", ">=")
-#: Derivatives of s by order: name, title, divisor of the unit, and units with factors to SI.
+#: First three derivatives of s with respect to the cam angle: name, title, divisor of the unit, and
+#: accepted units with their factors to SI.
 _DERIVATIVES = tuple(
     (name, title, over, {f"mm{over}": 1e-3, f"m{over}": 1.0, f"um{over}": 1e-6})
     for name, title, over in (
@@ -38,7 +40,8 @@ _jump = partial(LawQuantity, unit="rpm", units=SPEED_UNITS, senses=_LOWER, campa
 _at_speed = partial(LawQuantity, where="rpm")
 _of_run = partial(_at_speed, campaign=True, of_run=True)
 
-#: Quantities that a design can optimise or limit. Campaigns can measure some of them, too.
+#: Quantities that a design can optimise or limit. Campaigns can measure those with ``campaign``
+#: True.
 _DESIGN = (
     _jump("jump_speed", "jump speed from rest",
           value=lambda subject, *_: values.jump(
@@ -82,7 +85,8 @@ _DESIGN = (
     ),
 )  # fmt: skip
 
-#: Quantities that only campaigns measure: of steady runs of the scene's model, and of whole turns.
+#: Quantities that only campaigns measure. They are those of steady turns with the scene's follower
+#: model, the steady residual vibration and the twist of the shaft.
 _MEASURED = (
     _at_speed("residual_vibration_steady",
               "residual vibration of one mass on its stem in steady state", "um", _LENGTH,
@@ -102,7 +106,7 @@ _MEASURED = (
 QUANTITIES: Mapping[str, LawQuantity] = {q.name: q for q in (*_DESIGN, *_MEASURED)}
 #: Quantities that can be a goal or a limit of a design.
 DESIGN_QUANTITIES = {name: q for name, q in QUANTITIES.items() if q.senses}
-#: Model of a scene -> description of its moving parts, for titles.
+#: Description of the moving parts of each follower model, by the name of the model, for titles.
 MOVING_PARTS = {
     "kinetostatic": "one rigid mass held on the cam",
     "one_mass": "one rigid mass free to leave the cam",
@@ -114,9 +118,10 @@ MOVING_PARTS = {
 
 @cache
 def campaign_quantities(model: str) -> Mapping[str, LawQuantity]:
-    """Return the quantities that a campaign can measure in a scene with a model.
+    """Return the quantities by name that a campaign can measure with a follower model.
 
-    Titles name the model, and limits are allowed on both sides.
+    ``model`` is the name of the scene's model. The titles of quantities that depend on the model
+    describe its moving parts. Upper and lower limits are allowed.
     """
     quantities = {}
     for quantity in QUANTITIES.values():

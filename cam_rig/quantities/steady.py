@@ -1,9 +1,10 @@
-"""Steady turns of a scene's model at one speed: forces, sound level and lift-offs.
+"""Steady turns of a scene's follower model at one speed: forces, sound level, lift-offs.
 
-If the follower keeps contact, the periodic state is the solution of one linear system, and the
-extreme forces are exact, also between samples. If it lifts off, turns are simulated from rest until
-a turn no longer changes the state. If the state does not become steady within `MAX_FORCE_TURNS`
-turns, the turns after them are measured and reported as not steady.
+A turn of the cam is steady if the turns after it repeat it. If the follower keeps contact, the
+periodic state is the solution of one linear system, and the extreme forces are exact, also between
+samples. If it lifts off, turns are simulated from rest until a turn no longer changes the state. If
+the state does not become steady within `MAX_FORCE_TURNS` turns, the turns after them are evaluated
+and reported as not steady.
 """
 
 from __future__ import annotations
@@ -40,22 +41,23 @@ from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.simulation.simulate import TransientFilter, simulate, simulate_ticks, step_levels
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
-#: Sample rate (Hz) of simulated turns whose samples are not used. It is the smallest rate.
+#: Sample rate (Hz) of simulated turns whose samples are not used. It is the smallest possible rate.
 UNMEASURED_RATE_HZ = 1
-#: Largest number of samples of a tick, little more than fits in the cache of a core.
+#: Largest number of samples of a tick (one time step of a run). They are little more than fit in
+#: the cache of a core.
 MAX_TICK_SAMPLES = 1 << 15
-#: Index of the contact force among the outputs of the model of a mass on its stem.
+#: Index of the contact force among the outputs of the model `elastic_stem`.
 FORCE_ROW = 3
 
 
 @dataclass(frozen=True)
 class SteadyStart:
-    """State of a follower at θ = 0 from which its turns repeat.
+    """State of a follower at cam angle 0 from which its turns repeat.
 
     Parameters
     ----------
     state : FollowerState or None
-        State of the follower (None: at rest on the cam).
+        State of the follower. None is the start of a run, at rest on the cam.
     is_steady : bool
         False if the turns do not repeat.
     forces : (float, float) or None
@@ -68,7 +70,7 @@ class SteadyStart:
 
 
 def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
-    """Return the scene with a schedule of one speed (rad/s)."""
+    """Return a copy of a scene whose schedule has a single cam speed (rad/s)."""
     speeds = Quantity(assumed=[speed / RPM], unit="rpm")
     schedule = scene.schedule.model_copy(update={"speeds": speeds})
     data = scene.model_copy(update={"schedule": schedule}).model_dump(exclude_none=True)
@@ -76,12 +78,12 @@ def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
 
 
 def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tuple[SpeedRow, bool]:
-    """Measure the steady turns of a scene's only cam at a speed (rad/s).
+    """Evaluate the steady turns of a scene's only cam at a speed (rad/s).
 
     Returns
     -------
     row : SpeedRow
-        Row of the measured turns.
+        Results of the evaluated turns, such as the forces and the sound level.
     is_steady : bool
         True if the turns repeat.
     """
@@ -90,7 +92,11 @@ def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tu
 
 
 def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> SpeedRow:
-    """Measure the turns that start from a steady state."""
+    """Return the results of the scene's turns that start in a given state.
+
+    The results are those of the whole schedule after its transient turns. Exact forces of ``start``
+    replace those of the samples.
+    """
     laws = {scene.cams[0]: law}
     loaded = LoadedScene(scene, rig, {}, laws)
     settle = scene.schedule.transient_turns.si
@@ -110,14 +116,14 @@ def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> Sp
 def steady_turn(
     law: Law, rig: RigConfig, scene: SceneConfig, speed: float, samples: int
 ) -> tuple[Block, SpeedRow, bool]:
-    """Return one steady turn in addition to the results of `steady_row`.
+    """Return the samples of one steady turn, and the results of `steady_row`.
 
     Returns
     -------
     turn : Block
         A turn of ``samples`` samples, to within one.
     row : SpeedRow
-        Row of the measured turns.
+        Results of the evaluated turns.
     is_steady : bool
         True if the turns repeat.
     """
@@ -128,16 +134,20 @@ def steady_turn(
 
 
 def _one_turn(speed: float) -> Interval:
-    """Return the interval of one turn at a speed (rad/s), in whole nanoseconds."""
+    """Return the interval of one turn at a speed (rad/s), in whole nanoseconds.
+
+    Its speed is changed slightly, so that it is exactly one turn.
+    """
     turn = round(TURN / speed * NS)
     return Interval(0, turn, 0.0, TURN / turn * NS)
 
 
 def _long_ticks(scene: SceneConfig) -> Iterator[CamState]:
-    """Yield the cam states of a scene, divided into as few ticks as possible.
+    """Yield the cam states of a scene's schedule that divide it into few, long ticks.
 
-    A new tick starts where a speed starts, where its transient turns are over, and after
-    `MAX_TICK_SAMPLES` samples.
+    A tick is one time step of a run, from one cam state to the next. A new tick starts when the
+    speed changes, when the transient turns of a speed are over, and after `MAX_TICK_SAMPLES`
+    samples.
     """
     transient = TransientFilter(scene.schedule.transient_turns.si)
     max_duration = MAX_TICK_SAMPLES / scene.sample_rate.si
@@ -151,7 +161,11 @@ def _long_ticks(scene: SceneConfig) -> Iterator[CamState]:
 
 
 def _steady_start(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:
-    """Return the steady start of a scene's model at a speed (rad/s)."""
+    """Return the state at cam angle 0 from which a scene's model repeats its turns.
+
+    ``speed`` is the cam speed, rad/s. The state is computed exactly if the follower keeps contact,
+    otherwise by simulation from rest.
+    """
     model, parameters = scene.model, MODELS[scene.model].parameters(rig)
     if model == "torsional":
         shaft = shaft_of(rig)
@@ -175,9 +189,10 @@ def _steady_start(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) ->
 
 
 def vibrating_state(inner: FloatArray) -> FollowerState:
-    """Return a follower on the cam at θ = 0 with a model's internal state.
+    """Return the state of a follower on the cam at angle 0 with a given vibration.
 
-    ``inner`` is the vibration, in the order of the model's numbers.
+    ``inner`` contains the state variables of the follower model, for example (η, η̇) of the model
+    `two_mass`.
     """
     return FollowerState(0.0, 0.0, 0.0, in_contact=True, inner=tuple(inner.tolist()))
 
@@ -185,10 +200,11 @@ def vibrating_state(inner: FloatArray) -> FollowerState:
 def _steady_in_contact(
     response: LinearResponse, outputs: Outputs, row: int, never_leaves: bool = False
 ) -> SteadyStart | None:
-    """Return the periodic state of a model in contact.
+    """Return the periodic state of a linear model in contact, and its extreme forces.
 
-    The result is None if contact is lost, unless the model ``never_leaves``, or if the extremes of
-    the force cannot be computed exactly.
+    ``row`` is the index of the contact force among ``outputs``. The result is None if the extremes
+    of the force cannot be computed exactly, or if contact is lost. With ``never_leaves`` True a
+    negative force is accepted.
     """
     negated = Outputs(-outputs.state, -outputs.law, -outputs.constant)
     run, negated_run = (ModalRun.of(response, output, None, row) for output in (outputs, negated))
@@ -202,9 +218,10 @@ def _steady_in_contact(
 
 
 def _settle_from_rest(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:
-    """Turn a follower from rest until no further turn changes it.
+    """Simulate turns of a follower from rest until its state no longer changes.
 
-    After `MAX_FORCE_TURNS` turns the start is returned as not steady.
+    Returns the state at cam angle 0. After `MAX_FORCE_TURNS` turns the last state is returned as
+    not steady.
     """
     model = MODELS[scene.model]
     parameters, scale = model.parameters(rig), _scale(law, rig, speed)
@@ -219,16 +236,17 @@ def _settle_from_rest(law: Law, rig: RigConfig, scene: SceneConfig, speed: float
         current = _scaled_state(state, scale)
         last, change = change, _difference(current, before)
         if change == 0.0 or (change < last < math.inf and change**2 / (last - change) < FORCE_RTOL):
-            return SteadyStart(state)  # remainder of a geometric series
+            return SteadyStart(state)  # the further changes are bounded as a geometric series
         before = current
     return SteadyStart(state, is_steady=False)
 
 
 def _scale(law: Law, rig: RigConfig, speed: float) -> tuple[float, float]:
-    """Return a displacement (m) and a velocity (m/s) by which states are scaled.
+    """Return a displacement (m) and a velocity (m/s) for the comparison of states.
 
-    The displacement is the compression of the stem by the largest contact force. The velocity is
-    that of a vibration with this amplitude.
+    Differences of states are divided by them. The displacement is the compression of the stem, or
+    of the spring if there is no stem, by the largest contact force. The velocity is that of a
+    vibration with this amplitude.
     """
     p = FollowerParameters.from_rig(rig)
     force = float(force_weights(p, speed) @ np.array(law.bounds)) + p.preload
@@ -238,10 +256,10 @@ def _scale(law: Law, rig: RigConfig, speed: float) -> tuple[float, float]:
 
 
 def _scaled_state(state: FollowerState, scale: tuple[float, float]) -> FloatArray:
-    """Return a state as dimensionless numbers, by dividing it by its scales.
+    """Return a follower state as an array of dimensionless numbers, for comparison.
 
-    Displacements and velocities alternate. In contact they are those of the vibration only. The
-    last number is 1 in contact and 0 in flight.
+    Displacements and velocities alternate and are divided by ``scale``, from `_scale`. In contact
+    they are those of the vibration only. The last number is 1 in contact and 0 in flight.
     """
     flight = () if state.in_contact else (state.displacement, state.velocity)
     numbers = np.array([*flight, *state.inner])
@@ -249,9 +267,9 @@ def _scaled_state(state: FollowerState, scale: tuple[float, float]) -> FloatArra
 
 
 def _difference(current: FloatArray, before: FloatArray | None) -> float:
-    """Return the largest difference of two scaled states.
+    """Return the largest difference of two states from `_scaled_state`.
 
-    It is infinite if one state is in contact and the other in flight, and without `before`.
+    It is infinite if one state is in contact and the other in flight, or if `before` is None.
     """
     if before is None or before.size != current.size or current[-1] != before[-1]:
         return math.inf

@@ -1,7 +1,7 @@
-"""Parser of texts that name a quantity, its speeds or angles, and a limit on it.
+"""Parser of texts that state a quantity, its speeds or angles, and a limit on it.
 
-Examples are ``peak_acceleration<=start``, ``lift@90deg>=30mm`` and
-``residual_vibration@200-400rpm<=1um``.
+A quantity with its speed or angle is called a term. Examples are ``peak_acceleration<=start``,
+``lift@90deg>=30mm`` and ``residual_vibration@200-400rpm<=1um``.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from cam_rig.units import RPM
 if TYPE_CHECKING:
     from cam_rig.quantities.values import Subject
 
+#: Sense of a limit: upper limit ("<=") or lower limit (">=").
 Sense = Literal["<=", ">="]
 #: Units of a speed and their factors to rad/s.
 SPEED_UNITS = {"rpm": RPM, "rad/s": 1.0}
 #: Units of an angle and their factors to rad.
 ANGLE_UNITS = {"deg": math.pi / 180.0, "rad": 1.0}
-#: Text of a limit that means the value of the law at the start of the design.
+#: Text of a limit whose value is that of the law with which a design starts.
 START = "start"
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
@@ -33,32 +34,36 @@ _TERM = re.compile(
 
 _LIMIT = re.compile(r"(?P<term>[^<>=]+?)\s*(?P<sense><=|>=|≤|≥)\s*(?P<value>.+)")
 _VALUE = re.compile(rf"(?P<number>{_NUMBER})\s*(?P<unit>\S+)?")
-#: Character translation of units for tables, such as m/s² for m/s^2.
+#: Translation of the characters of a unit for tables, such as m/s² for m/s^2.
 _TYPESET = str.maketrans({"*": "·", "^": ""}) | str.maketrans("23", "²³")
 
 
 def sign_of(sense: Sense) -> float:
-    """Return 1 if smaller values are better or keep a limit, −1 if larger values do."""
+    """Return 1 for an upper limit ("<=") and −1 for a lower limit (">=").
+
+    The product with a value is the smaller, the better the value is.
+    """
     return 1.0 if sense == "<=" else -1.0
 
 
 @dataclass(frozen=True, eq=False)
 class LawQuantity:
-    """Quantity of a law on a rig.
+    """Definition of a quantity of a law on a rig, such as the peak contact force.
 
     Parameters
     ----------
     name, title : str
-        Key, and title with the model to which the quantity belongs.
+        Key, and title for tables.
     unit : str
         Unit in tables, a key of ``units``.
     units : mapping of str to float
         Accepted units and their factors to SI (dB for a level).
     value : callable
-        Function that returns the value (SI) of a subject at a term. For a range of angles or speeds
-        it is the value that decides a limit of the given sense.
+        Function that returns the value (SI) for a subject (law and rig), a term and the sense of a
+        limit. For a range of angles or speeds it is the value that decides if the limit is kept.
     where : {'', 'rpm', 'deg', 'event'}
-        Domain of its term: a speed, an angle, the number of an event, or none (empty).
+        Domain in which it is evaluated: a speed, a cam angle, the number of an event (motion
+        between two dwells), or none (empty).
     senses : tuple of Sense
         Limits that a design can keep.
     goal : bool
@@ -74,7 +79,7 @@ class LawQuantity:
     rigid : bool
         True for a jump speed of one rigid mass, which no resonance changes.
     of_run : bool
-        True if it belongs to a run of the scene's model, which its title names.
+        True if it is measured in a run with the scene's follower model.
     ranges : bool
         True if a campaign can measure it over a range of speeds.
     """
@@ -97,31 +102,31 @@ class LawQuantity:
 
     @property
     def factor(self) -> float:
-        """Factor of ``unit`` to SI."""
+        """Factor from the display unit ``unit`` to SI."""
         return self.units[self.unit]
 
     @property
     def typeset(self) -> str:
-        """``unit`` as tables print it."""
+        """Display unit as tables print it, such as ° for deg and mm/rad² for mm/rad^2."""
         return {"deg": "°", "um": "µm"}.get(self.unit, self.unit.translate(_TYPESET))
 
     @property
     def si(self) -> str:
-        """SI unit of its values."""
+        """SI unit of the quantity, a key of ``units``."""
         return next(unit for unit, factor in self.units.items() if factor == 1.0)
 
 
 @dataclass(frozen=True)
 class Term:
-    """Quantity and the domain in which it is taken.
+    """Quantity with its domain: a cam angle, a speed, a range of them, or an event.
 
-    ``low`` and ``high`` are angles (rad) or speeds (rad/s), equal for a single one. Both are the
-    number of an event, or 0 without a domain.
+    ``low`` and ``high`` are the ends of the range, angles (rad) or speeds (rad/s). They are equal
+    for a single angle or speed. Both are the number of an event, or 0 without a domain.
     """
 
-    quantity: LawQuantity
-    low: float = 0.0
-    high: float = 0.0
+    quantity: LawQuantity  #: definition of the quantity
+    low: float = 0.0  #: lowest angle (rad) or speed (rad/s), or number of the event
+    high: float = 0.0  #: highest angle (rad) or speed (rad/s), or number of the event
 
     @property
     def name(self) -> str:
@@ -130,12 +135,12 @@ class Term:
 
     @property
     def event(self) -> int:
-        """Number of its event, from 1."""
+        """Number of the event (motion between two dwells) in the turn, from 1."""
         return int(self.low)
 
     @property
     def words(self) -> str:
-        """Text for tables, such as "lift at 90°"."""
+        """Title of the quantity with its domain for tables, such as "lift at 90°"."""
         title, where = self.quantity.title, self.quantity.where
         if where in ("", "event"):
             return f"{title} {self.event}" if where else title
@@ -145,7 +150,7 @@ class Term:
 
     @property
     def key(self) -> str:
-        """Text that `parse_term` reads, such as ``lift@90deg``."""
+        """Text of the term in the format of `parse_term`, such as ``lift@90deg``."""
         where = self.quantity.where
         if where in ("", "event"):
             return f"{self.name}@{self.event}" if where else self.name
@@ -159,18 +164,18 @@ class Term:
 
 @dataclass(frozen=True)
 class Limit:
-    """Limit on a quantity.
+    """Upper or lower limit on a quantity.
 
-    ``value`` is in SI. None is the value of the start law.
+    A limit without a value is the value of the law with which a design starts.
     """
 
-    term: Term
-    sense: Sense
-    value: float | None
+    term: Term  #: quantity and its domain
+    sense: Sense  #: upper ("<=") or lower (">=") limit
+    value: float | None  #: limit in SI, or None for the value of the start law
 
     @property
     def words(self) -> str:
-        """Text for tables, such as "lift at 90° ≥ 30 mm"."""
+        """Limit as text for tables, such as "lift at 90° ≥ 30 mm"."""
         quantity, value = self.term.quantity, "the start's"
         if self.value is not None:
             value = f"{self.value / quantity.factor:.4g} {quantity.unit}".rstrip()
@@ -183,9 +188,9 @@ def parse_term(text: str, allowed: Mapping[str, LawQuantity]) -> Term:
     Parameters
     ----------
     text : str
-        Text of the term.
+        Text of the quantity and its domain.
     allowed : mapping of str to LawQuantity
-        Quantities by name.
+        Allowed quantities by name.
 
     Raises
     ------
@@ -235,7 +240,7 @@ def parse_limit(text: str, allowed: Mapping[str, LawQuantity]) -> Limit:
     text : str
         Text of the limit.
     allowed : mapping of str to LawQuantity
-        Quantities by name.
+        Allowed quantities by name.
 
     Raises
     ------

@@ -1,4 +1,7 @@
-"""Values of all quantities of a law on a rig, exact for every law."""
+"""Functions that compute the quantities of a law on a rig, exactly for every law.
+
+`cam_rig.quantities.catalogue` assigns them to the names of the quantities.
+"""
 
 from __future__ import annotations
 
@@ -33,22 +36,24 @@ from cam_rig.simulation.by_speed import SpeedRow
 from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: Number of speeds of a range at which a level or the largest vibration is computed.
+#: Number of speeds in a range of cam speeds at which a sound level, or the largest vibration in
+#: steady state, is computed.
 SPEEDS = 41
-#: Number of speeds of a range at which a level with landings is computed. It is smaller, because
-#: turns are simulated at each speed.
+#: Number of speeds in a range of cam speeds at which a sound level with landings is computed. It is
+#: smaller than `SPEEDS`, because turns are simulated at each speed.
 SPEEDS_WITH_LANDINGS = 13
-#: Number of Gauss points per cell. The pieces of a law are divided into cells for the integration
-#: of the vibration.
+#: Number of Gauss points per cell of the integral for the residual vibration. The pieces of a law
+#: are divided into cells.
 GAUSS_POINTS = 12
-#: Largest change (rad) of the vibration's phase within a cell.
+#: Largest change (rad) of the vibration's phase within a cell of the integral.
 MAX_CELL_PHASE = 2.0
-#: Largest relative distance of a value on the grid below the maximum, or below a limit, at which
-#: its peak is computed.
+#: Largest relative distance below the maximum over a grid of speeds, or below a limit, at which the
+#: peak near a grid value is computed.
 PEAK_SEARCH_RTOL = 0.01
-#: Number of speeds per beat. The largest amplitude between two of them is higher by at most 0.4 %.
+#: Number of speeds per beat, the distance between two peaks of the residual vibration over the
+#: speed. The largest amplitude between two of these speeds is higher by at most 0.4 %.
 SPEEDS_PER_BEAT = 32
-#: Largest number of speeds at which vibration over a range is computed.
+#: Largest number of speeds at which the residual vibration over a range of speeds is computed.
 MAX_SPEEDS = 4096
 
 
@@ -61,15 +66,16 @@ class Subject:
     law : Law
         Motion law of the cam.
     rig : RigConfig
-        Rig with the follower.
+        Rig with the masses, springs and dampers of the follower.
     cam : CamConfig
-        Cam file with the follower.
+        Cam with its base radius and the geometry of the follower.
     events : sequence of (float, float)
-        Start and span (rad) of the events between the dwells.
+        Start and span (rad of cam angle) of the events, the motions between the dwells.
     scene : SceneConfig or None
-        Scene for the quantities of a run.
+        Scene for the quantities of a run, or None if there are none.
     nominal : Law or None
-        Law without the errors of its profile, which leave no dwell at rest.
+        Law without manufacturing errors, if ``law`` contains them. It has the dwells, because with
+        the errors the follower is not at rest there. None if ``law`` has no errors.
     """
 
     law: Law
@@ -82,11 +88,14 @@ class Subject:
 
     @cached_property
     def rigid(self) -> FollowerParameters:
-        """Follower as one rigid mass."""
+        """Parameters of the follower as one rigid mass, without stem vibration."""
         return FollowerParameters.from_rig(self.rig)
 
     def run(self, speed: float) -> SpeedRow:
-        """Return the steady turns at a speed (rad/s), computed once for all quantities."""
+        """Return the results of the steady turns at a cam speed (rad/s).
+
+        They are computed once for all quantities at this speed.
+        """
         assert self.scene is not None  # set for quantities of a run
         if speed not in self._runs:
             scene = scene_at(self.scene, speed)
@@ -94,7 +103,11 @@ class Subject:
         return self._runs[speed][0]
 
     def unsteady_note(self, term: Term) -> str:
-        """Return a note on a quantity of a run that is not steady, empty for others."""
+        """Return a note if a quantity was measured in a run that is not steady.
+
+        The text is empty if the run is steady, or if the quantity is not that of a run. The
+        quantity must have been computed before.
+        """
         if self.scene is None or not term.quantity.of_run or self._runs[term.low][1]:
             return ""
         schedule = self.scene.schedule
@@ -106,9 +119,10 @@ class Subject:
 
 
 def jump(subject: Subject, follower: AnyFollower, duration: float | None) -> float:
-    """Return the jump speed (rad/s) of a run from rest of ``duration`` s.
+    """Return the jump speed (rad/s), at which the follower loses contact.
 
-    ``duration`` is None for the steady state. The result is 0 or ∞ if there is no jump speed.
+    It is that of a run from rest of ``duration`` s, or in steady state if ``duration`` is None. The
+    result is 0 if contact is lost at every speed, and ∞ if it is kept at every speed.
     """
     if subject.law.velocity_jumps:  # the follower lifts off where the velocity jumps down
         return 0.0
@@ -119,17 +133,19 @@ def jump(subject: Subject, follower: AnyFollower, duration: float | None) -> flo
 
 
 def peak_of(order: int) -> Callable[..., float]:
-    """Return the function that computes the largest magnitude of a derivative of s.
+    """Return a function of a `Subject`: the largest magnitude of a derivative of s.
 
-    `order` is the order of the derivative.
+    `order` is the order of the derivative with respect to the cam angle. The value of the function
+    is in m/rad^order.
     """
     return lambda subject, *_: abs(peak(subject.law, order).value)
 
 
 def at_angles(order: int) -> Callable[[Subject, Term, Sense], float]:
-    """Return the function that computes a derivative's extreme over a range of angles.
+    """Return a function that computes the extreme of s or a derivative over angles.
 
-    It is the maximum for the sense ``<=`` and the minimum for ``>=``.
+    `order` is the order of the derivative, 0 for s itself. The range of cam angles is that of the
+    term. The value is the maximum for an upper limit ("<=") and the minimum for a lower limit.
     """
 
     def value(subject: Subject, term: Term, sense: Sense) -> float:
@@ -142,7 +158,7 @@ def at_angles(order: int) -> Callable[[Subject, Term, Sense], float]:
 
 
 def rms_acceleration(subject: Subject, *_: object) -> float:
-    """Compute the r.m.s. of s'' over the turn in m/rad², by Gauss points."""
+    """Compute the r.m.s. of s'' over the turn in m/rad², exactly by Gauss quadrature."""
     law = subject.law
     points, weights = np.polynomial.legendre.leggauss(law.degree + 1)
     table = bernstein.basis(law.degree, 0.5 * (points + 1.0))
@@ -151,12 +167,22 @@ def rms_acceleration(subject: Subject, *_: object) -> float:
 
 
 def forces(subject: Subject, term: Term) -> list[tuple[float, float]]:
-    """Return the extreme contact forces (N) of one rigid mass at both end speeds."""
+    """Return the smallest and the largest contact force (N) of one rigid mass over a turn.
+
+    The list has one pair for each end of the term's range of speeds, and a single pair if they are
+    equal. The mass stays on the cam, so a force may be negative.
+    """
     return [force_extremes(subject.law, subject.rigid, speed) for speed in {term.low, term.high}]
 
 
 def span(subject: Subject, term: Term, _: Sense) -> float:
-    """Return the span of an event, rad."""
+    """Return the span of an event, the motion between two dwells, in rad of cam angle.
+
+    Raises
+    ------
+    ConfigError
+        If the cam has no event of this number.
+    """
     if term.event > len(subject.events):
         count = len(subject.events)
         name = subject.cam.name
@@ -165,7 +191,7 @@ def span(subject: Subject, term: Term, _: Sense) -> float:
 
 
 def twist(subject: Subject, term: Term, _: Sense) -> float:
-    """Compute the twist of the shaft in steady state, peak to peak, rad."""
+    """Compute the peak-to-peak twist (rad) of the shaft in steady state."""
     return float(np.ptp(steady_twist(subject.law, shaft_of(subject.rig), term.low)[1]))
 
 
@@ -174,12 +200,14 @@ def twist(subject: Subject, term: Term, _: Sense) -> float:
 
 @dataclass(frozen=True)
 class VibrationMode:
-    """Mode of a follower in contact: η̈ + 2ζω η̇ + ω² η = d₁ ṡ + d₂ s̈.
+    """Vibration mode of a follower in contact: η̈ + 2ζω η̇ + ω² η = d₁ ṡ + d₂ s̈.
+
+    η is the vibration of the end mass about its static position.
 
     Parameters
     ----------
     rate : complex
-        Eigenvalue λ, 1/s, with positive imaginary part.
+        Eigenvalue λ of the mode, 1/s, with positive imaginary part.
     drive : (float, float)
         Coefficients d₁ (1/s) and d₂.
     state : (float, float)
@@ -198,7 +226,10 @@ class VibrationMode:
 
     @property
     def force_factor(self) -> complex:
-        """Complex contact force per amplitude, N/m: an amplitude a adds 2 Re(force_factor · a)."""
+        """Complex contact force per complex amplitude of the mode, N/m.
+
+        A vibration of complex amplitude a adds 2 Re(force_factor · a) to the contact force.
+        """
         return self.state[0] + self.state[1] * self.rate
 
     @classmethod
@@ -240,10 +271,11 @@ class VibrationMode:
 
 
 def speeds_of(mode: VibrationMode, longest: float, low: float, high: float) -> FloatArray:
-    """Return the speeds (rad/s) at which vibration over a range is computed.
+    """Return the cam speeds Ω (rad/s) at which vibration over a range is computed.
 
-    They are in falling order and equally spaced in 1/Ω, with `SPEEDS_PER_BEAT` per beat of the
-    longest event (rad).
+    They are in falling order from `high` to `low` and equally spaced in 1/Ω, ``(n,)``. There are
+    `SPEEDS_PER_BEAT` speeds per beat, in which the mode vibrates once more during the longest event
+    (``longest``, rad of cam angle).
     """
     if low == high:
         return np.array([low])
@@ -253,16 +285,20 @@ def speeds_of(mode: VibrationMode, longest: float, low: float, high: float) -> F
 
 
 def minima(values: FloatArray) -> NDArray[np.bool_]:
-    """Return a mask that is True at local minima, including equal neighbours."""
+    """Return a mask ``(n,)`` that is True at the local minima of ``values`` ``(n,)``.
+
+    A value that is equal to a neighbour counts as a minimum too. The ends can be minima.
+    """
     padded = np.pad(values, 1, constant_values=np.inf)
     return (values <= padded[:-2]) & (values <= padded[2:])
 
 
 def peaks(speeds: FloatArray, amplitudes: FloatArray, above: float) -> FloatArray:
-    """Return the speeds (rad/s) of the peaks of a curve that is equally spaced in 1/Ω.
+    """Return the cam speeds Ω (rad/s) of the peaks of a vibration amplitude.
 
-    A peak is the vertex of a parabola through three squares, or an end. Peaks up to ``above`` are
-    omitted.
+    The amplitudes are given at speeds that are equally spaced in 1/Ω. The speed of a peak is the
+    vertex of the parabola through the squares of three adjacent amplitudes, or an end of the range.
+    Peaks with an amplitude of at most ``above`` are omitted.
     """
     index = np.flatnonzero(minima(-amplitudes) & (amplitudes > above))
     inner = (index > 0) & (index < amplitudes.size - 1)
@@ -275,13 +311,23 @@ def peaks(speeds: FloatArray, amplitudes: FloatArray, above: float) -> FloatArra
 
 
 def mode_of(rig: RigConfig) -> VibrationMode:
-    """Return the mode in which the follower of a rig vibrates on its stem."""
+    """Return the mode in which the follower of a rig vibrates on its stem.
+
+    Raises
+    ------
+    ConfigError
+        If the rig has no stem stiffness, or the stem does not vibrate.
+    """
     rig.need("stem_stiffness", "a goal or limit of vibration")
     return VibrationMode.of(follower_of(rig))
 
 
 def residual(subject: Subject, term: Term, _: Sense) -> float:
-    """Compute the largest amplitude (m) after one event, over a range of speeds."""
+    """Compute the largest residual vibration (m) after an event, over a range of speeds.
+
+    The residual vibration is the amplitude of the mode at the end of an event, the motion between
+    two dwells, that starts from rest. The result is the largest of all events.
+    """
     mode, highest = mode_of(subject.rig), []
     speeds = speeds_of(mode, max(span for _, span in subject.events), term.low, term.high)
     for start, length in subject.events:
@@ -295,7 +341,11 @@ def residual(subject: Subject, term: Term, _: Sense) -> float:
 def amplitude_after(
     mode: VibrationMode, law: Law, start: float, end: float, speeds: FloatArray
 ) -> FloatArray:
-    """Compute the amplitudes (m) after a law from rest between two angles (rad)."""
+    """Compute the amplitudes (m) of a mode after an event, one per cam speed, ``(n,)``.
+
+    The event is the motion of the law from cam angle ``start`` to ``end`` (rad). The mode is at
+    rest at its start. ``speeds`` are n cam speeds, rad/s.
+    """
     edges = law.breaks[(law.breaks > start) & (law.breaks < end)]
     edges = np.array([start, *edges, end])
     max_cell = MAX_CELL_PHASE * float(speeds.min()) / mode.rate.imag
@@ -315,7 +365,11 @@ def amplitude_after(
 
 
 def steady_residual(subject: Subject, term: Term, _: Sense) -> float:
-    """Compute the largest free vibration (m) of a mass on its stem in the low dwell."""
+    """Compute the residual vibration (m) of a mass on its stem in steady state.
+
+    It is the largest amplitude of the free vibration in the low dwell, over the term's range of
+    speeds.
+    """
     count = 1 if term.low == term.high else SPEEDS
     speeds = np.linspace(term.low, term.high, count)
     follower = FollowerParameters.on_stem(subject.rig, f"the measure {term.name}")
@@ -324,12 +378,23 @@ def steady_residual(subject: Subject, term: Term, _: Sense) -> float:
 
 
 def row_value(name: str) -> Callable[[Subject, Term, Sense], float]:
-    """Return the function that reads a field of the row of steady turns at a speed."""
+    """Return a function that reads a result of the steady turns at the term's speed.
+
+    ``name`` is the field of the `SpeedRow`, such as ``min_force``.
+    """
     return lambda subject, term, _: float(getattr(subject.run(term.low), name))
 
 
 def run_level(subject: Subject, term: Term, _: Sense) -> float:
-    """Return the sound level (dB) of the steady turns at a speed."""
+    """Return the sound level (dB) of the steady turns at the term's speed.
+
+    Raises
+    ------
+    ConfigError
+        If the rig has no radiation, the constants of its sound.
+    DynamicsError
+        If there is no turn after the transient turns.
+    """
     subject.rig.need_radiation(f"the measure {term.name}")
     level = subject.run(term.low).level_db
     if level is None:
@@ -338,7 +403,10 @@ def run_level(subject: Subject, term: Term, _: Sense) -> float:
 
 
 def rigid_level(subject: Subject, term: Term, _: Sense) -> float:
-    """Compute the sound level (dB) of the mean power over speeds, without landings."""
+    """Compute the sound level (dB) of one rigid mass that stays on the cam.
+
+    It is the level of the mean sound power over the term's range of speeds, at `SPEEDS` speeds.
+    """
     radiation = RadiationParameters.from_rig(subject.rig, lands=False)
     rates = [
         mean_square_rate(subject.law, subject.rigid, radiation.corner_rate, speed)
@@ -348,23 +416,31 @@ def rigid_level(subject: Subject, term: Term, _: Sense) -> float:
 
 
 def _background(radiation: RadiationParameters, term: Term) -> float:
-    """Return the mean background power (Pa²) over a range of speeds."""
+    """Return the mean background sound power over a range of speeds, in Pa².
+
+    It is the mean square of the sound pressure of motor and bearings, at `SPEEDS` speeds of the
+    term.
+    """
     speeds = np.linspace(term.low, term.high, SPEEDS)
     return float(np.mean([radiation.background_power(speed) for speed in speeds.tolist()]))
 
 
 def level_of(rig: RigConfig, term: Term, rate: float) -> float:
-    """Return the sound level (dB) of background and an r.m.s. rate of force (N/s)."""
+    """Return the sound level (dB) of the background and of a changing contact force.
+
+    ``rate`` is the r.m.s. rate of the contact force, N/s. The background is the mean over the
+    term's range of speeds.
+    """
     radiation = RadiationParameters.from_rig(rig, lands=False)
     power = _background(radiation, term) + (radiation.gain * rate) ** 2
     return float(level_db(np.array([math.sqrt(power)]))[0])
 
 
 def rate_of(rig: RigConfig, term: Term, level: float) -> float:
-    """Return the r.m.s. rate of force (N/s) that causes a sound level (dB).
+    """Return the r.m.s. rate of the contact force (N/s) that causes a sound level (dB).
 
-    It is the inverse of `level_of`. It is zero or negative if the background alone reaches the
-    level.
+    This function is the inverse of `level_of`. The result is zero or negative if the background
+    alone reaches the level.
     """
     radiation = RadiationParameters.from_rig(rig, lands=False)
     power = float(pressure_pa(level)) ** 2 - _background(radiation, term)
@@ -372,7 +448,11 @@ def rate_of(rig: RigConfig, term: Term, level: float) -> float:
 
 
 def level_with_jumps(subject: Subject, term: Term, *_: object) -> float:
-    """Compute the sound level (dB) of the mean power over speeds, with landings."""
+    """Compute the sound level (dB) of one rigid mass that may leave the cam.
+
+    It is the level of the mean sound power over the term's range of speeds, at
+    `SPEEDS_WITH_LANDINGS` speeds. The sound of landings is included.
+    """
     count = 1 if term.low == term.high else SPEEDS_WITH_LANDINGS
     speeds = np.linspace(term.low, term.high, count)
     turns = simulate_steady_turns(subject.law, "one_mass", subject.rigid, speeds)
@@ -383,49 +463,57 @@ def level_with_jumps(subject: Subject, term: Term, *_: object) -> float:
 
 # Quantities that depend on s, s', s'' at one cam angle: torque and contour.
 
-#: Function that returns the branches ``(b, ...)`` of a quantity at cam angles. The value of the
-#: quantity is the greatest branch.
+#: Function that returns b candidate values ``(b, ...)``, the branches, of a quantity at cam angles.
+#: The value of the quantity is the greatest of them.
 Branches = Callable[[Motion], FloatArray]
-#: Smallest number of samples of a piece of a law in the search for maxima.
+#: Smallest number of samples of a piece of a law in the search for the maxima of a quantity.
 SAMPLES = 65
-#: Number of samples of a turn in the search for maxima, divided among the pieces.
+#: Number of samples of a turn in the search for the maxima of a quantity, divided among the pieces
+#: of the law.
 SAMPLES_PER_TURN = 4096
-#: Largest relative distance of a local maximum from the greatest one at which it is computed to
-#: rounding.
+#: Largest relative distance of a piece's maximum below the greatest one at which it is computed to
+#: rounding and returned.
 MAXIMUM_RTOL = 0.02
 
 
 def pressure_angle(subject: Subject, *_: object) -> float:
-    """Compute the largest pressure angle on any disc, rad."""
+    """Compute the largest magnitude of the pressure angle (rad) on any disc of the cam."""
     scans = _scans(subject)
     return max(scan.greatest(lambda touch: np.abs(touch.pressure)).value for scan in scans)
 
 
 def least_radius(subject: Subject, *_: object) -> float:
-    """Compute the smallest convex radius of curvature on any disc, m."""
+    """Compute the smallest convex radius of curvature (m) on any disc of the cam.
+
+    It is not positive if a contour is undercut, and infinite if no part is convex.
+    """
     return min(float(sharpest_convex(scan).value) for scan in _scans(subject))
 
 
 def _scans(subject: Subject) -> list[Scan]:
-    """Return a scan of each disc of the cam."""
+    """Return the contact of the follower with each disc of the cam, over the turn."""
     return [Scan(subject.law, plate.element) for plate in discs(subject.cam.follower, subject.law)]
 
 
 def torque(subject: Subject, term: Term, _: Sense) -> float:
-    """Compute the largest magnitude of the torque (N·m) over a range of speeds."""
+    """Compute the largest magnitude of the shaft torque (N·m) over a range of speeds.
+
+    The follower is one rigid mass that stays on the cam.
+    """
     return max(value for value, _ in maxima(subject.law, torques(subject.rigid, term)))
 
 
 def torques(p: FollowerParameters, term: Term) -> Branches:
-    """Return the branches of the torque (N·m) of one rigid mass.
+    """Return a function that computes candidates of the largest shaft torque (N·m).
 
-    They are ±(k s + c Ω s' + m Ω² s'' + F₀) s' (eq. 8 of the paper) at both ends of the range of
-    speeds, and at the speed of the extreme between them.
+    At a cam angle they are ±(k s + c Ω s' + m Ω² s'' + F₀) s' of one rigid mass (eq. 8 of the
+    paper) at both ends of the term's range of speeds Ω, and at the speed between them at which the
+    torque is extreme. The largest of them is the largest magnitude over the range.
     """
     low, high = term.low, term.high
 
     def at(motion: Motion, speed: FloatArray) -> FloatArray:
-        """Return the torque (N·m) at a speed (rad/s)."""
+        """Return the shaft torque (N·m) at cam speeds (rad/s), one per angle."""
         force = p.spring_stiffness * motion.s + p.preload
         force = force + (p.damping * motion.slope + p.mass * speed * motion.curvature) * speed
         return np.asarray(force * motion.slope)
@@ -444,10 +532,11 @@ def torques(p: FollowerParameters, term: Term) -> Branches:
 
 
 def maxima(law: Law, branches: Branches) -> list[tuple[float, float]]:
-    """Return the greatest value of all branches in each piece, with its angle (rad).
+    """Return the maximum of a quantity in each piece of a law, and its cam angle (rad).
 
-    Only pieces whose maximum is close to that of the turn are returned. The result is ∞ if a value
-    is not a number.
+    ``branches`` returns the candidate values of the quantity, of which the greatest counts. Only
+    pieces whose maximum is within `MAXIMUM_RTOL` of that of the turn are in the list. If a value is
+    not finite, the list contains only (∞, 0).
     """
     count = max(SAMPLES, min(512, SAMPLES_PER_TURN // law.spans.size))
     u = np.linspace(0.0, 1.0, count)

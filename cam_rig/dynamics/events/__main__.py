@@ -1,4 +1,6 @@
-"""Command that compiles the event searches before their first long run.
+"""Command that compiles the searches for lift-offs and landings with numba, in advance.
+
+The compiled code is stored in the user's cache, so that later runs start without this delay.
 
 Usage: ``python -m cam_rig.dynamics.events``
 """
@@ -23,9 +25,9 @@ from cam_rig.units import NS, TURN
 
 
 def main() -> None:
-    """Compile the event searches by a short run of each follower model.
+    """Compile the event searches and the search for the jump speed.
 
-    The search for the jump speed is compiled too.
+    Each function is compiled when it is first called, so each follower model does a short run.
     """
     os.environ[VARIABLE] = COMPILED
     ordinates = np.array([[0.0, 0.01], [0.0, 0.01], [0.01, 0.0], [0.01, 0.0]])

@@ -1,12 +1,13 @@
 """Landing of a flying follower: the first zero of the gap to the cam.
 
-The gap is g = z − s(θ), the displacement of the contact mass less that of the cam. Within a window
-its acceleration is a polynomial, the follower's power series less ω² s''. Two integrations from
-the gap and its rate at the start give g. At a lift-off both are known exactly, so a flight of any
-height is resolved. The zero at the start is divided out, and the next zero is the landing.
+The gap is g = z − s(θ), the displacement of the contact mass (the mass that meets the cam) less
+that of the cam. Within a short interval of time, a window, its acceleration is a polynomial: the
+follower's power series less ω² s''. Two integrations from the gap and its rate at the start give g.
+At a lift-off both are known exactly, so a flight of any height is resolved. The zero at the start
+is divided out, and the next zero is the landing.
 
-Far from the cam, steps prove that the gap is open without a polynomial. Numbers in brackets are
-the inequalities of docs/proofs.md, part 1.
+Far from the cam no polynomial is needed: bounds of the acceleration prove step by step that the gap
+is open. Numbers in brackets are the inequalities of docs/proofs.md, part 1.
 """
 
 from __future__ import annotations
@@ -37,60 +38,66 @@ from cam_rig.dynamics.velocity_jumps import SAME_ANGLE_RAD
 from cam_rig.laws.polynomials import elevate, find_fall, integrate, restrict, value_at
 from cam_rig.laws.vectors import Vector, max_abs
 
-#: Upper bound of the rounding error of accelerations and gaps, in float epsilons of the largest
-#: ordinate of the acceleration or gap.
+#: Upper bound of the rounding error of an acceleration or a gap, as a multiple of the float epsilon
+#: of its largest Bernstein ordinate.
 ACCELERATION_ROUNDING_ERRORS = 64.0
-#: Upper limit (s) of the rounding of the time of a velocity jump (13). It bounds the rounding for
-#: slow cams.
+#: Upper limit (s) of the rounding error of the time of a velocity jump, (13) of docs/proofs.md. It
+#: takes effect at slow cams, where the error of the angle corresponds to a long time.
 MAX_JUMP_ROUNDING_S = 1e-7
-#: Shortest step of time that is proven by bounds, as a fraction of the window of `FREE_SYSTEM`. For
-#: shorter steps the polynomial of the window is cheaper (measured).
+#: Shortest time step in which bounds prove that the gap is open, as a fraction of the field
+#: ``window`` of `FREE_SYSTEM`. For shorter steps a polynomial of the gap is cheaper (measured).
 MIN_STEP_FRACTION = 1.0 / 16.0
-#: Largest relative position in a piece of the law: the end itself belongs to the next piece.
+#: Largest relative position in a polynomial piece of the law, just below 1, because the end belongs
+#: to the next piece.
 MAX_PIECE_POSITION = 1.0 - 1e-16
-#: Shortest advance (s) of the search. It takes effect at time 0, where one float epsilon of the
-#: time is 0.
+#: Shortest time (s) by which the search advances. It takes effect at time 0, where the distance to
+#: the next float, as a multiple of the time, is 0.
 MIN_WINDOW_S = 1e-300
 
 
 class Gap(NamedTuple):
     """Gap between the follower and the cam surface at one time of a flight."""
 
-    time: float  #: since the start of the flight, s
-    gap: float  #: m
-    rate: float  #: rate of the gap, m/s; at a velocity jump the left limit
+    time: float  #: time since the start of the flight, s
+    gap: float  #: distance of the contact mass from the cam surface, m
+    rate: float  #: rate of the gap, m/s; at a velocity jump of the cam the rate before it
     rounding: float  #: upper bound of the rounding error of ``gap``, m
     has_landed: bool  #: True if the flight ends here
 
 
 class FlightOverCam(NamedTuple):
-    """Flight of the follower over a turning cam, both from time 0 on."""
+    """Flight of the follower over a turning cam. Both start at time 0."""
 
-    lift_off: LiftOffState
-    cam: Cam
-    gap_known: bool  #: True if the fields below are better than differences of displacements
-    gap: float  #: at the start, m
-    gap_rate: float  #: at the start, m/s
+    lift_off: LiftOffState  #: state of the masses at the start of the flight
+    cam: Cam  #: cam, its speed, and its angle at the start of the flight
+    #: True if ``gap`` and ``gap_rate`` are set. They are more accurate than differences of the
+    #: displacements and velocities of follower and cam.
+    gap_known: bool
+    gap: float  #: gap at the start of the flight, m
+    gap_rate: float  #: rate of the gap at the start of the flight, m/s
     #: Uncertainty (m/s²) of the acceleration with which the gap opens at a lift-off, from the
     #: rounding of the contact force that falls to zero there.
     acceleration_rounding: float
 
 
 def find_landing(flight: FlightOverCam, limit: float) -> Gap:
-    """Find the landing of a flight.
+    """Find the time at which a flying follower meets the cam.
 
     Returns the gap at the landing, with ``has_landed`` True. If the follower does not land before
-    ``limit`` (s), it returns the gap at ``limit``.
+    ``limit`` (s after the start of the flight), it returns the gap at ``limit``.
 
-    Invariant: the gap is proven open, or zero to rounding, from the start up to ``point``.
+    Invariant: from the start up to the time of ``point`` the gap is proven to be open, or zero to
+    rounding.
     """
     cam, rounding = flight.cam, 0.0
-    if cam.law.has_velocity_jumps:  # r of (13): a jump may be up to this time before the limit
+    # By rounding, a velocity jump may be up to this time before the limit: r of inequality (13).
+    if cam.law.has_velocity_jumps:
         rounding = max(SAME_ANGLE_RAD / cam.speed, 4.0 * angle_rounding_time(cam))
         rounding = min(rounding, MAX_JUMP_ROUNDING_S)
     point, last = _initial_gap(flight), limit - rounding
     while point.time < limit:
-        # Within the rounding of a velocity jump the piece before it is evaluated (13).
+        # A time that may be that of a velocity jump, by rounding, is evaluated in the piece of the
+        # law before the jump (13).
         piece_time = point.time - (rounding if point.time > last else 0.0)
         point = _search_window(flight, point, limit, piece_time)
         if point.has_landed:
@@ -111,9 +118,10 @@ def rate_before_jump(flight: FlightOverCam, time: float, cam_time: float) -> flo
 
 
 def _initial_gap(flight: FlightOverCam) -> Gap:
-    """Return the gap at the start of a flight.
+    """Return the gap between follower and cam at the start of a flight.
 
-    It is the stored gap if it is known, otherwise the difference of two displacements.
+    It is the stored gap if ``flight.gap_known`` is True, otherwise the difference of the
+    displacements of the contact mass and the cam.
     """
     if flight.gap_known:
         return Gap(0.0, flight.gap, flight.gap_rate, 0.0, False)
@@ -127,19 +135,22 @@ def _initial_gap(flight: FlightOverCam) -> Gap:
 
 
 def _initial_position(cam: Cam) -> tuple[int, float]:
-    """Return the index of the piece in which the flight starts, and the position.
+    """Return the index of the law's piece in which a flight starts, and the position.
 
-    The position is relative to the span of the piece, from 0 to below 1.
+    ``cam`` has the cam angle at the start of the flight. The position is relative to the span of
+    the polynomial piece, from 0 to below 1.
     """
     piece, low, high = piece_from(cam, 0.0)
     return piece, min(max((cam.angle - low) / (high - low), 0.0), MAX_PIECE_POSITION)
 
 
 def _gap_at(flight: FlightOverCam, time: float, piece: int) -> Gap:
-    """Return the gap at a time (s) in a piece of the law, the left limit at its end.
+    """Return the gap at a time (s) of a flight, with small rounding errors.
 
-    In the first piece the cam's displacement relative to its initial velocity is integrated from
-    s'' alone. The rounding of s and s', which differs from that of the follower, does not enter.
+    ``piece`` is the index of the polynomial piece of the law at that time. At the end of the piece
+    the rate is that before the joint. In the piece in which the flight starts, the gap is the sum
+    of its initial value, its initial rate times the time, and the difference of the double
+    integrals of both accelerations. The values of s and s' and their rounding errors do not enter.
     """
     start, cam, lift_off = _initial_gap(flight), flight.cam, flight.lift_off
     state, initial = advance(lift_off, time), contact_component(lift_off, lift_off.start)
@@ -167,11 +178,12 @@ def _gap_at(flight: FlightOverCam, time: float, piece: int) -> Gap:
 
 
 def _step_while_open(flight: FlightOverCam, point: Gap, last: float, limit: float) -> Gap:
-    """Return the gap at the last time up to which steps prove that it is open.
+    """Return the gap at the last time up to which bounds prove that it is open.
 
-    The steps start at ``point``, and the result is ``point`` if no step is proven. Each step lies
-    in one piece of the law. There |g̈| ≤ ‖E ẋ‖ + ω² max|s''| by (5), and the step is proven by (2)
-    or (3). No step starts after ``last``, because a step from a joint within rounding of ``limit``
+    The time steps start at ``point``, and the result is ``point`` if no step is proven. Each step
+    lies in one polynomial piece of the law. There |g̈| ≤ ‖E ẋ‖ + ω² max|s''| by (5) of
+    docs/proofs.md, and (2) or (3) proves that the gap is positive in the step. No step ends after
+    ``limit`` or starts after ``last`` (both in s). A step from a joint within rounding of ``limit``
     would return the rate after the velocity jump there (13).
     """
     cam, lift_off, time, gap, rate = flight.cam, flight.lift_off, point.time, point.gap, point.rate
@@ -207,10 +219,11 @@ def _step_while_open(flight: FlightOverCam, point: Gap, last: float, limit: floa
 
 
 def positive_duration(value: float, rate: float, curvature: float) -> float:
-    """Return the duration (s) for which a function is proven to stay positive.
+    """Return the duration (s) for which a function of time is proven to stay positive.
 
-    It is T(value, rate, curvature) of inequality (1), with the value and the rate of the function
-    at the start. ``curvature`` is an upper bound of its absolute second derivative.
+    ``value`` and ``rate`` are the function and its derivative at the start. ``curvature`` is an
+    upper bound of its absolute second derivative. The result is T(value, rate, curvature) of
+    inequality (1) in docs/proofs.md. It is infinite if the function cannot fall to zero.
     """
     if value <= 0.0:
         return 0.0
@@ -223,23 +236,26 @@ def positive_duration(value: float, rate: float, curvature: float) -> float:
 def is_positive_between(
     value: float, rate: float, end_value: float, end_rate: float, width: float, curvature: float
 ) -> bool:
-    """Return True if (2) or (3) proves that a function is positive for ``width`` s.
+    """Return True if a function of time is proven to be positive for ``width`` s.
 
-    Its values and rates are those at the start and at the end. ``curvature`` is an upper bound of
-    its absolute second derivative.
+    ``value`` and ``rate`` are the function and its derivative at the start, ``end_value`` and
+    ``end_rate`` those at the end. ``curvature`` is an upper bound of its absolute second
+    derivative. The proof is inequality (2) or (3) of docs/proofs.md.
     """
     if value <= 0.0 or end_value <= 0.0:
         return False
-    if min(value, end_value) > curvature * width * width / 8.0:  # (2)
+    if min(value, end_value) > curvature * width * width / 8.0:  # inequality (2)
         return True
     forward = positive_duration(value, rate, curvature)
-    return width < forward + positive_duration(end_value, -end_rate, curvature)  # (3)
+    return width < forward + positive_duration(end_value, -end_rate, curvature)  # inequality (3)
 
 
 def _search_window(flight: FlightOverCam, point: Gap, limit: float, piece_time: float) -> Gap:
-    """Return the landing within the next window, or the gap at the end of the window.
+    """Search for the landing in a short interval of time, with a polynomial of the gap.
 
-    The window starts at ``point`` and lies in the piece of the law that follows ``piece_time`` (s).
+    The interval, a window, starts at ``point`` and ends at ``limit`` (s) at the latest. It lies in
+    the polynomial piece of the law that follows ``piece_time`` (s). Returns the gap at the landing,
+    or the gap at the end of the window if the follower does not land in it.
     """
     cam, time = flight.cam, point.time
     piece, low, high = piece_from(cam, piece_time)
@@ -247,7 +263,7 @@ def _search_window(flight: FlightOverCam, point: Gap, limit: float, piece_time: 
     end = min(time + window, limit)
     if piece_time == time:
         end = min(end, (high - cam.angle) / cam.speed)
-    if not end > time:  # advance to the next float
+    if not end > time:  # the window is shorter than the resolution of a float: advance to the next
         next_time = time + max(EPS * time, MIN_WINDOW_S)
         return Gap(next_time, point.gap, point.rate, point.rounding, False)
     duration, span = window if end == time + window else end - time, high - low
@@ -257,7 +273,7 @@ def _search_window(flight: FlightOverCam, point: Gap, limit: float, piece_time: 
     curvature = law.polynomials[piece][LawRow.CURVATURE_ORDINATES]
     curvature = restrict(curvature, law.size, first, max(first, last))
     rates = flight.lift_off.rates if time == 0.0 else advance(flight.lift_off, time).rates
-    acceleration = acceleration_ordinates(flight.lift_off, rates, duration)  # (10)
+    acceleration = acceleration_ordinates(flight.lift_off, rates, duration)  # series of lemma (10)
     # Rounding error of s'' in m/rad²: that of s'' itself, and that of s before differentiation.
     differences = (law.size - 1) / law.pieces[piece]["span"]
     curvature_size = ACCELERATION_ROUNDING_ERRORS * law.pieces[piece]["max_curvature"]
@@ -285,10 +301,12 @@ def _search_window(flight: FlightOverCam, point: Gap, limit: float, piece_time: 
 
 
 def _first_fall(gaps: Vector, point: Gap, duration: float, acceleration_rounding: float) -> float:
-    """Return the position u ∈ [0, 1] at which the gap falls below its rounding error.
+    """Return the relative time u ∈ [0, 1] at which the gap falls below its rounding error.
 
-    It is negative if the gap does not fall. ``gaps`` are ordinates in m. An exact zero at the start
-    is divided out first, and a second zero if the rate is zero too (9).
+    The result is negative if the gap stays open. ``gaps`` are the Bernstein ordinates (m) of the
+    gap over ``duration`` s, and ``point`` is the gap at the start. A gap that starts at exactly
+    zero is divided by u first, and once more if its rate is zero too, (9) of docs/proofs.md.
+    ``acceleration_rounding`` (m/s²) is the rounding error of the gap's acceleration.
     """
     rounding = point.rounding + ACCELERATION_ROUNDING_ERRORS * EPS * max_abs(gaps)
     if point.gap != 0.0 or point.rounding != 0.0 or point.rate < 0.0:
@@ -300,7 +318,11 @@ def _first_fall(gaps: Vector, point: Gap, duration: float, acceleration_rounding
 
 
 def _divide_by_u(row: Vector) -> Vector:
-    """Return the ordinates bᵢ n/i of a polynomial that is divided by its zero u (9)."""
+    """Return the Bernstein ordinates of a polynomial p(u) with p(0) = 0, divided by u.
+
+    ``row`` are the ordinates bᵢ of p, of degree n. The result has n ordinates, bᵢ n/i for
+    i = 1 … n, by (9) of docs/proofs.md.
+    """
     degree = len(row) - 1
     out = np.zeros(degree)
     for i in range(degree):

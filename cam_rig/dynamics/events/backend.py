@@ -1,10 +1,11 @@
-"""Backend of the event searches: plain Python, or compiled by numba.
+"""Backend of the searches for lift-offs and landings: plain Python, or compiled by numba.
 
 A kernel is a function that either backend can run. A process starts with plain Python, because
-loading compiled code takes as long as a few searches. The environment variable ``CAM_RIG_EVENTS``
-selects one backend for all calls. Both give the same bits. Each kernel is compiled once and stored
-in a folder of the user's cache. The folder's name contains a digest of the sources, because numba
-itself notices changes of one file only.
+loading compiled code takes as long as a few searches. After `LOAD_AFTER_S` in kernels it changes to
+compiled code. The environment variable ``CAM_RIG_EVENTS`` selects one backend for all calls. Both
+backends give bit-identical results. Each kernel is compiled once and stored in a folder of the
+user's cache. The folder's name contains a digest of the sources, because numba itself detects
+changes in a kernel's file only, and not in the files of the functions that the kernel calls.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from typing import Any
 
 from cam_rig.laws import vectors
 
-#: Modules whose functions compiled code may call.
+#: Modules whose functions compiled code may call, relative to ``cam_rig``.
 MODULES = (
     *("laws.vectors", "laws.polynomials"),
     *("dynamics.events.law_table", "dynamics.events.free_flight", "dynamics.events.approach"),
@@ -34,9 +35,10 @@ MODULES = (
     *("dynamics.modal.group_error", "dynamics.modal.harmonic_error"),
     *("dynamics.modal.first_zero", "dynamics.jump.rigid_zero"),
 )
-#: Modules whose constants are compiled into the code.
+#: Modules whose constants are compiled into the code, relative to ``cam_rig``.
 CONSTANTS = ("units", "dynamics.velocity_jumps")
-#: Time (s) in plain Python after which compiled code is loaded: loading takes about as long.
+#: Time (s) in kernels in plain Python after which a process changes to compiled code. Loading the
+#: compiled code takes about as long.
 LOAD_AFTER_S = 0.5
 #: Environment variable that selects the backend of the event search.
 VARIABLE = "CAM_RIG_EVENTS"
@@ -45,15 +47,20 @@ PLAIN = "plain"
 #: Value of `VARIABLE` that selects compiled code from the first call on.
 COMPILED = "compiled"
 
+#: Function that plain Python and numba can both run.
 Kernel = Callable[..., Any]
-#: Time (s) that plain Python has spent in kernels of this process.
+#: Time (s) that this process has spent in kernels in plain Python.
 _plain_time = SimpleNamespace(seconds=0.0)
-#: Callable form of each prepared kernel, by its plain Python function.
+#: Compiled form of each kernel that has been loaded, by its plain Python function. It is the plain
+#: function itself if numba does not work.
 _ready: dict[Kernel, Kernel] = {}
 
 
 def dispatch(kernel: Kernel, *arguments: Any) -> Any:
-    """Call a kernel with the selected backend, and return its result."""
+    """Call a function with the selected backend, plain Python or numba.
+
+    Returns the result of ``kernel(*arguments)``, which is the same with both backends.
+    """
     if select_backend() == COMPILED:
         if kernel not in _ready:
             _ready[kernel] = _load(kernel, arguments)
@@ -66,7 +73,11 @@ def dispatch(kernel: Kernel, *arguments: Any) -> Any:
 
 
 def select_backend() -> str:
-    """Return the name of the backend for the next call, `PLAIN` or `COMPILED`."""
+    """Return the backend for the next event search, `PLAIN` or `COMPILED`.
+
+    It is the value of the environment variable `VARIABLE` if that is set to one of them. Otherwise
+    it is `COMPILED` after plain Python has spent `LOAD_AFTER_S` in kernels.
+    """
     requested = os.environ.get(VARIABLE, "")
     if requested in (PLAIN, COMPILED):
         return requested
@@ -74,17 +85,19 @@ def select_backend() -> str:
 
 
 def expect_many() -> None:
-    """Switch to compiled code from the next call on.
+    """Use compiled code from the next event search on.
 
-    A process calls this function if it will search often.
+    A process calls this function if it expects many searches, so that loading compiled code is
+    worthwhile at once.
     """
     _plain_time.seconds = max(_plain_time.seconds, LOAD_AFTER_S)
 
 
 def _load(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
-    """Return the compiled form of a kernel, or the kernel if numba does not work.
+    """Return the function that numba has compiled, or ``kernel`` if numba does not work.
 
-    A failure of numba is reported on stderr.
+    ``arguments`` determine the types for which it is compiled. A failure of numba is reported on
+    stderr. If numba is not installed or its compiler is disabled, there is no report.
     """
     if find_spec("numba") is None:
         return kernel
@@ -96,8 +109,8 @@ def _load(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
         failures = (*failures, numba.core.errors.NumbaError)
         if numba.config.DISABLE_JIT:
             return kernel
-        # Python raises KeyboardInterrupt in the main thread, which waits here. A compilation cannot
-        # be interrupted: it ends in its thread, or with the process.
+        # Compile in a second thread, because a compilation cannot be interrupted. The main thread,
+        # which waits here, can still raise KeyboardInterrupt.
         with ThreadPool(1) as pool:
             compiled: Kernel = pool.apply(_compile, (kernel, arguments))
         return compiled
@@ -108,9 +121,10 @@ def _load(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
 
 
 def _compile(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
-    """Return the compiled form of a kernel, from the cache or newly compiled.
+    """Return the function that numba has compiled, from the user's cache if it is there.
 
-    Newly compiled code is stored in the cache. Damaged code in the cache is replaced.
+    ``arguments`` determine the types for which it is compiled. Newly compiled code is stored in the
+    cache. Damaged code in the cache is replaced.
     """
     numba: Any = import_module("numba")
     name, folder = kernel.__name__, _cache_folder()
@@ -127,7 +141,7 @@ def _compile(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
         _print(f"compiling {name}, once (about 15 s)")
     try:
         compiled.compile(types)
-    except Exception as error:  # damaged bytes raise any error when they are unpickled
+    except Exception as error:  # damaged cache files may raise any error when they are unpickled
         if not indexes or isinstance(error, numba.core.errors.NumbaError):
             raise
         _print(f"compiling {name} again, because its stored code is damaged (about 15 s)")
@@ -143,7 +157,10 @@ def _print(message: str) -> None:
 
 @cache
 def _cache_folder() -> Path:
-    """Return the folder of the compiled code, named after a digest of the sources."""
+    """Return the folder of the compiled code in the user's cache.
+
+    Its name contains a digest of the source files, so that changed sources are compiled again.
+    """
     package = Path(vectors.__file__).parents[1]
     paths = [package / f"{name.replace('.', '/')}.py" for name in (*MODULES, *CONSTANTS)]
     digest = hashlib.sha256(b"".join(map(Path.read_bytes, paths))).hexdigest()[:16]
@@ -153,7 +170,11 @@ def _cache_folder() -> Path:
 
 @cache
 def _register() -> None:
-    """Register the functions of `MODULES` and `without_refcount` for compiled code."""
+    """Make the functions of `MODULES` callable from code that numba compiles.
+
+    `without_refcount` gets a special implementation, which removes the reference counters of arrays
+    in compiled code.
+    """
     cgutils: Any = import_module("numba.core.cgutils")
     extending: Any = import_module("numba.extending")
     types: Any = import_module("numba.core.types")
@@ -178,7 +199,7 @@ def _register() -> None:
         mutable = table.copy(readonly=False) if isinstance(table, types.Array) else table
         return mutable(table), generate
 
-    def overloaded(table: Any) -> Any:  # its parameter must have the name of the original's
+    def overloaded(table: Any) -> Any:  # numba requires the parameter name of the original
         return lambda table: replacement(table)  # noqa: PLW0108
 
     extending.overload(vectors.without_refcount, strict=False)(overloaded)

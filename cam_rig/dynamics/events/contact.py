@@ -1,13 +1,15 @@
-"""Loss of contact of two masses: the first zero of the contact force.
+"""Loss of contact of a follower of two masses: the first zero of its contact force F.
 
-In contact the state is the vibration (η, η̇) of the end mass about its static position. A turn is
-divided into parts, and in each part
+The follower has a contact mass at the cam and an end mass on an elastic stem. In contact its state
+is the vibration (η, η̇) of the end mass about its static position. A turn of the cam is divided into
+parts, and in each part
 
     η = X(t) + η_free(t),    F(t) = P(t) + p η_free(t) + q η̇_free(t)
 
 with polynomials X and P and a free vibration η̈ = −κ η − 2δ η̇. `find_loss_of_contact` searches part
-after part. In each part it first takes steps that prove F > 0. If the force is close to zero, it
-searches for the zero of a polynomial in a window.
+after part. In each part it first takes time steps that bounds prove to have F > 0. If the force is
+close to zero, it expresses F as a polynomial in a short interval of time, a window, and searches
+for the zero of this polynomial.
 
 Numbers in brackets are the inequalities of docs/proofs.md, part 1.
 """
@@ -30,23 +32,24 @@ from cam_rig.laws.polynomials import elevate, find_fall, horner, restrict, value
 from cam_rig.laws.vectors import Matrices, Matrix, Records, Vector, index_at, without_refcount
 from cam_rig.units import TURN
 
-#: Shortest time step in which contact is proven by the bounds (3) and (8), as a fraction of
-#: `StemContactTable.window`. If the bounds allow only a shorter step, the zero of the force
-#: polynomial is searched for in a window instead, which is cheaper (measured).
+#: Shortest time step in which contact is proven by the bounds (3) and (8) of docs/proofs.md, as a
+#: fraction of `StemContactTable.window`. If the bounds allow only a shorter step, the zero of the
+#: force is searched for with a polynomial, which is then cheaper (measured).
 MIN_STEP_FRACTION = 0.25
-#: Number of equal cells of a part of a turn. A lower bound of the force is stored for each cell.
+#: Number of equal cells into which a part of a turn is divided. For each cell a lower bound of the
+#: contact force without free vibration is stored.
 CELLS = 8
 
-#: Scalars of one part of a turn.
+#: Record of the scalars of one part of a turn in which the follower is in contact.
 CONTACT_PART = np.dtype(
     [
-        ("start", "f8"),  # cam angle, rad
+        ("start", "f8"),  # cam angle at the start of the part, rad
         ("span", "f8"),  # cam angle that the part covers, rad
-        ("duration", "f8"),  # s
-        ("size", "i8"),  # number of ordinates of its polynomials
-        ("force_rounding", "f8"),  # ε_F, rounding error of the force, N
-        ("max_force_curvature", "f8"),  # upper bound of |P̈|, N/s²
-        ("flow", "f8", (2, 2)),  # e^{Ah} of (η, η̇) over the part
+        ("duration", "f8"),  # duration of the part, s
+        ("size", "i8"),  # number of Bernstein ordinates of its polynomials
+        ("force_rounding", "f8"),  # ε_F, upper bound of the rounding error of the contact force, N
+        ("max_force_curvature", "f8"),  # upper bound of |P̈|, P is the force without vibration, N/s²
+        ("flow", "f8", (2, 2)),  # matrix e^{Ah} of the free vibration (η, η̇) over the part
         ("cell_minima", "f8", (CELLS,)),  # lower bound of P − ε_F in each cell, N
     ],
     align=True,
@@ -54,67 +57,71 @@ CONTACT_PART = np.dtype(
 
 
 class StemContactRow(IntEnum):
-    """Index of a row in a part of `StemContactTable.polynomials`.
+    """Index of a polynomial in one part of `StemContactTable.polynomials`.
 
-    Weighted rows are Bernstein ordinates multiplied by their binomial coefficients.
+    Each polynomial is a row of Bernstein ordinates. In a weighted row they are multiplied by their
+    binomial coefficients.
     """
 
-    DISPLACEMENT = 0  #: X in m
-    VELOCITY = 1  #: Ẋ in m/s
-    FORCE = 2  #: P in N
-    WEIGHTED_FORCE = 3  #: P in N, weighted
-    WEIGHTED_FORCE_RATE = 4  #: Ṗ in N/s, weighted
+    DISPLACEMENT = 0  #: forced vibration X of the end mass, m
+    VELOCITY = 1  #: its rate Ẋ, m/s
+    FORCE = 2  #: contact force P without free vibration, N
+    WEIGHTED_FORCE = 3  #: P, weighted, N
+    WEIGHTED_FORCE_RATE = 4  #: rate Ṗ of P, weighted, N/s
 
 
 class StemVibration(NamedTuple):
-    """Vibration of the end mass while the roller is in contact."""
+    """Vibration of the end mass about its static position, in contact."""
 
-    displacement: float  #: η, m
-    velocity: float  #: η̇, m/s
+    displacement: float  #: displacement η from the static position, m
+    velocity: float  #: rate η̇ of the displacement, m/s
 
 
 class StemContactTable(NamedTuple):
-    """Coefficients of the two-mass model in contact, for each part of a turn.
+    """Coefficients of a follower of two masses in contact, for each part of a turn.
 
-    They are taken from a `LinearResponse` of (η, η̇) whose output is the contact force. It has n
-    parts per turn. The rows of ``polynomials`` have the length of the longest polynomial. Part i
-    uses ``parts[i]["size"]`` numbers of its rows.
+    They are taken from a `LinearResponse` of (η, η̇) whose output is the contact force. It divides
+    the turn into n parts with one polynomial each. The rows of ``polynomials`` have the length of
+    the longest polynomial. Part i uses the first ``parts[i]["size"]`` numbers of its rows.
     """
 
-    parts: Records  #: records of `CONTACT_PART`, ``(n,)``
-    polynomials: Matrices  #: rows of `StemContactRow`, ``(n, 5, size)``
-    stiffness: float  #: κ of η̈ = −κ η − 2δ η̇, 1/s²
-    damping: float  #: 2δ, 1/s
-    force_per_displacement: float  #: p, N/m
-    force_per_velocity: float  #: q, N·s/m
-    series: Matrix  #: takes (η, η̇) to the ordinates of p η + q η̇ in a window, ``(d + 1, 2)``
-    window: float  #: duration of a window of `series`, s
+    parts: Records  #: scalars of the parts, records of `CONTACT_PART`, ``(n,)``
+    polynomials: Matrices  #: forced motion and force, rows of `StemContactRow`, ``(n, 5, size)``
+    stiffness: float  #: κ of the free vibration η̈ = −κ η − 2δ η̇, 1/s²
+    damping: float  #: 2δ of the free vibration, 1/s
+    force_per_displacement: float  #: p, contact force per η, N/m
+    force_per_velocity: float  #: q, contact force per η̇, N·s/m
+    #: Matrix from the free vibration (η, η̇) to the Bernstein ordinates (N) of its share of the
+    #: force p η + q η̇ in the following ``window`` seconds, ``(d + 1, 2)``.
+    series: Matrix
+    window: float  #: duration for which ``series`` is exact to rounding, s
 
 
 class ContactStretch(NamedTuple):
-    """Stretch of contact within one part of the turn, from a given time on."""
+    """Initial state of a search for a loss of contact within one part of the turn."""
 
-    part: int  #: index of the part
-    offset: float  #: time since the start of the part, s
-    free: StemVibration  #: free vibration, (η, η̇) less X, at that time
+    part: int  #: index of the part of the turn
+    offset: float  #: start time of the search, since the start of the part, s
+    free: StemVibration  #: free vibration at that time: (η, η̇) less the forced (X, Ẋ)
 
 
 class ContactLoss(NamedTuple):
     """Result of the search for a loss of contact of two masses."""
 
     is_lost: bool  #: True if contact is lost within the duration of the search
-    time: float  #: time of the loss, s, infinite if contact is kept
-    stretch_start: float  #: start time of the last stretch, s
-    stretch: ContactStretch  #: the last stretch that was searched
+    time: float  #: time of the loss since the start of the search, s, infinite if contact is kept
+    stretch_start: float  #: time at which ``stretch`` starts, since the start of the search, s
+    stretch: ContactStretch  #: initial state in the last part of the turn that was searched
 
 
 def find_loss_of_contact(
     contact: StemContactTable, speed: float, angle: float, vibration: StemVibration, duration: float
 ) -> ContactLoss:
-    """Find the time after which the contact force of two masses is negative.
+    """Find the time at which a follower of two masses loses contact with the cam.
 
-    The search starts at cam angle ``angle`` (rad) in the state ``vibration`` and covers
-    ``duration`` s at ``speed`` rad/s.
+    It is the first time after which the contact force is negative. The search starts at cam angle
+    ``angle`` (rad) with the vibration ``vibration`` of the end mass, and covers ``duration`` s at
+    the cam speed ``speed`` (rad/s).
     """
     angle_in_turn = angle - math.floor(angle / TURN) * TURN
     index, turn, time = index_at(contact.parts["start"], angle_in_turn), 0.0, 0.0
@@ -133,8 +140,8 @@ def find_loss_of_contact(
             return ContactLoss(True, time + loss, time, stretch)
         if end >= duration:
             return ContactLoss(False, math.inf, time, stretch)
-        # The stored duration of the part, not end - time: the rounding of a late time would
-        # change the phase of a fast vibration.
+        # Use the stored duration of the part, because the rounding of end - time at a late time
+        # would change the phase of a fast vibration.
         last = part["size"] - 1
         if offset != 0.0:
             free = free_vibration(contact, stretch, part["duration"] - offset)
@@ -157,10 +164,11 @@ def find_loss_of_contact(
 def find_loss_in_part(
     contact: StemContactTable, displacement: float, velocity: float, limit: float
 ) -> float:
-    """Return the time (s) of the loss of contact in a table with a single part.
+    """Return the time (s) at which contact is lost in a single part of a turn.
 
-    It is infinite if contact is kept up to ``limit`` (s). The search starts at the start of the
-    part. ``displacement`` (m) and ``velocity`` (m/s) are those of the free vibration there.
+    ``contact`` contains only this part, and the search starts at its start. The result is infinite
+    if contact is kept up to ``limit`` (s). ``displacement`` (m) and ``velocity`` (m/s) are those of
+    the free vibration at the start.
     """
     contact = without_refcount(contact)
     stretch = ContactStretch(0, 0.0, StemVibration(displacement, velocity))
@@ -168,9 +176,9 @@ def find_loss_in_part(
 
 
 def forced_vibration(contact: StemContactTable, part: int, offset: float) -> StemVibration:
-    """Return the forced vibration (X, Ẋ) in a part of the turn.
+    """Return the forced vibration (X, Ẋ) of the end mass in a part of the turn.
 
-    ``offset`` is the time since the start of the part, s.
+    ``part`` is the index of the part, and ``offset`` is the time since its start, s.
     """
     rows = contact.polynomials[part]
     displacement, velocity = rows[StemContactRow.DISPLACEMENT], rows[StemContactRow.VELOCITY]
@@ -183,9 +191,9 @@ def forced_vibration(contact: StemContactTable, part: int, offset: float) -> Ste
 def free_vibration(
     contact: StemContactTable, stretch: ContactStretch, time: float
 ) -> StemVibration:
-    """Return the free vibration at a time (s) after the start of a stretch of contact.
+    """Return the free vibration of the end mass a time (s) after the start of a search.
 
-    It is e^{At} times the free vibration at the start.
+    It is e^{At} times the free vibration at the start, ``stretch.free``.
     """
     response = compute_impulse_response(contact.damping, contact.stiffness, time)
     diagonal = response.rate + contact.damping * response.value
@@ -200,9 +208,10 @@ def free_vibration(
 def vibration_after(
     contact: StemContactTable, stretch: ContactStretch, time: float
 ) -> StemVibration:
-    """Return the vibration (η, η̇) a time (s) after the start of a contact stretch.
+    """Return the vibration (η, η̇) of the end mass a time (s) after the start of a search.
 
-    The time lies in the same part of the turn.
+    It is the sum of the forced and the free vibration. The time must lie in the same part of the
+    turn as the start.
     """
     x = forced_vibration(contact, stretch.part, stretch.offset + time)
     free = free_vibration(contact, stretch, time)
@@ -212,11 +221,11 @@ def vibration_after(
 def _find_loss_in_stretch(
     contact: StemContactTable, stretch: ContactStretch, limit: float
 ) -> float:
-    """Return the time (s) after which the contact force is below −ε_F.
+    """Return the time (s) after which the contact force is below its rounding error −ε_F.
 
-    It is measured from the start of the stretch, and infinite if there is no such time before
-    ``limit`` (s). Steps and windows follow each other without a gap, so that no zero is skipped
-    (theorem A).
+    The time is measured from the start of the search. It is infinite if contact is kept up to
+    ``limit`` (s). Steps with proven contact and windows in which the zero is searched for follow
+    each other without a gap, so that no zero is skipped (theorem A of docs/proofs.md).
     """
     force_rounding = contact.parts[stretch.part]["force_rounding"]
     time = _step_while_pressed(contact, stretch, 0.0, limit)
@@ -224,7 +233,7 @@ def _find_loss_in_stretch(
         duration = min(contact.window, limit - time)
         u = find_fall(
             _force_ordinates(contact, stretch, time, duration), force_rounding
-        )  # (6), (7)
+        )  # by (6) and (7) of docs/proofs.md
         if u >= 0.0:
             return time + u * duration
         time = _step_while_pressed(contact, stretch, min(time + duration, limit), limit)
@@ -234,10 +243,10 @@ def _find_loss_in_stretch(
 def _force_ordinates(
     contact: StemContactTable, stretch: ContactStretch, time: float, duration: float
 ) -> Vector:
-    """Return the Bernstein ordinates (N) of the contact force F from ``time`` on.
+    """Return the Bernstein ordinates (N) of the contact force as a polynomial of time.
 
-    They cover ``duration`` s, at most one window. The free vibration's share is a power series
-    (10).
+    They cover ``duration`` s from ``time`` on, at most ``contact.window``. The share of the free
+    vibration is a truncated power series, with an error bounded by (10) of docs/proofs.md.
     """
     part, rows = contact.parts[stretch.part], contact.polynomials[stretch.part]
     size, count = part["size"], len(contact.series)
@@ -260,9 +269,12 @@ def _force_ordinates(
 def _step_while_pressed(
     contact: StemContactTable, stretch: ContactStretch, time: float, limit: float
 ) -> float:
-    """Return the time (s) up to which steps from ``time`` prove a contact force > ε_F.
+    """Return the time (s) up to which bounds prove that contact is kept.
 
-    Each step is proven by the stored minima of the polynomial (8) or by both of its ends (3).
+    Times are measured from the start of the search. From ``time`` on, the function takes steps in
+    which the contact force is proven to exceed its rounding error ε_F, and ends when no step is
+    proven, or at ``limit``. A step is proven by the stored minima of the force without free
+    vibration (8), or by the force and its rate at both ends (3).
     """
     part, frequency = contact.parts[stretch.part], math.sqrt(contact.stiffness)
     min_step = MIN_STEP_FRACTION * contact.window
@@ -297,10 +309,12 @@ def _step_while_pressed(
 
 
 def _pressed_until(part: np.void, offset: float, share: float) -> float:
-    """Return the time (s) since the start of a part up to which (8) proves contact.
+    """Return the time (s) up to which contact is proven by the minima of its cells.
 
-    No vibration with a share of the force up to ``share`` (N) breaks contact before. The search
-    starts at ``offset`` s. The result is infinite if the remainder of the part is proven.
+    A cell of a part of the turn is proven if the least force without free vibration in it is larger
+    than ``share`` (N), the largest possible share of the free vibration. This is (8) of
+    docs/proofs.md. Times are measured from the start of the part. The search starts at ``offset``
+    s. The result is infinite if the remainder of the part is proven.
     """
     cell_duration, minima = part["duration"] / CELLS, part["cell_minima"]
     cell = int(offset / cell_duration)
@@ -310,9 +324,11 @@ def _pressed_until(part: np.void, offset: float, share: float) -> float:
 
 
 def bound_share(contact: StemContactTable, scaled_displacement: float, velocity: float) -> float:
-    """Return the upper bound (N) of the vibration's share |p η + q η̇| of the force.
+    """Return an upper bound (N) of the free vibration's share |p η + q η̇| of the force.
 
-    It applies from a vibration (√κ η, η̇), in m/s, to all later times by inequality (4).
+    ``scaled_displacement`` is √κ η and ``velocity`` is η̇, both in m/s. The bound applies to this
+    and all later times, because the energy of a free vibration never grows (inequality (4) of
+    docs/proofs.md).
     """
     energy = math.sqrt(scaled_displacement * scaled_displacement + velocity * velocity)
     return energy * (
@@ -324,9 +340,10 @@ def bound_share(contact: StemContactTable, scaled_displacement: float, velocity:
 def _force_above_rounding(
     contact: StemContactTable, stretch: ContactStretch, time: float, free: StemVibration
 ) -> tuple[float, float]:
-    """Return the contact force above its rounding error, F − ε_F (N), and Ḟ (N/s).
+    """Return the contact force less its rounding error, F − ε_F (N), and its rate Ḟ (N/s).
 
-    ``time`` (s) is measured from the start of the stretch, and ``free`` is the free vibration then.
+    ``time`` (s) is measured from the start of the search, and ``free`` is the free vibration of the
+    end mass at that time.
     """
     part, rows = contact.parts[stretch.part], contact.polynomials[stretch.part]
     degree, u = part["size"] - 1, (stretch.offset + time) / part["duration"]

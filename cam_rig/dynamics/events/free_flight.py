@@ -1,9 +1,10 @@
 """Free motion of the follower in flight.
 
-In flight the masses obey ẋ = A x + b. The states x are displacements and velocities in turn. If V
-is well conditioned, x = V ξ separates them into pairs ξ = (q, q̇) with q̈ = −κ q − 2δ q̇ + const, and
-each pair is solved in closed form. Otherwise the matrix exponential is used. The states are exact.
-The acceleration is also available as a polynomial in a window.
+In flight the masses obey ẋ = A x + b. The n states x are displacements and velocities alternately.
+If the matrix V of the vibration modes is well conditioned, x = V ξ separates the states into pairs
+ξ = (q, q̇) with q̈ = −κ q − 2δ q̇ + const, and each pair is solved in closed form. Otherwise the
+matrix exponential is used. The states are exact to rounding. The acceleration is also available as
+a polynomial over a short time, a window.
 
 All results are changes since the lift-off, not displacements from the position of rest, because a
 weak spring puts that position far away. `cam_rig.dynamics.linear.exponential` has the same
@@ -29,7 +30,8 @@ SERIES_TERMS = 18
 #: Size below which a term of the power series of the impulse response is negligible, 1/1024 of the
 #: float epsilon. The series stops after two such terms in a row. The first term is 1.
 MIN_SERIES_TERM = 2.0**-62
-#: Product of ‖A‖ and the duration of a window (no unit), as in `linear.exponential.REACH`.
+#: Product of ‖A‖ and the duration of a window, in which the acceleration is a polynomial (no unit,
+#: equal to `linear.exponential.REACH`).
 WINDOW_REACH = 2.0
 #: Largest product ‖A‖ t at which the power series of e^{At} is used without squaring.
 MAX_EXPONENTIAL_REACH = 0.5
@@ -40,82 +42,84 @@ EXPONENTIAL_TERMS = 18
 MAX_STATES = 4
 #: Number of ordinates of the acceleration in a window, `linear.exponential.SERIES_DEGREE` + 1.
 SERIES_SIZE = 25
-#: Smallest ratio of the slow to the fast rate of a pair at which the integral of its response is
-#: computed by a subtraction. At a smaller ratio the subtraction would lose digits.
+#: Smallest ratio of the slow to the fast decay rate of an overdamped pair at which the integral of
+#: its impulse response follows from the response. At a smaller ratio this would lose digits.
 MIN_RATE_RATIO = 0.1
 
 
-#: Numbers of a `FreeSystem`, ẋ = A x + b, with n states; the rows and columns from n on are unused.
-#: The fields from ``modes`` on are used only if ``has_pairs`` is True.
+#: Record of the masses in flight, ẋ = A x + b with n states (see `FreeSystem`). The rows and
+#: columns from n on are unused. The fields from ``modes`` on are used only if ``has_pairs`` is
+#: True.
 FREE_SYSTEM = np.dtype(
     [
-        ("size", "i8"),  # n
+        ("size", "i8"),  # number n of states
         ("window", "f8"),  # duration for which ``series`` is exact to rounding, s
-        ("matrix", "f8", (MAX_STATES, MAX_STATES)),  # A
-        ("load", "f8", (MAX_STATES,)),  # b
+        ("matrix", "f8", (MAX_STATES, MAX_STATES)),  # A of ẋ = A x + b
+        ("load", "f8", (MAX_STATES,)),  # b of ẋ = A x + b
         ("contact_row", "f8", (MAX_STATES,)),  # weights of x in the contact mass's displacement
         ("energy", "f8", (MAX_STATES, MAX_STATES)),  # E of inequality (5) in docs/proofs.md
-        ("series", "f8", (SERIES_SIZE, MAX_STATES)),  # ẋ → ordinates of the contact acceleration
-        ("modes", "f8", (MAX_STATES, MAX_STATES)),  # V of x = V ξ
-        ("inverse", "f8", (MAX_STATES, MAX_STATES)),  # V⁻¹
-        ("modal_load", "f8", (MAX_STATES,)),  # V⁻¹ b
+        # Matrix from ẋ to the Bernstein ordinates of the contact mass's acceleration in a window.
+        ("series", "f8", (SERIES_SIZE, MAX_STATES)),
+        ("modes", "f8", (MAX_STATES, MAX_STATES)),  # V of the transformation x = V ξ to pairs
+        ("inverse", "f8", (MAX_STATES, MAX_STATES)),  # inverse V⁻¹ of ``modes``
+        ("modal_load", "f8", (MAX_STATES,)),  # load V⁻¹ b of the pairs
         ("pair_damping", "f8", (MAX_STATES // 2,)),  # 2δ of each pair, 1/s
         ("pair_stiffness", "f8", (MAX_STATES // 2,)),  # κ of each pair, 1/s²
-        ("modal_contact_row", "f8", (MAX_STATES,)),  # ``contact_row`` V
-        ("modal_energy", "f8", (MAX_STATES, MAX_STATES)),  # E V, zero below row n
-        ("has_pairs", "?"),  # True if V is well conditioned
+        ("modal_contact_row", "f8", (MAX_STATES,)),  # product of ``contact_row`` and V
+        ("modal_energy", "f8", (MAX_STATES, MAX_STATES)),  # product E V, zero below row n
+        ("has_pairs", "?"),  # True if V is well conditioned, so that the pairs are used
     ],
     align=True,
 )
-#: Constants of a pair of states (q, q̇) in one flight.
+#: Record of the constants of a decoupled pair of states (q, q̇) in one flight.
 PAIR_START = np.dtype(
     [
-        ("rate", "f8"),  # q̇ at the start, the load included
-        ("pull", "f8"),  # κ q + 2δ q̇ − const, for the displacement
-        ("force", "f8"),  # q̈ at the start
+        ("rate", "f8"),  # rate of q at the start of the flight, including the load
+        ("pull", "f8"),  # κ q + 2δ q̇ − const at the start, from which q(t) follows
+        ("force", "f8"),  # rate q̈ of q̇ at the start of the flight
     ],
     align=True,
 )
 
 
 class ImpulseResponse(NamedTuple):
-    """Response S of ẍ + 2δ ẋ + κ x = 0 to a unit impulse, at one time."""
+    """Response S(t) of ẍ + 2δ ẋ + κ x = 0 to a unit impulse, at one time."""
 
-    value: float  #: S, s
-    rate: float  #: Ṡ, 1
-    integral: float  #: ∫S dt from 0, s²
+    value: float  #: impulse response S, s
+    rate: float  #: time derivative Ṡ, without unit
+    integral: float  #: integral of S from time 0, s²
 
 
 class LiftOffState(NamedTuple):
-    """State of the masses at the start of a flight."""
+    """State of the masses at the start of a flight, and their coefficients."""
 
-    free: Records  #: one record of `FREE_SYSTEM`
-    start: Vector  #: x at the start, ``(n,)``
-    rates: Vector  #: ẋ at the start, ``(n,)``
-    pairs: Records  #: records of `PAIR_START`, ``(n / 2,)``
+    free: Records  #: coefficients of the free motion, one record of `FREE_SYSTEM`
+    start: Vector  #: states x at the start of the flight, ``(n,)``
+    rates: Vector  #: rates ẋ at the start of the flight, ``(n,)``
+    pairs: Records  #: constants of the decoupled pairs, records of `PAIR_START`, ``(n / 2,)``
 
 
 class Advance(NamedTuple):
-    """Change of the masses' state since the start of the flight, at one time."""
+    """Change of the n states of the masses since the start of the flight, at one time."""
 
-    change: Vector  #: x(t) − x(0), ``(n,)``
-    rates: Vector  #: ẋ(t), ``(n,)``
+    change: Vector  #: change x(t) − x(0) of the states, ``(n,)``
+    rates: Vector  #: rates ẋ(t) of the states, ``(n,)``
 
 
 class PairAdvance(NamedTuple):
-    """Change of one pair (q, q̇) of the free motion since the start of the flight."""
+    """Change of one decoupled pair of states (q, q̇) since the start of the flight."""
 
-    displacement: float  #: q(t) − q(0)
-    velocity: float  #: q̇(t) − q̇(0)
+    displacement: float  #: change q(t) − q(0) of the displacement
+    velocity: float  #: change q̇(t) − q̇(0) of the velocity
     displacement_rate: float  #: time derivative of ``displacement``
     velocity_rate: float  #: time derivative of ``velocity``
 
 
 class ContactMassMotion(NamedTuple):
-    """Motion of the contact mass, the mass that meets the cam."""
+    """Motion of the contact mass (the mass that meets the cam) in flight, at one time."""
 
-    change: float  #: displacement since the start of the flight, m
-    velocity: float  #: m/s
+    change: float  #: change of the displacement since the start of the flight, m
+    velocity: float  #: velocity at this time, m/s
     max_acceleration: float  #: upper bound of |acceleration| at this and all later times, m/s²
 
 
@@ -138,10 +142,10 @@ def compute_impulse_response(damping: float, stiffness: float, time: float) -> I
 
 
 def _expand_impulse_response(damping: float, stiffness: float, time: float) -> ImpulseResponse:
-    """Return the impulse response by its Taylor series, for a short time (s).
+    """Return the impulse response of ẍ + 2δ ẋ + κ x = 0 by its Taylor series.
 
-    ``damping`` is 2δ t and ``stiffness`` is κ t², because the time is the unit of time. The
-    equation of motion gives the terms.
+    The series is for a short time t, ``time`` in s. ``damping`` is 2δ t and ``stiffness`` is κ t²,
+    both without unit. The terms follow from the equation of motion.
     """
     term, previous, value, integral = 1.0, 0.0, 0.0, 0.0
     for i in range(2, SERIES_TERMS + 1):
@@ -159,9 +163,10 @@ def _expand_impulse_response(damping: float, stiffness: float, time: float) -> I
 def _overdamped_impulse_response(
     decay: float, root: float, stiffness: float, time: float
 ) -> ImpulseResponse:
-    """Return the impulse response of an overdamped or critically damped pair.
+    """Return the impulse response of ẍ + 2δ ẋ + κ x = 0 for δ² ≥ κ.
 
-    ``decay`` is δ and ``root`` is √(δ² − κ), in 1/s. The formulas contain no growing exponential.
+    ``decay`` is δ and ``root`` is √(δ² − κ), in 1/s. ``stiffness`` is κ in 1/s², and ``time`` is in
+    s. The formulas contain no growing exponential.
     """
     fast, difference = decay + root, 2.0 * root
     slow = stiffness / fast
@@ -176,9 +181,9 @@ def _overdamped_impulse_response(
 
 
 def start_free_motion(system: Records, start: Vector) -> LiftOffState:
-    """Return the start of a flight from a state ``(n,)``.
+    """Return the constants of a flight that starts in a state of the masses, ``(n,)``.
 
-    ``system`` is one record of `FREE_SYSTEM`.
+    ``system`` contains the coefficients of the masses in flight, one record of `FREE_SYSTEM`.
     """
     free, size = system[0], len(start)
     load = free["load"]
@@ -200,9 +205,9 @@ def start_free_motion(system: Records, start: Vector) -> LiftOffState:
 
 
 def multiply(matrix: Matrix, column: Vector) -> Vector:
-    """Return the product of a matrix and a column ``(n,)``, with the shape ``(n,)``.
+    """Return the product of a matrix and a column vector ``(n,)``, shape ``(n,)``.
 
-    A matrix that is larger than n × n counts with its first n rows and columns.
+    Of a matrix that is larger than n × n, only the first n rows and columns are used.
     """
     out = np.zeros(len(column))
     for i in range(len(column)):
@@ -211,15 +216,16 @@ def multiply(matrix: Matrix, column: Vector) -> Vector:
 
 
 def contact_component(lift_off: LiftOffState, state: Vector) -> float:
-    """Return the component of a state that belongs to the contact mass.
+    """Return the component of a state vector that belongs to the contact mass.
 
-    It is the displacement (m) for a state x, and the velocity (m/s) for its rate ẋ.
+    The contact mass is the mass that meets the cam. The component is its displacement (m) if
+    ``state`` is x, and its velocity (m/s) if ``state`` is the rate ẋ.
     """
     return dot(state, lift_off.free[0]["contact_row"])
 
 
 def advance(lift_off: LiftOffState, time: float) -> Advance:
-    """Return the change and the rates of all states at a time (s) after the lift-off."""
+    """Return the change and the rates of all states a time (s) after the lift-off."""
     free, size = lift_off.free[0], len(lift_off.start)
     if not free["has_pairs"]:
         flow, integral = _exponential(free, time, size)
@@ -234,7 +240,7 @@ def advance(lift_off: LiftOffState, time: float) -> Advance:
 
 
 def _advance_pair(lift_off: LiftOffState, i: int, time: float) -> PairAdvance:
-    """Return the change of the i-th pair (q, q̇) at a time (s) after the lift-off."""
+    """Return the change of decoupled pair i, (q, q̇), a time (s) after the lift-off."""
     free, pair = lift_off.free[0], lift_off.pairs[i]
     stiffness = free["pair_stiffness"][i]
     response = compute_impulse_response(free["pair_damping"][i], stiffness, time)
@@ -248,9 +254,10 @@ def _advance_pair(lift_off: LiftOffState, i: int, time: float) -> PairAdvance:
 
 
 def advance_contact_mass(lift_off: LiftOffState, time: float) -> ContactMassMotion:
-    """Return the motion of the contact mass at a time (s) after the lift-off.
+    """Return the motion of the contact mass a time (s) after the lift-off.
 
-    Inequality (5) gives the bound of the later acceleration.
+    The result contains a bound of its acceleration at all later times, by inequality (5) of
+    docs/proofs.md.
     """
     free = lift_off.free[0]
     if not free["has_pairs"]:
@@ -261,7 +268,7 @@ def advance_contact_mass(lift_off: LiftOffState, time: float) -> ContactMassMoti
             max_acceleration=bound_acceleration(lift_off, state.rates),
         )
     change, velocity, row, energy = 0.0, 0.0, free["modal_contact_row"], free["modal_energy"]
-    e0, e1, e2, e3 = 0.0, 0.0, 0.0, 0.0  # E ẋ, component by component: an array costs more time
+    e0, e1, e2, e3 = 0.0, 0.0, 0.0, 0.0  # components of E ẋ, without an array to save time
     for i in range(len(lift_off.start) // 2):
         pair, j = _advance_pair(lift_off, i, time), 2 * i
         change += row[j] * pair.displacement + row[j + 1] * pair.velocity
@@ -274,9 +281,10 @@ def advance_contact_mass(lift_off: LiftOffState, time: float) -> ContactMassMoti
 
 
 def bound_acceleration(lift_off: LiftOffState, rates: Vector) -> float:
-    """Return the upper bound (m/s²) of the later |acceleration| of the contact mass.
+    """Return an upper bound (m/s²) of |acceleration| of the contact mass in flight.
 
-    The bound is ‖E ẋ‖ for the rates ẋ at the present time, inequality (5) of docs/proofs.md.
+    It applies to the present and all later times. ``rates`` are the rates ẋ of all states at the
+    present time. The bound is ‖E ẋ‖, inequality (5) of docs/proofs.md.
     """
     total, energy = 0.0, lift_off.free[0]["energy"]
     for i in range(len(rates)):
@@ -286,10 +294,11 @@ def bound_acceleration(lift_off: LiftOffState, rates: Vector) -> float:
 
 
 def acceleration_ordinates(lift_off: LiftOffState, rates: Vector, duration: float) -> Vector:
-    """Return the Bernstein ordinates (m/s²) of the contact mass's acceleration.
+    """Return the acceleration of the contact mass as a polynomial of time.
 
-    They cover ``duration`` s, at most one window, from the time at which the rates are ẋ. Lemma
-    (10) of docs/proofs.md bounds the truncation error.
+    Returns its Bernstein ordinates (m/s²), shape ``(SERIES_SIZE,)``. They cover ``duration``
+    s, at most the field ``window`` of `FREE_SYSTEM`, from the time at which the rates of the states
+    are ``rates``. Lemma (10) of docs/proofs.md bounds the truncation error.
     """
     series, ordinates = lift_off.free[0]["series"], np.zeros(SERIES_SIZE)
     for j in range(SERIES_SIZE):
@@ -299,7 +308,10 @@ def acceleration_ordinates(lift_off: LiftOffState, rates: Vector, duration: floa
 
 
 def compute_flow(free: np.void, time: float) -> Matrix:
-    """Return the exponential e^{At} of the masses in flight at a time (s), ``(n, n)``."""
+    """Return the matrix e^{At} of the masses in flight for a time (s), ``(n, n)``.
+
+    ``free`` is a record of `FREE_SYSTEM`.
+    """
     size, inverse = free["size"], free["inverse"]
     if not free["has_pairs"]:
         return _exponential(free, time, size)[0]
@@ -316,10 +328,10 @@ def compute_flow(free: np.void, time: float) -> Matrix:
 
 
 def _exponential(free: np.void, time: float, size: int) -> tuple[Matrix, Matrix]:
-    """Return the exponential F = e^{At} at a time (s), and its integral P.
+    """Return the matrix F = e^{At} for a time (s), and its integral P from time 0.
 
-    Both are ``(n, n)``. They are computed by scaling and squaring. Doubling the time takes F to F²
-    and P to P + F P.
+    Both are ``(n, n)``, with A and n = ``size`` of ``free``, a record of `FREE_SYSTEM`. They are
+    computed by scaling and squaring: if the time is doubled, F becomes F² and P becomes P + F P.
     """
     reach, doublings = abs(time) * WINDOW_REACH / free["window"], 0
     while reach > MAX_EXPONENTIAL_REACH:
@@ -343,7 +355,7 @@ def _exponential(free: np.void, time: float, size: int) -> tuple[Matrix, Matrix]
 def _matrix_product(left: Matrix, right: Matrix, scale: float) -> Matrix:
     """Return the product of two square matrices, multiplied by ``scale``.
 
-    The sums have a fixed order, so that both backends give the same bits.
+    The sums have a fixed order, so that plain Python and compiled code give identical bits.
     """
     size = len(right)
     out = np.zeros((size, size))

@@ -1,4 +1,7 @@
-"""Tables of a law and a cam, in the form that the event search uses."""
+"""Arrays of a motion law and a cam, for the search for lift-offs and landings.
+
+The search runs in plain Python or compiled by numba, so it uses arrays and tuples, not objects.
+"""
 
 from __future__ import annotations
 
@@ -14,29 +17,30 @@ from cam_rig.units import TURN
 
 #: Float epsilon: distance between 1 and the next float.
 EPS = 2.0**-52
-#: Upper bound of the rounding error of an event's cam angle, in float epsilons of the angle plus
-#: one turn.
+#: Upper bound of the rounding error of an event's cam angle, as a multiple of the float epsilon of
+#: (angle + one turn).
 ANGLE_ROUNDING_ERRORS = 4.0
-#: Upper bound of the rounding error of the difference of two displacements, in float epsilons of
-#: the displacements.
+#: Upper bound of the rounding error of the gap between follower and cam, as a multiple of the float
+#: epsilon of their displacements.
 GAP_ROUNDING_ERRORS = 16.0
 
 
-#: Scalars of one piece of a law.
+#: Record of the scalars of one polynomial piece of a law.
 LAW_PIECE = np.dtype(
     [
-        ("start", "f8"),  # cam angle, rad
-        ("span", "f8"),  # rad
-        ("max_curvature", "f8"),  # upper bound of |s''|, m/rad²
+        ("start", "f8"),  # cam angle at the start of the piece, rad
+        ("span", "f8"),  # cam angle that the piece covers, rad
+        ("max_curvature", "f8"),  # upper bound of |s''| in the piece, m/rad²
     ],
     align=True,
 )
 
 
 class LawRow(IntEnum):
-    """Index of a row of polynomials in a piece of `LawTable.polynomials`.
+    """Index of the polynomial of s, s' or s'' in a piece of `LawTable.polynomials`.
 
-    Weighted rows are Bernstein ordinates multiplied by their binomial coefficients.
+    Each polynomial is a row of Bernstein ordinates. In a weighted row they are multiplied by their
+    binomial coefficients, which makes evaluation faster.
     """
 
     LIFT = 0  #: s in m, weighted
@@ -46,10 +50,10 @@ class LawRow(IntEnum):
 
 
 class LawTable(NamedTuple):
-    """Polynomials of a `Law` with n pieces of degree p, as arrays."""
+    """Polynomials s, s', s'' of a motion law with n pieces of degree p, as arrays."""
 
-    pieces: Records  #: records of `LAW_PIECE`, ``(n,)``
-    polynomials: Matrices  #: rows of `LawRow`, ``(n, 4, p + 1)``
+    pieces: Records  #: one record of `LAW_PIECE` per piece, ``(n,)``
+    polynomials: Matrices  #: one row per member of `LawRow` for each piece, ``(n, 4, p + 1)``
     size: int  #: number of ordinates per piece, p + 1
     max_lift: float  #: upper bound of |s|, m
     max_slope: float  #: upper bound of |s'|, m/rad
@@ -58,23 +62,26 @@ class LawTable(NamedTuple):
 
 
 class Cam(NamedTuple):
-    """Cam with its law that turns at constant speed."""
+    """Cam with a motion law, turning at constant speed."""
 
-    law: LawTable
-    speed: float  #: rad/s
+    law: LawTable  #: motion law of the cam
+    speed: float  #: cam speed, rad/s
     angle: float  #: cam angle at time 0, rad
 
 
 class CamMotion(NamedTuple):
     """Motion of the cam surface under the follower at one time."""
 
-    lift: float  #: s, m
-    velocity: float  #: ṡ, m/s
-    acceleration: float  #: s̈, m/s²
+    lift: float  #: lift s, m
+    velocity: float  #: velocity ṡ, m/s
+    acceleration: float  #: acceleration s̈, m/s²
 
 
 def cam_at(cam: Cam, time: float) -> CamMotion:
-    """Return the motion of the cam surface at a time (s), with right limits at joints."""
+    """Return the lift, velocity and acceleration of the cam surface at a time (s).
+
+    At a joint of two pieces of the law they are the values of the later piece.
+    """
     law, speed, angle = cam.law, cam.speed, cam.angle + cam.speed * time
     angle_in_turn = angle - math.floor(angle / TURN) * TURN
     i = index_at(law.pieces["start"], angle_in_turn)
@@ -88,10 +95,10 @@ def cam_at(cam: Cam, time: float) -> CamMotion:
 
 
 def lift_within(cam: Cam, piece: int, time: float) -> tuple[float, float]:
-    """Return the cam's lift s (m) and velocity ṡ (m/s) at a time (s) in a piece.
+    """Return the cam's lift s (m) and velocity ṡ (m/s) at a time (s).
 
-    The piece of the law contains the cam angle at that time. At a joint either neighbour is
-    allowed, which selects the left or the right limit.
+    ``piece`` is the index of the polynomial piece of the law that contains the cam angle at that
+    time. At a joint of two pieces it selects the value before or after the joint.
     """
     law, advance = cam.law, cam.speed * time
     span, rows = law.pieces[piece]["span"], law.polynomials[piece]
@@ -109,10 +116,11 @@ def angle_rounding_time(cam: Cam) -> float:
 
 
 def piece_from(cam: Cam, time: float) -> tuple[int, float, float]:
-    """Return index, start angle and end angle (rad) of the piece after a time (s).
+    """Return the index and the cam angles (rad) of the law's piece just after a time.
 
-    A piece that ends within the rounding error of the angle counts as finished. A lift-off at a
-    joint with a jump of s'' is therefore in the next piece, and not one float before it.
+    The result is the index of the polynomial piece, its start angle and its end angle, which
+    include whole turns. ``time`` is in s. A piece that ends within the rounding error of the angle
+    counts as finished. A lift-off at a joint with a jump of s'' is therefore in the later piece.
     """
     law, angle = cam.law, cam.angle + cam.speed * time
     turn = math.floor(angle / TURN) * TURN
@@ -127,10 +135,10 @@ def piece_from(cam: Cam, time: float) -> tuple[int, float, float]:
 
 
 def gap_rounding(law: LawTable, displacement: float) -> float:
-    """Return the rounding error (m) of a gap between follower and cam.
+    """Return an upper bound (m) of the rounding error of the gap from follower to cam.
 
     The gap is a difference of displacements, and ``displacement`` (m) is that of the follower. The
-    error is ε_g in docs/proofs.md. It contains the rounding errors of the follower's displacement,
+    bound is ε_g in docs/proofs.md. It contains the rounding errors of the follower's displacement,
     of s and of the cam angle, and the steps of s at the joints of the law.
     """
     size = max(abs(displacement), law.max_lift) + TURN * law.max_slope

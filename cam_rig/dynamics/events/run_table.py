@@ -1,4 +1,9 @@
-"""Data of a run's state machine (`runs`): its state, its record and its table."""
+"""Data types of the state machine in `runs`, which simulates contact and flight.
+
+`RUN_STATE` is its state, `RunTable` contains its coefficients, and `RunRecord` receives its output:
+phases (contact or flight) and events (lift-off or landing). All are arrays and tuples, because the
+state machine runs in plain Python or compiled by numba.
+"""
 
 from __future__ import annotations
 
@@ -13,64 +18,67 @@ from cam_rig.laws.vectors import Records
 
 
 class RunMode(IntEnum):
-    """Mode of the follower in a run: on the cam or in flight."""
+    """Mode of the follower: in contact with the cam, or in flight."""
 
-    CONTACT = 0
-    FLIGHT = 1
+    CONTACT = 0  #: the follower is on the cam
+    FLIGHT = 1  #: the follower has lifted off
 
 
 class EventCode(IntEnum):
-    """Kind of an event that a run records."""
+    """Kind of an event of the follower: lift-off or landing."""
 
-    LIFT_OFF = 0
-    LANDING = 1
+    LIFT_OFF = 0  #: contact ends
+    LANDING = 1  #: the follower meets the cam, also if it rebounds
 
 
-#: State of a run. A recorded phase is the state at its start together with ``phase_end``.
+#: Record of the state of the follower in a run. A phase (contact or flight) is recorded as the
+#: state at its start together with ``phase_end``.
 RUN_STATE = np.dtype(
     [
-        ("time", "f8"),  # since the start of the interval, s
-        ("phase_end", "f8"),  # end of a recorded phase, s; 0 in the state of a run
-        ("gap", "f8"),  # gap in flight if ``gap_known``, m
-        ("gap_rate", "f8"),  # its rate, m/s
-        ("initial_step", "f8"),  # step of ṡ to apply when the run starts, m/s
-        ("jumps_done", "i8"),  # number of velocity jumps of the interval that are applied
-        ("mode", "i8"),  # `RunMode`
-        # Contact: (η, η̇) of two masses, unused of one. Flight: (w, ẇ, Y, Ẏ) of two masses, (y, ẏ)
-        # of one, as in `FreeSystem`. Numbers beyond these are unused.
+        ("time", "f8"),  # time since the start of the interval, s
+        ("phase_end", "f8"),  # end time of a recorded phase, s; 0 in the state of a run
+        ("gap", "f8"),  # gap between follower and cam in flight if ``gap_known`` is True, m
+        ("gap_rate", "f8"),  # rate of the gap in flight if ``gap_known`` is True, m/s
+        ("initial_step", "f8"),  # change of the cam's velocity ṡ to apply at the start, m/s
+        ("jumps_done", "i8"),  # number of velocity jumps of the interval that have been applied
+        ("mode", "i8"),  # contact or flight, `RunMode`
+        # In contact: (η, η̇) of a follower of two masses, unused for one mass. In flight:
+        # (w, ẇ, Y, Ẏ) of two masses or (y, ẏ) of one mass, as in `FreeSystem`. The other numbers
+        # are unused.
         ("vector", "f8", (4,)),
-        ("gap_known", "?"),  # True if ``gap`` is better than a difference of displacements
+        ("gap_known", "?"),  # True if ``gap`` is more accurate than a difference of displacements
         ("has_started", "?"),  # True if ``initial_step`` has been applied
     ],
     align=True,
 )
-#: A lift-off or a landing.
+#: Record of a lift-off or a landing.
 EVENT = np.dtype(
     [
-        ("code", "i8"),  # `EventCode`
-        ("time", "f8"),  # since the start of the interval, s
-        ("impulse", "f8"),  # N·s, 0 at a lift-off
-        ("energy_lost", "f8"),  # J, 0 at a lift-off
+        ("code", "i8"),  # kind of the event, `EventCode`
+        ("time", "f8"),  # time since the start of the interval, s
+        ("impulse", "f8"),  # impulse of a landing, N·s; 0 at a lift-off
+        ("energy_lost", "f8"),  # energy lost in a landing, J; 0 at a lift-off
     ],
     align=True,
 )
-#: Numbers of phases and events in a record.
+#: Record of the numbers of phases and events in a `RunRecord`.
 COUNTS = np.dtype([("phases", "i8"), ("events", "i8")], align=True)
 
 
-#: A velocity jump.
+#: Record of a velocity jump: a joint of the law at which the cam's velocity ṡ changes abruptly.
 JUMP = np.dtype(
     [
-        ("time", "f8"),  # since the start of the interval, s
-        ("step", "f8"),  # step of ṡ, m/s
+        ("time", "f8"),  # time since the start of the interval, s
+        ("step", "f8"),  # change of the cam's velocity ṡ at the joint, m/s
     ],
     align=True,
 )
-#: An interval of the turn in which the cam would have to pull one mass.
+#: Record of a range of cam angles in which a follower of one mass loses contact, because its
+#: contact force would be negative.
 LOSS = np.dtype(
     [
-        ("start", "f8"),  # cam angle in [0, 2π], rad
-        ("end", "f8"),  # rad
+        ("start", "f8"),  # cam angle at the start of the range, in [0, 2π], rad
+        ("end", "f8"),  # cam angle at the end of the range, in [0, 2π], rad
     ],
     align=True,
 )
@@ -79,58 +87,60 @@ LOSS = np.dtype(
 class StemStretch(NamedTuple):
     """Stretch of the stem between contact mass and end mass, and its rate."""
 
-    length: float  #: w, m
-    rate: float  #: ẇ, m/s
+    length: float  #: stretch w, end mass less contact mass displacement, m
+    rate: float  #: rate ẇ of the stretch, m/s
 
 
 class Jumps(NamedTuple):
-    """Velocity jumps of the law that belong to an interval of the run."""
+    """Velocity jumps of the law in one interval of constant cam speed."""
 
     ahead: Records  #: records of `JUMP` in the order of time, ``(n,)``
     duration: float  #: duration of the interval, s
-    #: Time (s) from which the cam is within rounding of a velocity jump of the next interval. A
-    #: lift-off from then on belongs to that interval.
+    #: Time (s) from which on the cam angle is within rounding of a velocity jump at the end, which
+    #: belongs to the next interval. A lift-off after this time belongs to the next interval too.
     contact_limit: float
 
 
 class RunRecord(NamedTuple):
-    """Output of a run's event search: phases and events."""
+    """Output of an event search: phases (contact or flight) and events."""
 
-    state: Records  #: one record of `RUN_STATE`, updated in place
-    phases: Records  #: records of `RUN_STATE`
-    events: Records  #: records of `EVENT`, room for two per phase
-    counts: Records  #: one record of `COUNTS`
+    state: Records  #: present state of the follower, one record of `RUN_STATE`, updated in place
+    phases: Records  #: phases in the order of time, records of `RUN_STATE`
+    events: Records  #: lift-offs and landings, records of `EVENT`, with room for two per phase
+    counts: Records  #: numbers of phases and events so far, one record of `COUNTS`
 
 
 class CamWeights(NamedTuple):
     """Weights of the cam's lift, velocity and acceleration in a linear combination."""
 
-    lift: float
-    velocity: float
-    acceleration: float
-    constant: float
+    lift: float  #: weight of s
+    velocity: float  #: weight of ṡ
+    acceleration: float  #: weight of s̈
+    constant: float  #: constant term
 
 
 class RunTable(NamedTuple):
-    """Coefficients of a run: a follower on a cam that turns at constant speed.
+    """Coefficients of a follower on a cam that turns at constant speed.
 
-    The follower is one rigid mass, or two masses with a stem. The fields from ``contact`` to
-    ``preload_compression`` are used only if ``has_stem`` is True, ``losses`` only if it is False.
+    The follower is one rigid mass, or two masses that an elastic stem connects: the contact mass
+    at the cam and the end mass. The fields from ``contact`` to ``preload_compression`` are used
+    only if ``has_stem`` is True, ``losses`` only if it is False.
     """
 
-    cam: Cam
-    free: Records  #: one record of `FREE_SYSTEM`
-    jumps: Jumps
+    cam: Cam  #: cam and its speed
+    free: Records  #: coefficients of the masses in flight, one record of `FREE_SYSTEM`
+    jumps: Jumps  #: velocity jumps of the law in the interval
     mass: float  #: contact mass, kg
-    force: CamWeights  #: contact force without vibration, N per m, m/s and m/s², and N
-    losses: Records  #: records of `LOSS` in the order of the angle
-    has_stem: bool  #: True for two masses
-    contact: StemContactTable  #: end mass while the roller is on the cam
-    drive: CamWeights  #: weights of the cam's motion in η̈
+    #: Weights of the cam's motion in the contact force without vibration, in N per m, m/s and m/s².
+    force: CamWeights
+    losses: Records  #: angles at which one mass loses contact, records of `LOSS` in their order
+    has_stem: bool  #: True for two masses, False for one
+    contact: StemContactTable  #: coefficients of the end mass while the contact mass is on the cam
+    drive: CamWeights  #: weights of the cam's motion in the acceleration η̈ of the end mass
     end_share: float  #: end mass as a fraction of both masses
     spring_share: float  #: 1 − α, static stem compression as a fraction of the lift
     preload_compression: float  #: compression of the stem by the preload, m
-    restitution: float  #: Newton's coefficient of a landing
-    acceleration_rounding: float  #: as in `FlightOverCam`, m/s²
+    restitution: float  #: Newton's coefficient of restitution of a landing
+    acceleration_rounding: float  #: uncertainty of the gap's acceleration at a lift-off, m/s²
     min_bounce_height: float  #: height of a bounce below which it counts as contact, m
-    min_velocity_step: float  #: step of ṡ up to which it counts as rounding, m/s
+    min_velocity_step: float  #: largest change of ṡ at a joint that counts as rounding, m/s

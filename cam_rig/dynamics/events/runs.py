@@ -1,6 +1,10 @@
-"""State machine of a run of one or two masses: contact, lift-off, flight, landing.
+"""State machine of a follower of one or two masses: contact, lift-off, flight, landing.
 
     CONTACT → lift-off → FLIGHT → landing → CONTACT, or FLIGHT again if the landing rebounds
+
+The follower is one mass, or a contact mass at the cam and an end mass on an elastic stem. In the
+table ṡ is the velocity of the cam surface, e is the coefficient of restitution, and the gap is the
+distance of the follower from the cam.
 
 | from    | condition                                   | to      | event, gap rate afterwards    |
 |---------|---------------------------------------------|---------|-------------------------------|
@@ -51,12 +55,17 @@ from cam_rig.dynamics.velocity_jumps import SAME_ANGLE_RAD
 from cam_rig.laws.vectors import without_refcount
 from cam_rig.units import TURN
 
-#: Shortest interval of `LOSS` (rad) that causes a lift-off. A shorter interval is rounding.
+#: Smallest range of cam angles (rad) of a record `LOSS` that causes a lift-off. In a smaller range
+#: the negative contact force is rounding.
 MIN_LOSS_ANGLE = 1e-9
 
 
 def run_events(run: RunTable, record: RunRecord) -> None:
-    """Record phases and events until the interval ends or the record is full."""
+    """Advance the follower through contacts and flights, and record them.
+
+    ``run`` contains the coefficients of the follower and the cam. The state in ``record`` is
+    updated, and phases and events are appended, until the interval ends or the record is full.
+    """
     run, record = without_refcount(run), without_refcount(record)
     state, counts = record.state[0], record.counts[0]
     if not state["has_started"]:
@@ -77,19 +86,20 @@ def run_events(run: RunTable, record: RunRecord) -> None:
 
 
 def start_flight(state: np.void, gap_known: bool, gap: float, gap_rate: float) -> None:
-    """Set a state to flight, with the gap (m) and the gap rate (m/s) at its start.
+    """Set a state of `RUN_STATE` to flight, with the gap (m) and its rate (m/s).
 
-    The vector of the state is already set. ``gap_known`` is True if the gap is more accurate than a
-    difference of displacements.
+    The field ``vector`` of the state, which contains the displacements and velocities, must already
+    be set. ``gap_known`` is True if the gap is more accurate than a difference of displacements.
     """
     state["mode"], state["gap_known"] = RunMode.FLIGHT, gap_known
     state["gap"], state["gap_rate"] = gap, gap_rate
 
 
 def _ride_one_mass(run: RunTable, record: RunRecord) -> None:
-    """Advance one mass in contact to its lift-off, a velocity jump, or the end.
+    """Advance a follower of one mass through a phase of contact.
 
-    The end is that of the interval. The phase and its event are recorded.
+    The phase ends at its lift-off, at a velocity jump of the law, or at the end of the interval.
+    The phase and the event at its end are recorded.
     """
     state = record.state[0]
     time, limit = state["time"], _next_limit(run.jumps, state)
@@ -112,9 +122,10 @@ def _ride_one_mass(run: RunTable, record: RunRecord) -> None:
 
 
 def _ride_two_masses(run: RunTable, record: RunRecord) -> None:
-    """Advance two masses in contact to their lift-off, a velocity jump, or the end.
+    """Advance a follower of two masses through a phase of contact.
 
-    The end is that of the interval. The phase and its event are recorded.
+    The phase ends at its lift-off, at a velocity jump of the law, or at the end of the interval.
+    The phase and the event at its end are recorded.
     """
     state, contact = record.state[0], run.contact
     time, limit = state["time"], _next_limit(run.jumps, state)
@@ -129,7 +140,8 @@ def _ride_two_masses(run: RunTable, record: RunRecord) -> None:
     if loss.is_lost and state["jumps_done"] == jumps_before:
         cam = cam_at(run.cam, end)
         vibration = vibration_after(contact, loss.stretch, loss.time - loss.stretch_start)
-        # The flight starts at a float, which differs from the loss by rounding: one Euler step.
+        # The flight starts at the float ``end``, which differs by rounding from the time of the
+        # contact loss. One Euler step corrects the vibration.
         rounding = (end - time) - loss.time
         driven = run.drive.lift * cam.lift + run.drive.velocity * cam.velocity
         driven += run.drive.acceleration * cam.acceleration
@@ -147,9 +159,10 @@ def _ride_two_masses(run: RunTable, record: RunRecord) -> None:
 
 
 def _fly(run: RunTable, record: RunRecord) -> None:
-    """Advance a flight to its landing, the next velocity jump, or the interval's end.
+    """Advance a follower of one or two masses through a flight.
 
-    The phase and its event are recorded.
+    The flight ends at its landing, at a velocity jump of the law, or at the end of the interval.
+    The phase and the event at its end are recorded.
     """
     state, vector, cam = record.state[0], record.state[0]["vector"], run.cam
     time, limit = state["time"], _next_limit(run.jumps, state)
@@ -170,7 +183,8 @@ def _fly(run: RunTable, record: RunRecord) -> None:
     _record_phase(record, end)
     gap_rate, state["time"] = landing.rate - _consume_jumps(run.jumps, state, end), end
     if not landing.has_landed and end == run.jumps.duration > run.jumps.contact_limit:
-        # The jump at the end belongs to the next interval, which subtracts it.
+        # The velocity jump at the end belongs to the next interval, which subtracts it from the
+        # rate of the gap.
         gap_rate = rate_before_jump(flight, end - time, run.jumps.contact_limit - time)
     has_landed = landing.has_landed and gap_rate <= 0.0
     if run.has_stem or not has_landed:  # one mass that lands has the displacement of the cam
@@ -184,9 +198,10 @@ def _fly(run: RunTable, record: RunRecord) -> None:
 
 
 def _apply_velocity_step(run: RunTable, record: RunRecord, time: float, step: float) -> None:
-    """Apply a step of the cam's velocity ṡ (m/s) to the follower at a time (s).
+    """Apply an abrupt change of the cam's velocity ṡ to the follower.
 
-    In contact the step is an impact or causes a lift-off. In flight it changes the gap rate.
+    In contact a positive ``step`` (m/s) is an impact, and a negative one is a lift-off. In flight
+    it changes the rate of the gap. A step within rounding has no effect. ``time`` is in s.
     """
     state = record.state[0]
     if abs(step) <= run.min_velocity_step:
@@ -214,7 +229,8 @@ def _lift_off(
 ) -> None:
     """Record a lift-off, and start the flight of a follower that moves with the cam.
 
-    ``cam`` is the motion of the cam at the lift-off, ``gap_rate`` the initial gap rate in m/s.
+    ``cam`` is the motion of the cam surface at the lift-off, and ``stretch`` that of the stem of
+    two masses. ``gap_rate`` is the initial rate of the gap between follower and cam, m/s.
     """
     _record_event(record, EventCode.LIFT_OFF, time, 0.0, 0.0)
     _launch(run, record.state[0], cam, stretch, 0.0, gap_rate)
@@ -240,7 +256,8 @@ def _land(run: RunTable, record: RunRecord, time: float, stretch: StemStretch, r
         + weights.acceleration * cam.acceleration
         + weights.constant
     )
-    # A rebound against the deceleration that closes the gap again ends if it is too low (14).
+    # The contact force at rest on the cam decelerates a rebound. If the rebound would be lower than
+    # ``min_bounce_height``, the follower stays on the cam (14).
     rebound, deceleration = run.restitution * approach, force / run.mass
     rebounds = rebound > 0.0
     if rebounds and deceleration > 0.0:
@@ -265,11 +282,12 @@ def _launch(
     rebound: float,
     gap_rate: float,
 ) -> None:
-    """Start a flight at the cam surface.
+    """Set the state to a flight that starts at the cam surface.
 
-    The follower starts with the velocity in ``cam`` plus ``rebound`` (m/s). ``gap_rate`` (m/s) is
-    the initial gap rate. It differs from ``rebound`` at a lift-off by a velocity jump, where
-    ``cam`` is the motion before the jump and ``gap_rate`` is the rate after it.
+    The contact mass starts with the velocity in ``cam`` plus ``rebound`` (m/s). ``stretch`` is that
+    of the stem of two masses. ``gap_rate`` (m/s) is the initial rate of the gap. It differs from
+    ``rebound`` at a lift-off by a velocity jump of the law, where ``cam`` is the motion before the
+    jump and ``gap_rate`` is the rate after it.
     """
     vector, velocity = state["vector"], cam.velocity + rebound
     if run.has_stem:
@@ -282,10 +300,11 @@ def _launch(
 
 
 def compute_stem_stretch(run: RunTable, vibration: StemVibration, cam: CamMotion) -> StemStretch:
-    """Return the stretch of the stem with the roller on the cam.
+    """Return the stretch of the stem of two masses in contact, and its rate.
 
-    The formula w = η − (1 − α) s − preload / (k₁ + k₂) has no cancellation, although w is small
-    compared with both displacements.
+    ``vibration`` is that of the end mass, and ``cam`` the motion of the cam surface. The formula
+    w = η − (1 − α) s − preload / (k₁ + k₂) has no cancellation, although the stretch w is small
+    compared with the displacements of both masses.
     """
     length = vibration.displacement - run.spring_share * cam.lift - run.preload_compression
     return StemStretch(length, vibration.velocity - run.spring_share * cam.velocity)
@@ -294,7 +313,7 @@ def compute_stem_stretch(run: RunTable, vibration: StemVibration, cam: CamMotion
 def _next_limit(jumps: Jumps, state: np.void) -> float:
     """Return the time (s) at which the present phase must end at the latest.
 
-    It is the time of the next velocity jump, or the end of the interval.
+    It is the time of the next velocity jump of the law, or the end of the interval.
     """
     done = state["jumps_done"]
     if done == len(jumps.ahead):
@@ -314,7 +333,10 @@ def _limit_event_time(run: RunTable, state: np.void, time: float) -> float:
 
 
 def _consume_jumps(jumps: Jumps, state: np.void, time: float) -> float:
-    """Consume the velocity jumps up to ``time`` (s) and return their sum (m/s)."""
+    """Return the sum (m/s) of the cam's velocity jumps that are due up to a time (s).
+
+    They are marked as applied in ``state``, so that each jump is applied once.
+    """
     step, done = 0.0, state["jumps_done"]
     while done < len(jumps.ahead) and jumps.ahead[done]["time"] <= time:
         step += jumps.ahead[done]["step"]
@@ -324,9 +346,9 @@ def _consume_jumps(jumps: Jumps, state: np.void, time: float) -> float:
 
 
 def _record_phase(record: RunRecord, end: float) -> None:
-    """Append a phase from the current state of a run to its record.
+    """Append a phase to a record: the current state of the follower and the end time.
 
-    ``end`` is the end of the phase, s.
+    ``end`` is the end of the phase, s since the start of the interval.
     """
     counts = record.counts[0]
     index = counts["phases"]
@@ -340,7 +362,8 @@ def _record_event(
 ) -> None:
     """Append a lift-off or a landing to a record.
 
-    ``impulse`` is in N·s and ``energy_lost`` in J. Both are 0 at a lift-off.
+    ``time`` is in s since the start of the interval. The ``impulse`` (N·s) and the ``energy_lost``
+    (J) of a landing are 0 at a lift-off.
     """
     counts = record.counts[0]
     event = record.events[counts["events"]]

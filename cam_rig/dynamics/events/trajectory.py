@@ -1,4 +1,8 @@
-"""Trajectory of a follower in an interval, and the tables for its event search."""
+"""Trajectory of a follower through contacts and flights, and the arrays for its search.
+
+The search for lift-offs and landings (`cam_rig.dynamics.events.runs`) works on arrays and tuples.
+This module creates them from the law and the follower, and converts the result.
+"""
 
 from __future__ import annotations
 
@@ -41,21 +45,23 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Number of phases that fit in the record of the first call of the search. Each further call has a
-#: record twice as long.
+#: Number of phases (contact or flight) for which the first call of the search has room. Each
+#: further call has room for twice as many.
 FIRST_ROOM = 32
-#: Largest number of phases that fit in the record of a call.
+#: Largest number of phases (contact or flight) for which a call of the search has room.
 MAX_ROOM = 4096
-#: Largest fraction of a turn that is neglected when the duration is rounded up to whole turns.
+#: Largest fraction of a turn that is neglected when the duration of a run is rounded up to whole
+#: turns, to limit the number of events.
 TURN_ROUNDING = 1e-6
-#: Smallest step of the cam's velocity that is not rounding, relative to cam speed × lift.
+#: Smallest abrupt change of the cam's velocity that is not rounding, relative to cam speed × lift
+#: (rad/s × m).
 MIN_VELOCITY_STEP = 1e-12
-#: Smallest height of a bounce as a fraction of the lift. A lower bounce counts as contact.
+#: Smallest height of a bounce as a fraction of the cam's lift. A lower bounce counts as contact.
 MIN_BOUNCE_RATIO = 1e-12
 #: Smallest height of a bounce in m, for very small lifts: 1e-5 of the size of an atom.
 MIN_BOUNCE_HEIGHT = 1e-15
-#: Upper bound of the rounding error of a contact force, in float epsilons of the largest ordinate
-#: of the force.
+#: Upper bound of the rounding error of a contact force, as a multiple of the float epsilon of its
+#: largest Bernstein ordinate.
 ROUNDING_ERRORS = 64.0
 
 
@@ -63,28 +69,30 @@ ROUNDING_ERRORS = 64.0
 class Phase:
     """Phase of a trajectory: contact with the cam, or a flight."""
 
-    begin: float  #: start time, s
-    end: float  #: s
-    vibration: FloatArray  #: (η, η̇) of two masses in contact
-    flight: Flight | None = None
+    begin: float  #: start time, s since the start of the interval
+    end: float  #: end time, s since the start of the interval
+    #: Vibration (η, η̇) of the end mass at the start, ``(2,)``: 0 in flight, unused for one mass.
+    vibration: FloatArray
+    flight: Flight | None = None  #: free motion of the follower, or None in contact
 
 
 class EndlessEventsError(DynamicsError):
-    """Error of a trajectory with too many events per turn for the model to resolve."""
+    """Error of a run with more lift-offs and landings per turn than ``max_events``."""
 
 
 class Trajectory:
-    """Trajectory of a follower on one law at one cam speed (rad/s).
+    """Trajectory of a follower on one law at one cam speed (rad/s), in one interval.
 
     Times are in s since the start of the interval.
 
-    There is no time stepping. Contact ends at a zero of the force, a flight at a zero of the gap,
-    and between these the motion is known in closed form. Both also end at a joint with a velocity
-    jump. `cam_rig.dynamics.events.runs` describes the state machine.
+    There is no time stepping. Contact ends at a zero of the contact force, a flight at a zero of
+    the gap to the cam, and between these the motion is known in closed form. Both also end at a
+    joint of the law at which its velocity jumps. `cam_rig.dynamics.events.runs` describes the state
+    machine.
     """
 
-    #: Number of events per turn above which a run fails. No physical series of bounces reaches this
-    #: number.
+    #: Number of lift-offs and landings per turn above which a run fails. No physical series of
+    #: bounces reaches this number.
     max_events: ClassVar[int]
 
     def __init__(
@@ -100,7 +108,10 @@ class Trajectory:
 
     @property
     def phases(self) -> list[Phase]:
-        """Phases of the trajectory in the order of time, created at the first access."""
+        """Phases (contact or flight) of the trajectory in the order of time.
+
+        The list is created at the first access.
+        """
         for records in self._recorded:
             starts, ends = records["time"].tolist(), records["phase_end"].tolist()
             for start, end, state in zip(starts, ends, self._states(records), strict=True):
@@ -111,9 +122,10 @@ class Trajectory:
         return self._phases
 
     def _states(self, records: NDArray[np.void]) -> list[FloatArray | Flight]:
-        """Return the state of each record of `RUN_STATE`.
+        """Return the state of the follower in each record of `RUN_STATE`.
 
-        It is the vibration (η, η̇) for contact, and the `Flight` otherwise.
+        A state in contact is the vibration (η, η̇) of the end mass, ``(2,)``. A state in flight is a
+        `Flight`.
         """
         names = ("mode", "gap_known", "gap", "gap_rate")
         columns = (records[name].tolist() for name in names)
@@ -128,9 +140,10 @@ class Trajectory:
         return states
 
     def _start_record(self, state: FloatArray | Flight, step: float) -> NDArray[np.void]:
-        """Return the initial state of a run as one record of `RUN_STATE`.
+        """Return the initial state of a run as an array of one record of `RUN_STATE`.
 
-        ``step`` is the step of the cam's velocity ṡ (m/s) before the run.
+        ``state`` is the vibration (η, η̇) of the end mass in contact, or a flight. ``step`` is an
+        abrupt change of the cam's velocity ṡ (m/s) that is applied when the run starts.
         """
         records = np.zeros(1, RUN_STATE)
         record, vector = records[0], records[0]["vector"]
@@ -144,7 +157,16 @@ class Trajectory:
         return records
 
     def _search(self, table: RunTable, state: NDArray[np.void], duration: float) -> None:
-        """Append the phases and events from ``state`` up to ``duration`` s."""
+        """Search for lift-offs and landings from ``state`` up to ``duration`` s.
+
+        The phases and events are appended to the trajectory, and the final state becomes ``last``.
+        ``state`` is one record of `RUN_STATE`, which the search updates.
+
+        Raises
+        ------
+        EndlessEventsError
+            If there are more than ``max_events`` events per turn.
+        """
         room = FIRST_ROOM
         turns = max(1, math.ceil(self.speed * duration / TURN - TURN_ROUNDING))
         max_events = self.max_events * turns
@@ -166,9 +188,9 @@ class Trajectory:
         self.last = self._states(state)[0]
 
     def _table(self, duration: float, **follower: Any) -> RunTable:
-        """Return the table of a run of ``duration`` s.
+        """Return the coefficients for the event search in an interval of ``duration`` s.
 
-        ``follower`` contains the fields of `RunTable` that depend on the model.
+        ``follower`` contains the fields of `RunTable` that depend on the follower model.
         """
         law, speed = self.law, self.speed
         return RunTable(
@@ -202,7 +224,11 @@ class Trajectory:
 
 
 def new_record(state: NDArray[np.void], room: int) -> RunRecord:
-    """Return an empty record of a run from a state, with room for ``room`` phases."""
+    """Return the empty output arrays of an event search that starts in ``state``.
+
+    They have room for ``room`` phases and twice as many events. ``state`` is one record of
+    `RUN_STATE`.
+    """
     return RunRecord(
         state=state,
         phases=np.empty(room, RUN_STATE),
@@ -213,7 +239,7 @@ def new_record(state: NDArray[np.void], room: int) -> RunRecord:
 
 @lru_cache(maxsize=64)
 def law_table(law: Law) -> LawTable:
-    """Return the table of a law for the event search."""
+    """Return the polynomials of a law as arrays, for the event search."""
     pieces = np.zeros(law.spans.size, LAW_PIECE)
     pieces["start"], pieces["span"] = law.breaks[:-1], law.spans
     pieces["max_curvature"] = law.largest_curvatures
@@ -235,7 +261,7 @@ def law_table(law: Law) -> LawTable:
 
 @lru_cache(maxsize=128)
 def free_table(system: FreeSystem) -> NDArray[np.void]:
-    """Return the table of the masses in flight: one record of `FREE_SYSTEM`."""
+    """Return the coefficients of the masses in flight, as one record of `FREE_SYSTEM`."""
     table, pairs, n = np.zeros(1, FREE_SYSTEM), system.pairs, system.load.size
     record = table[0]
     record["size"], record["window"], record["has_pairs"] = n, system.window, pairs is not None
@@ -256,10 +282,10 @@ def free_table(system: FreeSystem) -> NDArray[np.void]:
 def contact_table(
     response: LinearResponse, output: Outputs, only: Part | None = None
 ) -> StemContactTable:
-    """Return the table with which the loss of contact of two masses is searched for.
+    """Return the coefficients for the search for a loss of contact of two masses.
 
-    ``response`` has two states, and ``output`` is the contact force. ``only`` restricts the table
-    to one part of the turn.
+    ``response`` is the forced response of the end mass, with the two states (η, η̇). ``output`` is
+    the contact force. If ``only`` is given, the result contains only this part of the turn.
     """
     used = response.parts if only is None else (only,)
     sizes = [part.particular.shape[1] for part in used]
@@ -297,16 +323,18 @@ def contact_table(
 
 @lru_cache(maxsize=64)
 def _window(stiffness: float, damping: float, p: float, q: float) -> tuple[FloatArray, float]:
-    """Return the window's matrix to the ordinates of p η + q η̇, and its duration.
+    """Return the series of a free vibration's force p η + q η̇ over a short time.
 
-    The matrix takes (η, η̇) to the ordinates, ``(d + 1, 2)``. The duration of the window is in s.
+    The first result is the matrix from (η, η̇) at the start to the Bernstein ordinates of the force,
+    ``(d + 1, 2)``. The second is the duration (s) for which the truncated series is exact to
+    rounding. ``stiffness`` (1/s²) and ``damping`` (1/s) are those of η̈ = −κ η − 2δ η̇.
     """
     window = REACH / (math.sqrt(stiffness) + damping)
     matrix, row = np.array([[0.0, 1.0], [-stiffness, -damping]]), np.array([p, q])
     return window_series(matrix, row, window), window
 
 
-#: Contact table of a follower without a stem, which is not used.
+#: Empty contact coefficients for a follower of one mass, which does not use them.
 NO_CONTACT = StemContactTable(
     parts=np.zeros(0, CONTACT_PART),
     polynomials=np.zeros((0, len(StemContactRow), 0)),
@@ -320,10 +348,10 @@ NO_CONTACT = StemContactTable(
 
 
 def jumps_table(law: Law, angle: float, speed: float, duration: float) -> Jumps:
-    """Return the velocity jumps of a law that belong to an interval.
+    """Return the velocity jumps of a law in an interval of constant cam speed.
 
     The interval starts at the cam angle ``angle`` (rad) and takes ``duration`` s at ``speed``
-    rad/s. `cam_rig.dynamics.velocity_jumps` has the rule.
+    rad/s. `cam_rig.dynamics.velocity_jumps` describes which jumps at its ends belong to it.
     """
     jumps = velocity_jumps_ahead(law, angle, speed, duration)
     ahead = np.array([(jump.time, speed * jump.step) for jump in jumps], dtype=JUMP)

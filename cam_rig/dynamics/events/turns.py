@@ -1,9 +1,13 @@
-"""Motion of a follower over turns of a cam, and its derivative by its start.
+"""Motion of a follower over turns of a cam, and its derivative by the initial state.
 
-A perturbation is a small change of (z, ż) of the contact mass, and for two masses also of (y, ẏ) of
-the end mass. In flight the closed form Φ of free motion carries it. At a landing the saltation
-matrix does (Müller 1995; Leine and Nijmeijer 2004). With the approach u = ż⁻ − ṡ < 0, the
-restitution r, and the acceleration of the gap a⁻ before and a⁺ after the landing it is
+The derivative of the state after one turn by the state before it determines if a bouncing motion is
+stable, and how fast nearby motions diverge.
+
+A perturbation is a small change of (z, ż) of the contact mass at the cam, and for two masses also
+of (y, ẏ) of the end mass. In flight it is multiplied by the matrix exponential of the free motion,
+and at a landing by the saltation matrix (Müller 1995; Leine and Nijmeijer 2004). With the approach
+velocity u = ż⁻ − ṡ < 0, the restitution r, and the acceleration of the gap a⁻ before and a⁺ after
+the landing, the saltation matrix is
 
     δ⁺ = [[−r, 0], [(r a⁻ + a⁺)/u, −r]] δ⁻
 
@@ -13,8 +17,9 @@ In contact the cam determines the motion of the contact mass. Therefore one mass
 perturbation there, and two masses keep only that of the end mass, which the free vibration on the
 stem carries.
 
-Invariant: after each phase the derivative in the record is that of the state at the end of the
-phase by the state at the start of the turn, and the frame is orthonormal.
+Invariant: after each phase the derivative in the result of the turn is that of the state at the end
+of the phase by the state at the start of the turn, and the frame (the directions of largest growth)
+is orthonormal.
 """
 
 from __future__ import annotations
@@ -37,30 +42,30 @@ from cam_rig.dynamics.events.run_table import (
 from cam_rig.dynamics.events.runs import compute_stem_stretch, run_events
 from cam_rig.laws.vectors import Matrix, Records, Vector, without_refcount
 
-#: Result of one turn. Of an array, the first 2 elements are used for one mass, and the first 4 for
-#: two masses.
+#: Record of the result of one turn of the cam. The arrays have 4 elements per axis, of which the
+#: first 2 are used for a follower of one mass, and all 4 for two masses.
 TURN_RESULT = np.dtype(
     [
-        ("landings", "i8"),  # number of landings
-        ("max_landing_speed", "f8"),  # relative to the cam, m/s; 0 without a landing
-        ("min_landing_speed", "f8"),  # relative to the cam, m/s; infinite without a landing
-        ("contact_time", "f8"),  # s
+        ("landings", "i8"),  # number of landings in the turn
+        ("max_landing_speed", "f8"),  # fastest, relative to the cam, m/s; 0 without a landing
+        ("min_landing_speed", "f8"),  # slowest, relative to the cam, m/s; infinite without one
+        ("contact_time", "f8"),  # total duration of contact in the turn, s
         ("is_flying", "?"),  # True if the follower is in flight at the end of the turn
-        # At the end of the turn: gap (m) and its rate (m/s), of two masses also the stretch of the
-        # stem (m) and its rate (m/s).
+        # State at the end of the turn: gap (m) and its rate (m/s), for two masses also the stretch
+        # of the stem (m) and its rate (m/s).
         ("state", "f8", (4,)),
-        ("growth", "f8", (4,)),  # logarithms of the growth of n directions
-        ("derivative", "f8", (4, 4)),  # of ``state`` by ``state`` at the start of the turn
+        ("growth", "f8", (4,)),  # logarithms of the growth of n perturbations in the turn
+        ("derivative", "f8", (4, 4)),  # derivative of ``state`` by the state before the turn
     ],
     align=True,
 )
 
 
 class Perturbation(NamedTuple):
-    """Directions of perturbations of the follower's state, and work space."""
+    """Directions of perturbations of the follower's n states, and work space."""
 
     frame: Matrix  #: directions of largest growth, orthonormal, ``(n − 1, n)``
-    step: Matrix  #: derivative over the next step, ``(n, n)``
+    step: Matrix  #: derivative of the state after the next phase or landing by that before it
     #: Factors ``(n,)`` (1/s or 1) that convert the states to m/s, so that no state outweighs
     #: another.
     weights: Vector
@@ -68,21 +73,22 @@ class Perturbation(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """Landing of the follower through which perturbations are carried."""
+    """Landing of the follower, for the effect of the landing on perturbations."""
 
-    time: float  #: s
+    time: float  #: time of the landing since the start of the turn, s
     approach: float  #: speed of the follower towards the cam, m/s
-    restitution: float
+    restitution: float  #: coefficient of restitution of this landing, 0 if it does not rebound
 
 
 def run_turns(
     run: RunTable, record: RunRecord, frame: Matrix, turns: Records, max_landings: float
 ) -> int:
-    """Run the follower over turns of the cam, and return the number completed.
+    """Run the follower over turns of the cam, and return the number of turns completed.
 
-    The run starts in the state of ``record``. The results are written to ``turns``, records of
-    `TURN_RESULT`. ``frame`` is as in `Perturbation`. The run ends early in a turn with more than
-    ``max_landings`` landings.
+    The run starts in the state of ``record``. One result per turn is written to ``turns``, records
+    of `TURN_RESULT`. ``frame`` contains the directions whose growth is computed (see
+    `Perturbation`), and is updated. The run ends early in a turn with more than ``max_landings``
+    landings.
     """
     run, record = without_refcount(run), without_refcount(record)
     state, size = record.state[0], run.free[0]["size"]
@@ -111,7 +117,9 @@ def run_turns(
 def _start_turn(turn: np.void, size: int, is_flying: bool) -> None:
     """Initialise the result of a turn: no landings, and the initial derivative.
 
-    The derivative is that of (z, ż, y, ẏ) by the ``state`` at the start of the turn.
+    The derivative is that of (z, ż, y, ẏ) by the field ``state`` at the start of the turn, which
+    contains the gap and the stretch of the stem. ``size`` is the number of states, 2 for one mass
+    and 4 for two. Only a follower in flight can be perturbed by its gap.
     """
     turn["landings"], turn["max_landing_speed"], turn["min_landing_speed"] = 0, 0.0, math.inf
     turn["contact_time"], turn["is_flying"] = 0.0, False
@@ -127,9 +135,10 @@ def _start_turn(turn: np.void, size: int, is_flying: bool) -> None:
 
 
 def _end_turn(run: RunTable, state: np.void, turn: np.void) -> None:
-    """Write the state at the end of a turn to its result.
+    """Write the state at the end of a turn to the result ``turn``.
 
-    The derivative is converted to that of this state.
+    This state contains the gap and the stretch of the stem. The derivative, so far that of
+    (z, ż, y, ẏ), is converted to that of this state.
     """
     size, end, derivative = run.free[0]["size"], turn["state"], turn["derivative"]
     if state["mode"] == RunMode.FLIGHT:
@@ -143,7 +152,10 @@ def _end_turn(run: RunTable, state: np.void, turn: np.void) -> None:
 
 
 def _stem_of(run: RunTable, state: np.void, time: float) -> StemStretch:
-    """Return the stretch of the stem of a run's state at a time (s)."""
+    """Return the stretch of the stem of two masses at a time (s), and its rate.
+
+    ``state`` is a record of `RUN_STATE` at that time, in contact or in flight.
+    """
     vector = state["vector"]
     if state["mode"] == RunMode.FLIGHT:
         return StemStretch(vector[0], vector[1])
@@ -154,7 +166,10 @@ def _stem_of(run: RunTable, state: np.void, time: float) -> StemStretch:
 def _pass_phases(
     run: RunTable, record: RunRecord, perturbation: Perturbation, turn: np.void
 ) -> None:
-    """Carry the perturbations through all phases of a record, and count its landings."""
+    """Update the perturbations over all phases of a record, and count its landings.
+
+    The derivative, the growth, the landing speeds and the contact time in ``turn`` are updated.
+    """
     count, event_count, passed = record.counts[0]["phases"], record.counts[0]["events"], 0
     # The impact of a velocity jump at the start of the turn precedes its first phase.
     while passed < event_count and record.events[passed]["time"] <= 0.0:
@@ -173,7 +188,9 @@ def _pass_phases(
                 _pass_contact(run, length, perturbation, turn)
             continue
         _pass_flight(run, length, perturbation, turn)
-        if approach > 0.0:  # at a graze the derivative is that of flights that just miss the cam
+        # A landing at a relative speed of 0 is a graze. The derivative is then that of a flight
+        # that just misses the cam.
+        if approach > 0.0:
             restitution = run.restitution if rebound > 0.5 * run.restitution * approach else 0.0
             after = record.phases[i + 1] if i + 1 < count else record.state[0]
             landing = Landing(phase["phase_end"], approach, restitution)
@@ -183,8 +200,8 @@ def _pass_phases(
 def _count_landing(run: RunTable, event: np.void, turn: np.void) -> tuple[float, float]:
     """Add a landing to a turn's result, and return the speeds before and after it.
 
-    They are in m/s. The speeds are relative to the cam. A lift-off is not added, and its speeds are
-    0.
+    The speeds (m/s) are relative to the cam, and follow from the impulse and the energy loss. If
+    ``event`` is a lift-off, nothing is added and both speeds are 0.
     """
     if event["code"] == EventCode.LIFT_OFF:
         return 0.0, 0.0
@@ -200,7 +217,10 @@ def _count_landing(run: RunTable, event: np.void, turn: np.void) -> tuple[float,
 
 
 def _pass_flight(run: RunTable, time: float, perturbation: Perturbation, turn: np.void) -> None:
-    """Carry the perturbations through a flight that lasts ``time`` s."""
+    """Update the derivative and the perturbations over a flight that lasts ``time`` s.
+
+    Their matrix is the exponential of the free motion, in the states (z, ż, y, ẏ).
+    """
     step, free, trace = perturbation.step, run.free[0], 0.0
     for i in range(len(step)):
         trace += free["matrix"][i][i]
@@ -225,9 +245,10 @@ def _pass_flight(run: RunTable, time: float, perturbation: Perturbation, turn: n
 def _pass_landing(
     run: RunTable, landing: Landing, after: np.void, perturbation: Perturbation, turn: np.void
 ) -> None:
-    """Carry the perturbations through a landing by its saltation matrix.
+    """Update the derivative and the perturbations at a landing, by its saltation matrix.
 
-    ``after`` is the state or the phase that follows the landing, a record of `RUN_STATE`.
+    The module describes the matrix. ``after`` is the state or the phase that follows the landing, a
+    record of `RUN_STATE`.
     """
     step, free, restitution = perturbation.step, run.free[0], landing.restitution
     cam, size, approach = cam_at(run.cam, landing.time), len(step), landing.approach
@@ -253,9 +274,10 @@ def _pass_landing(
 
 
 def _pass_contact(run: RunTable, time: float, perturbation: Perturbation, turn: np.void) -> None:
-    """Carry the perturbations through ``time`` s of contact.
+    """Update the derivative and the perturbations over ``time`` s of contact.
 
-    Only the end mass of two masses can move freely there.
+    The cam determines the motion of the contact mass, so only perturbations of the end mass of two
+    masses remain. One mass loses its perturbation.
     """
     step = perturbation.step
     for i in range(len(step)):
@@ -272,11 +294,12 @@ def _pass_contact(run: RunTable, time: float, perturbation: Perturbation, turn: 
 def _apply_step(
     perturbation: Perturbation, turn: np.void, log_determinant: float, in_contact: bool
 ) -> None:
-    """Multiply the derivative of a turn by the step matrix, and update the frame.
+    """Multiply the derivative of a turn by ``perturbation.step``, and update the frame.
 
-    ``log_determinant`` is the logarithm of the determinant of the step. The frame is made
-    orthonormal by the Gram-Schmidt method. Contact has two directions fewer, which start again at
-    the lift-off.
+    The logarithms of the growth of each direction are added to ``turn``. The growth of the last
+    direction follows from ``log_determinant``, the logarithm of the determinant of the step. The
+    frame of directions is made orthonormal by the Gram-Schmidt method. In contact there are two
+    directions fewer, which are initialised again for the lift-off.
     """
     step, product, size = perturbation.step, perturbation.product, len(perturbation.step)
     derivative, growth = turn["derivative"], turn["growth"]
@@ -301,9 +324,10 @@ def _apply_step(
 
 
 def _turn_direction(perturbation: Perturbation, k: int) -> float:
-    """Carry direction k of the frame through the step, and return its growth factor.
+    """Multiply direction k of the frame by the step matrix, and return its growth factor.
 
-    The direction is made orthonormal to those before it.
+    The new direction is made orthogonal to the directions before it, and normalised. The growth
+    factor is its length before the normalisation.
     """
     step, product, size = perturbation.step, perturbation.product, len(perturbation.step)
     frame, weights, length = perturbation.frame, perturbation.weights, 0.0

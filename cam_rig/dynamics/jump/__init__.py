@@ -1,1 +1,1 @@
-"""Jump speed: the lowest cam speed at which a follower loses contact."""
+"""Jump speed: the lowest cam speed at which a follower loses contact with the cam."""

@@ -1,8 +1,9 @@
 """Jump speed of a rig's follower, with two masses or with one rigid mass.
 
-A rig has two masses if its file divides the mass of the follower. One mass does not vibrate. It
-loses contact at the lowest speed Ω with m s'' Ω² + c s' Ω + k s + preload = 0 (eq. 9 of the paper
-with F = 0), which is the same from rest and in steady state.
+The jump speed is the lowest cam speed at which the follower loses contact. A rig has two masses if
+its file divides the mass of the follower. One mass does not vibrate. It loses contact at the lowest
+cam speed Ω with m s'' Ω² + c s' Ω + k s + preload = 0 (eq. 9 of the paper with F = 0), which is the
+same from rest and in steady state.
 """
 
 from __future__ import annotations
@@ -30,10 +31,10 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import RPM, FloatArray
 
-#: Parameters of a follower that has a jump speed.
+#: Parameters of a follower that may leave the cam: two masses, or one rigid mass.
 AnyFollower = TwoMassParameters | FollowerParameters
 
-#: Text by which `describe_follower` names a follower with two masses.
+#: Text of `describe_follower` for a follower with two masses.
 TWO_MASSES = "two masses"
 
 
@@ -59,9 +60,9 @@ def describe_follower(parameters: AnyFollower) -> str:
 
 
 def describe_run(parameters: AnyFollower, duration: float | None) -> str:
-    """Return the kind of the follower and of the run as text.
+    """Return the kind of the follower and of the run as text, for a report.
 
-    The run takes ``duration`` s from rest. None means the steady state.
+    The run lasts ``duration`` s from rest. None means the steady state.
     """
     name = describe_follower(parameters)
     if name != TWO_MASSES:
@@ -109,9 +110,10 @@ def find_jump(law: Law, parameters: AnyFollower, duration: float | None = REST_D
 
 
 def find_contact_loss_speed(law: Law, rig: RigConfig) -> float:
-    """Return the jump speed (rad/s) of a rig's follower, from rest.
+    """Return the jump speed (rad/s) of a rig's follower on a law, in a run from rest.
 
-    It is 0 if contact is lost at every speed, and infinite if contact is kept at every speed.
+    It is 0 if contact is lost at every speed, also because the velocity of the law jumps. It is
+    infinite if contact is kept at every speed. The run lasts `REST_DURATION_S`.
     """
     if law.velocity_jumps:  # the follower lifts off at a joint if the velocity jumps down
         return 0.0
@@ -129,10 +131,10 @@ def find_contact_loss_speed(law: Law, rig: RigConfig) -> float:
 def min_force(
     law: Law, parameters: AnyFollower, duration: float | None, speeds: FloatArray
 ) -> FloatArray:
-    """Return the least contact force (N) of a run at each speed (rad/s), shape (n,).
+    """Return the least contact force (N) of a run at each of n cam speeds, shape (n,).
 
-    It is zero at the jump speed. The run takes ``duration`` s from rest. None means the steady
-    state.
+    It is zero at the jump speed. ``speeds`` is in rad/s, shape (n,). The run lasts ``duration`` s
+    from rest. None means the steady state.
     """
     if isinstance(parameters, TwoMassParameters):
         return force_run(law, parameters, duration).min_outputs(speeds)

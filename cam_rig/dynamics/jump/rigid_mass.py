@@ -13,12 +13,13 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.laws.law import TIE_RTOL, extremes
 from cam_rig.units import TURN, FloatArray
 
-#: Number of points per piece of the law at which the force is evaluated to find its minimum.
+#: Number of points per polynomial piece of the law at which the contact force is evaluated to find
+#: its minimum.
 POINTS_PER_PIECE = 2049
 
 
 def rigid_jump_speed(law: Law, follower: FollowerParameters) -> float:
-    """Return the jump speed (rad/s) of one rigid mass.
+    """Return the jump speed (rad/s) of a follower of one rigid mass.
 
     It is infinite if contact is kept at every speed, and 0 if contact is lost at every speed.
     """
@@ -29,8 +30,9 @@ def rigid_jump(law: Law, follower: FollowerParameters) -> tuple[float, float]:
     """Return the jump speed of one rigid mass, and the cam angle of the contact loss.
 
     The speed is in rad/s and the angle in rad. They are infinite and NaN if contact is kept at
-    every speed. Without a preload the force is zero in a dwell on the base circle, and contact is
-    kept there. Therefore a force counts as negative only beyond the rounding error of the lift.
+    every speed. The speed is 0 if contact is lost at every speed. Without a preload the force is
+    zero in a dwell on the base circle, and contact is kept there. Therefore a force counts as
+    negative only beyond the rounding error of the lift.
     """
     require_smooth(law, "")
     lift, stiffness = law.motion[0], follower.spring_stiffness
@@ -51,9 +53,10 @@ def rigid_jump(law: Law, follower: FollowerParameters) -> tuple[float, float]:
 
 
 def rigid_min_force(law: Law, follower: FollowerParameters, speeds: FloatArray) -> FloatArray:
-    """Return the least contact force (N) of a turn at each speed (rad/s), shape (n,).
+    """Return the least contact force (N) of one rigid mass over a turn, shape (n,).
 
-    The force is evaluated at `POINTS_PER_PIECE` points of each piece.
+    ``speeds`` are n cam speeds in rad/s. The force is evaluated at `POINTS_PER_PIECE` points of
+    each polynomial piece of the law.
     """
     u = np.linspace(0.0, 1.0, POINTS_PER_PIECE)
     minima = np.full(speeds.size, np.inf)

@@ -1,8 +1,8 @@
-"""Search for the lowest speed at which the contact force of a rigid mass is zero.
+"""Search for the lowest cam speed at which the contact force of a rigid mass is zero.
 
-The force is m s'' Ω² + c s' Ω + k s + preload. The search is branch and bound over parts of the
-pieces of the law. A part is discarded if (37) of docs/proofs.md proves that the force in it is not
-negative up to the lowest zero that is known. Other parts are halved.
+The force is m s'' Ω² + c s' Ω + k s + preload at the cam speed Ω. The search is branch and bound
+over parts of the law's polynomial pieces. A part is discarded if (37) of docs/proofs.md proves that
+the force in it is not negative up to the lowest speed found so far. Other parts are halved.
 """
 
 from __future__ import annotations
@@ -16,37 +16,38 @@ from cam_rig.dynamics.modal.motion import LawSeries
 from cam_rig.laws.polynomials import halve
 from cam_rig.laws.vectors import Matrix, without_refcount
 
-#: Largest number of times that a piece of the law is halved. A part of 2⁻⁴⁰ of a piece is within
-#: rounding.
+#: Largest number of times that a polynomial piece of the law is halved. A part of 2⁻⁴⁰ of a piece
+#: is within rounding.
 MAX_HALVINGS = 40
-#: Largest number of parts of pieces that are halved. A search needs more only if the force is zero
+#: Largest number of parts that one search halves. A search needs more only if the force is zero
 #: over a range of angles.
 MAX_PARTS = 1 << 16
-#: Largest size of a negative force that counts as zero (rounding), relative to its terms.
+#: Largest negative contact force that counts as zero (rounding), relative to the sum of the
+#: absolute values of its terms.
 FORCE_RTOL = 1e-14
 
 
 class RigidMass(NamedTuple):
-    """Rigid follower without a stem: the coefficients of its contact force."""
+    """Follower of one rigid mass: the coefficients of its contact force."""
 
-    mass: float  #: kg
-    damping: float  #: N·s/m
-    stiffness: float  #: N/m
-    preload: float  #: N
+    mass: float  #: mass of the follower, kg
+    damping: float  #: damping of the follower, N·s/m
+    stiffness: float  #: stiffness of the closing spring, N/m
+    preload: float  #: preload of the closing spring, N
 
 
 class RigidZero(NamedTuple):
-    """Lowest speed at which the contact force is zero, and the cam angle of this zero."""
+    """Lowest cam speed at which the contact force is zero, and the cam angle there."""
 
-    speed: float  #: rad/s, infinite if the force is positive at every speed
+    speed: float  #: cam speed, rad/s, infinite if the force is positive at every speed
     angle: float  #: cam angle, rad, NaN if the force is positive at every speed
 
 
 def find_rigid_zero(law: LawSeries, follower: RigidMass) -> RigidZero:
-    """Find the lowest speed at which the contact force is zero, and its cam angle.
+    """Find the lowest cam speed at which the contact force is zero, and its angle.
 
-    Invariant: at speeds below ``zero`` the force is not negative, up to rounding, in each part that
-    is discarded.
+    Invariant: in each discarded part of the law the force is not negative, up to rounding, at all
+    speeds below ``zero.speed``.
     """
     law, count, size = without_refcount(law), len(law.span_index), len(law.max_derivatives) - 1
     ordinates, zero = law.derivatives, RigidZero(math.inf, math.nan)
@@ -56,7 +57,7 @@ def find_rigid_zero(law: LawSeries, follower: RigidMass) -> RigidZero:
             speed = _zero_at(follower, s, slope, curvature)
             if speed < zero.speed:
                 zero = RigidZero(speed, angle)
-    # Ordinates of s, s' and s'' of the parts that wait, with the current part on top.
+    # Stack of the parts that are not yet searched: their ordinates of s, s' and s''.
     parts, halved = np.zeros((MAX_HALVINGS + 2, 3, size)), 0
     widths, starts = np.zeros(MAX_HALVINGS + 2), np.zeros(MAX_HALVINGS + 2)
     for i in range(count):
@@ -84,10 +85,10 @@ def find_rigid_zero(law: LawSeries, follower: RigidMass) -> RigidZero:
 
 
 def _zero_at(follower: RigidMass, s: float, slope: float, curvature: float) -> float:
-    """Return the lowest speed (rad/s) with a contact force of zero at a cam angle.
+    """Return the lowest cam speed (rad/s) with a contact force of zero at one angle.
 
-    The arguments s (m), s' (m/rad) and s'' (m/rad²) are those of the angle. The result is infinite
-    if there is no such speed.
+    The arguments are s (m), ``slope`` s' (m/rad) and ``curvature`` s'' (m/rad²) of the law at this
+    angle. The result is infinite if there is no such speed.
     """
     a, b, c = _coefficients(follower, s, slope, curvature)
     discriminant = b * b - 4.0 * a * c
@@ -100,16 +101,21 @@ def _zero_at(follower: RigidMass, s: float, slope: float, curvature: float) -> f
 def _coefficients(
     follower: RigidMass, s: float, slope: float, curvature: float
 ) -> tuple[float, float, float]:
-    """Return the coefficients a, b and c of the contact force a Ω² + b Ω + c (N)."""
+    """Return the coefficients a, b and c of the contact force a Ω² + b Ω + c (N).
+
+    The arguments are s (m), ``slope`` s' (m/rad) and ``curvature`` s'' (m/rad²) at one cam angle,
+    and Ω is the cam speed.
+    """
     static = follower.stiffness * s + follower.preload
     return follower.mass * curvature, follower.damping * slope, static
 
 
 def _may_pull(follower: RigidMass, part: Matrix, speed: float) -> bool:
-    """Return True if the contact force in a part may be negative up to a speed.
+    """Return True if the contact force in a part of the law may be negative.
 
-    The speed is in rad/s. ``part`` contains the ordinates of s, s' and s'', ``(3, p + 1)``. The
-    result is False if (37) proves that the force is not negative.
+    All cam speeds from 0 to ``speed`` (rad/s) are considered. ``part`` contains the Bernstein
+    ordinates of s, s' and s'', ``(3, p + 1)``. The result is False if (37) of docs/proofs.md proves
+    that the force is not negative, up to rounding.
     """
     for j in range(part.shape[1]):
         a, b, c = _coefficients(follower, part[0][j], part[1][j], part[2][j])

@@ -1,8 +1,9 @@
-"""Jump speed of two masses: the lowest speed with a least contact force of zero.
+"""Jump speed of a follower of two masses: the lowest cam speed at which it loses contact.
 
-The least force is not monotonic in the speed. The stem resonates with each harmonic of the cam, so
-the follower may lose contact in a narrow range of speeds and keep it at a slightly higher speed.
-The search finds the first of these resonances, see `cam_rig.dynamics.modal.first_zero`.
+At the jump speed the least contact force over the run is zero. The least force is not monotonic in
+the speed. The stem resonates with each harmonic of the cam, so the follower may lose contact in a
+narrow range of speeds and keep it at a slightly higher speed. The search finds the lowest speed of
+the first such range, see `cam_rig.dynamics.modal.first_zero`.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from cam_rig.units import RPM, TURN, to_rpm
 MIN_RPM = 1.0
 #: Cam speed at which the search for a jump speed ends, rpm.
 MAX_RPM = 1e5
-#: Smallest damping ratio of a follower with a steady state. With a smaller ratio the search in
-#: steady state would not end.
+#: Smallest damping ratio with which the jump speed in steady state is searched for. With a smaller
+#: ratio the search would not end.
 MIN_DAMPING_RATIO = 1e-7
-#: Largest number of evaluations of the force in a search. This number of evaluations takes about
-#: half a minute.
+#: Largest number of evaluations of the contact force in the search for a jump speed. They take
+#: about half a minute.
 MAX_EVALUATIONS = 3e8
 #: Default duration of a run from rest, s, as in Table 2 of the paper.
 REST_DURATION_S = 1.7
@@ -34,7 +35,10 @@ MAX_REST_DURATION_S = 60.0
 
 
 def require_run(duration: float) -> None:
-    """Raise `ConfigError` unless a run from rest lasts more than 0 and at most 60 s."""
+    """Raise `ConfigError` unless a run from rest lasts more than 0 and at most 60 s.
+
+    The upper limit is `MAX_REST_DURATION_S`. ``duration`` is in s.
+    """
     if not 0.0 < duration <= MAX_REST_DURATION_S:
         raise ConfigError(
             f"the run from rest lasts {duration:g} s; allowed: above 0, to {MAX_REST_DURATION_S:g} "
@@ -46,9 +50,9 @@ def require_run(duration: float) -> None:
 class Jump:
     """Jump speed of a follower, and the first loss of contact at this speed."""
 
-    speed: float  #: rad/s
-    angle: float  #: cam angle of the loss of contact within its turn, rad
-    time: float  #: time of the loss from the start of the run, or of a turn in steady state, s
+    speed: float  #: jump speed, rad/s
+    angle: float  #: cam angle of the loss of contact, within a turn, rad
+    time: float  #: time of the loss since the start of the run, or of a turn in steady state, s
 
     @property
     def rpm(self) -> float:
@@ -68,7 +72,10 @@ class NoJumpSpeedError(DynamicsError):
 
 
 def lost_contact_error(law: Law, slowest: float = MIN_RPM) -> NoJumpSpeedError:
-    """Return the error for a follower that loses contact at the lowest speed (rpm)."""
+    """Return the error for a follower that loses contact at the lowest speed.
+
+    ``slowest`` is the speed at which the search starts, rpm.
+    """
     return NoJumpSpeedError(
         f"cam {law.name!r}: the follower loses contact at {slowest:g} rpm already; allowed for a "
         "jump speed: a follower with a larger preload",
@@ -77,7 +84,7 @@ def lost_contact_error(law: Law, slowest: float = MIN_RPM) -> NoJumpSpeedError:
 
 
 def kept_contact_error(law: Law) -> NoJumpSpeedError:
-    """Return the error for a follower that keeps contact at every speed."""
+    """Return the error for a follower that keeps contact at every speed up to `MAX_RPM`."""
     return NoJumpSpeedError(
         f"cam {law.name!r}: the follower keeps contact up to {MAX_RPM:g} rpm; allowed for a "
         "jump speed: a cam on which contact is lost",
@@ -86,9 +93,10 @@ def kept_contact_error(law: Law) -> NoJumpSpeedError:
 
 
 def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> ModalRun:
-    """Return the run of two masses whose output is the contact force (N).
+    """Return the run of a follower of two masses, with the contact force (N) as output.
 
-    It takes ``duration`` s from rest. None means the steady state.
+    It lasts ``duration`` s from rest. None means the steady state. The cam speed is an argument of
+    the methods of the result.
     """
     return ModalRun.of(contact_response(law, parameters, RPM), force_output(parameters), duration)
 
@@ -96,17 +104,20 @@ def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -
 def find_jump_speed(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = MIN_RPM
 ) -> float:
-    """Return the jump speed (rad/s) of two masses, see `find_two_mass_jump`."""
+    """Return the jump speed (rad/s) of a follower of two masses.
+
+    The parameters and errors are those of `find_two_mass_jump`.
+    """
     return find_two_mass_jump(law, parameters, duration, slowest).speed
 
 
 def find_two_mass_jump(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = MIN_RPM
 ) -> Jump:
-    """Return the jump speed of two masses, and the first loss of contact.
+    """Return the jump speed of a follower of two masses, and the first loss of contact.
 
-    The search starts at ``slowest`` (rpm). The run takes ``duration`` s from rest. None means the
-    steady state.
+    The search starts at ``slowest`` (rpm). The run lasts ``duration`` s from rest. None means the
+    steady state. `solve_threshold` lists the errors.
     """
     zero = solve_threshold(law, parameters, duration, slowest)
     angle = zero.first_angle
@@ -118,10 +129,11 @@ def find_two_mass_jump(
 def solve_threshold(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = MIN_RPM
 ) -> Climb:
-    """Search for the lowest speed at which the least contact force is zero.
+    """Search for the lowest cam speed at which the least contact force is zero.
 
-    The result contains this speed and the cam angle of the zero. The run takes ``duration`` s from
-    rest. None means the steady state.
+    The result contains this speed and the cam angle of the zero. Its status is FOUND, because every
+    other result raises an error. The run lasts ``duration`` s from rest. None means the steady
+    state.
 
     Raises
     ------
@@ -152,9 +164,9 @@ def solve_threshold(
 
 
 def _unresolved_error(law: Law, parameters: TwoMassParameters, speed: float) -> DynamicsError:
-    """Return the error for a jump speed that rounding errors hide.
+    """Return the error for a jump speed that double precision cannot resolve.
 
-    It lies above ``speed`` (rad/s).
+    Contact is proven up to ``speed`` (rad/s). Above it the rounding errors are too large.
     """
     ratio = parameters.damping_ratio
     predicate = f"is damped {ratio:.3g} times critical, with" if ratio > 1.0 else "has"
@@ -168,9 +180,9 @@ def _unresolved_error(law: Law, parameters: TwoMassParameters, speed: float) -> 
 
 
 def _evaluations_error(law: Law, parameters: TwoMassParameters, speed: float) -> DynamicsError:
-    """Return the error for a search that needs too many evaluations.
+    """Return the error for a search that needs more than `MAX_EVALUATIONS`.
 
-    They would be needed above ``speed`` (rad/s).
+    Contact is proven up to ``speed`` (rad/s), where the search stopped.
     """
     ratio, rate = parameters.damping_ratio, math.sqrt(parameters.stiffness / parameters.end_mass)
     predicate, remedy = f"vibrates at {rate / TURN:.3g} Hz", "more damping"

@@ -1,9 +1,9 @@
 """Free motion ẋ = A x + b of masses in flight, in closed form.
 
-A is transformed to pairs of states. Each pair describes a mass on a spring and a damper, q̈ + 2δ q̇ +
-κ q = const. Its response is exact for every damping, including critical damping, and for every
-spring, however weak. The motion is computed relative to the start and not to the position of
-equilibrium, because a weak spring puts the equilibrium far away.
+The states x are transformed to decoupled pairs (q, q̇). Each pair describes a mass on a spring and a
+damper, q̈ + 2δ q̇ + κ q = const. Its response is exact for every damping, including critical damping,
+and for every spring, however weak. The motion is computed relative to the start and not to the
+position of equilibrium, because a weak spring puts the equilibrium far away.
 """
 
 from __future__ import annotations
@@ -28,12 +28,14 @@ def linalg() -> Any:
     return importlib.import_module("scipy.linalg")
 
 
-#: Largest product of time and fastest rate at which the power series of the response is used.
+#: Largest product of time and fastest rate at which the power series of the impulse response is
+#: used.
 MAX_SERIES_REACH = 0.5
-#: Number of terms of that power series. The first omitted term, 0.5^18/18!, is far below rounding.
+#: Number of terms of the power series of the impulse response. The first omitted term, 0.5^18/18!,
+#: is far below rounding.
 SERIES_TERMS = 18
 
-#: S (s), Ṡ (1) and C (s²), as in `response`.
+#: Impulse response S (s), its derivative Ṡ (without unit) and its integral C (s²), from `response`.
 Response = tuple[FloatArray, FloatArray, FloatArray]
 
 
@@ -56,7 +58,11 @@ def response(damping: float, stiffness: float, time: FloatArray) -> Response:
 
 
 def _respond_long(damping: float, stiffness: float, time: FloatArray) -> Response:
-    """Return the impulse response by exponentials, for any times (s)."""
+    """Return the impulse response of q̈ + 2δ q̇ + κ q = 0 by exponentials, at any times.
+
+    ``damping`` is 2δ (1/s), ``stiffness`` is κ (1/s²) and ``time`` is in s. `response` describes
+    the three results.
+    """
     decay = 0.5 * damping
     square = stiffness - decay**2
     if square > 0.0:
@@ -69,9 +75,11 @@ def _respond_long(damping: float, stiffness: float, time: FloatArray) -> Respons
 
 
 def _respond_short(damping: float, stiffness: float, time: FloatArray) -> Response:
-    """Return the impulse response by a Taylor series, for short times (s).
+    """Return the impulse response of q̈ + 2δ q̇ + κ q = 0 by its Taylor series.
 
-    Times are up to `MAX_SERIES_REACH` divided by the fastest rate.
+    ``damping`` is 2δ (1/s) and ``stiffness`` is κ (1/s²). Times are in s, at most
+    `MAX_SERIES_REACH` divided by the fastest rate, max(√κ, 2δ). `response` describes the three
+    results.
     """
     columns = np.vander(time, SERIES_TERMS + 1, increasing=True) @ _series_terms(damping, stiffness)
     return columns[:, 0], columns[:, 1], columns[:, 2]
@@ -79,9 +87,10 @@ def _respond_short(damping: float, stiffness: float, time: FloatArray) -> Respon
 
 @lru_cache(maxsize=256)
 def _series_terms(damping: float, stiffness: float) -> FloatArray:
-    """Return the Taylor coefficients of S, Ṡ and C, ``(SERIES_TERMS + 1, 3)``.
+    """Return the Taylor coefficients of an impulse response, ``(SERIES_TERMS + 1, 3)``.
 
-    They follow from the equation of motion.
+    The columns are the response S, its derivative Ṡ and its integral C. The coefficients follow
+    from the equation q̈ + 2δ q̇ + κ q = 0 with ``damping`` 2δ (1/s) and ``stiffness`` κ (1/s²).
     """
     terms = [0.0, 0.0, 0.5]
     for i in range(1, SERIES_TERMS - 1):
@@ -95,9 +104,10 @@ def _series_terms(damping: float, stiffness: float) -> FloatArray:
 
 
 def _overdamped(decay: float, root: float, stiffness: float, time: FloatArray) -> Response:
-    """Return the impulse response at overcritical or critical damping.
+    """Return the impulse response of q̈ + 2δ q̇ + κ q = 0 for δ² ≥ κ, at times (s).
 
-    ``decay`` is δ and ``root`` is √(δ² − κ), in 1/s. The formulas contain no growing exponential.
+    ``decay`` is δ and ``root`` is √(δ² − κ), in 1/s. ``stiffness`` is κ in 1/s². The formulas
+    contain no growing exponential. `response` describes the three results.
     """
     fast = decay + root
     slow = stiffness / fast
@@ -111,10 +121,11 @@ def _overdamped(decay: float, root: float, stiffness: float, time: FloatArray) -
     return impulse, rate, (integral + np.expm1(-fast * time) / fast) / difference
 
 
-#: Degree of the power series of the acceleration in a window.
+#: Degree of the power series by which the acceleration in flight is computed in a window, a short
+#: interval of time.
 SERIES_DEGREE = 24
-#: Product of |A| and the duration of a window (no unit). The omitted terms of the series, 2^25/25!,
-#: are below rounding.
+#: Product of ‖A‖ and the duration of a window (no unit). With this duration the omitted terms of
+#: the power series, 2^25/25!, are below rounding.
 REACH = 2.0
 #: Matrix from the coefficients of a power series to Bernstein ordinates, C(i, j)/C(n, j).
 POWERS_TO_ORDINATES = np.array(
@@ -126,9 +137,11 @@ POWERS_TO_ORDINATES = np.array(
 
 
 def window_series(matrix: FloatArray, row: FloatArray, window: float) -> FloatArray:
-    """Return the matrix that takes x to the ordinates of row · e^{At} x in a window.
+    """Return the matrix from a state x to the polynomial row · e^{At} x of time.
 
-    The window lasts ``window`` s. The shape of the matrix is ``(SERIES_DEGREE + 1, n)``.
+    The polynomial is a truncated power series, given by its Bernstein ordinates over ``window`` s
+    from the time of the state on. A is ``matrix``, ``(n, n)``. The shape of the result is
+    ``(SERIES_DEGREE + 1, n)``.
     """
     terms = [row]
     for j in range(SERIES_DEGREE):
@@ -138,30 +151,33 @@ def window_series(matrix: FloatArray, row: FloatArray, window: float) -> FloatAr
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Transformation x = V ξ to pairs (q, q̇), each with q̈ + 2δ q̇ + κ q = const."""
+    """Transformation x = V ξ of n states to decoupled pairs (q, q̇) in ξ.
 
-    shapes: FloatArray  #: V, ``(n, n)``
-    inverse: FloatArray  #: V⁻¹, ``(n, n)``
-    damping: FloatArray  #: 2δ, 1/s, ``(n / 2,)``
-    stiffness: FloatArray  #: κ, 1/s², ``(n / 2,)``
+    Each pair satisfies q̈ + 2δ q̇ + κ q = const.
+    """
+
+    shapes: FloatArray  #: matrix V of the transformation, ``(n, n)``
+    inverse: FloatArray  #: inverse V⁻¹, ``(n, n)``
+    damping: FloatArray  #: 2δ of each pair, 1/s, ``(n / 2,)``
+    stiffness: FloatArray  #: κ of each pair, 1/s², ``(n / 2,)``
 
 
 @dataclass(frozen=True, eq=False)
 class FreeSystem:
-    """Equation of motion ẋ = A x + b of masses in flight.
+    """Equation of motion ẋ = A x + b of masses in flight, with n states.
 
     Positions and velocities alternate in x.
     """
 
-    matrix: FloatArray  #: A, ``(n, n)``
-    load: FloatArray  #: b, ``(n,)``
+    matrix: FloatArray  #: A of ẋ = A x + b, ``(n, n)``
+    load: FloatArray  #: b of ẋ = A x + b, ``(n,)``
     #: Weights of the states in the position of the contact mass, ``(n,)``
     row: FloatArray
-    #: Matrix from ẋ to a vector whose length is never below the acceleration of the contact mass,
-    #: ``(k, n)``
+    #: Matrix E, ``(k, n)``. The length of the vector E ẋ never grows during a flight and is never
+    #: below the absolute acceleration of the contact mass.
     energy: FloatArray
-    #: Pairs of states, or None if the modes are too similar. Then the exponential of the matrix is
-    #: used.
+    #: Transformation to decoupled pairs of states, or None if the modes are too similar. Then the
+    #: exponential of the matrix is used.
     pairs: Pairs | None
 
     @cached_property
@@ -176,14 +192,15 @@ class FreeSystem:
 
     @cached_property
     def series(self) -> FloatArray:
-        """Matrix that takes ẋ to the ordinates of the contact mass's acceleration.
+        """Matrix from ẋ to the acceleration of the contact mass as a polynomial of time.
 
-        Its shape is ``(SERIES_DEGREE + 1, n)``. The ordinates cover one window.
+        The polynomial is given by its Bernstein ordinates (m/s²) over ``window`` s from the time of
+        ẋ on. The shape is ``(SERIES_DEGREE + 1, n)``.
         """
         return window_series(self.matrix, self.row @ self.matrix, self.window)
 
     def rates(self, start: FloatArray) -> FloatArray:
-        """Return the rate ẋ of a state, ``(n,)``."""
+        """Return the rate ẋ = A x + b of a state x, ``(n,)``."""
         return np.asarray(self.matrix @ start + self.load)
 
     def state_change(self, start: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -224,13 +241,13 @@ class FreeSystem:
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Flight of the follower's masses from a given state on.
+    """Flight of the follower's masses, from an initial state at t = 0 on.
 
     The gap and its rate are stored if they are more accurate than the difference of two
     displacements. At a lift-off, for example, the gap is exactly 0.
     """
 
-    system: FreeSystem
+    system: FreeSystem  #: equation of motion of the masses
     start: FloatArray  #: state at t = 0, ``(n,)``
     gap: float | None = None  #: distance of contact mass and cam at t = 0, m, or None
     gap_rate: float | None = None  #: rate of the gap at t = 0, m/s, or None
@@ -241,7 +258,7 @@ class Flight:
         return () if self.gap is None or self.gap_rate is None else (self.gap, self.gap_rate)
 
     def motion(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the motion of the contact mass at times in s.
+        """Return the motion of the contact mass at m times (s) since the start, ``(m,)`` each.
 
         The results are displacement (m), velocity (m/s) and acceleration (m/s²).
         """

@@ -1,15 +1,17 @@
 """Exact response of a linear system ẋ = A x + f(t) to a polynomial forcing.
 
-On one piece of duration T the forcing is f(u) = Σ Fⱼ Bⱼ(u) with u = t/T. The response is
-x(t) = X(u) + e^{At} (x₀ − X(0)) with a polynomial X. There are no time steps, so a stiff system
-costs no more than a soft one. X is computed by the method that keeps its digits:
+On one polynomial piece of duration T the forcing is f(u) = Σ Fⱼ Bⱼ(u) with u = t/T and the
+Bernstein basis Bⱼ. The response is x(t) = X(u) + e^{At} (x₀ − X(0)) with a polynomial X. There are
+no time steps, so a stiff system costs no more than a soft one. X is computed by the method that
+keeps its digits:
 
 * For modes that are fast compared with the piece (|λ|T is at least the degree), X solves the
   Sylvester equation A X − X Mᵀ/T = −F. M is the derivative matrix of the basis. The equation has a
   solution because M is nilpotent.
-* For slow modes that X would be huge and would cancel against the exponential. For modes without a
-  restoring force it does not exist. There X(0) = 0, and X is Picard's series of integrals, whose
-  terms are below rounding after about twenty terms.
+* For slow modes the solution of this equation would be huge and would cancel against the
+  exponential. For modes without a restoring force it does not exist. For these modes X(0) = 0, and
+  X is Picard's series of repeated integrals, whose terms are below rounding after about twenty
+  terms. The piece is divided into equal parts that are short enough for the series.
 
 An ordered Schur form separates fast and slow modes.
 """
@@ -26,29 +28,30 @@ from cam_rig.dynamics.linear.exponential import free_motion, linalg
 from cam_rig.laws import bernstein
 from cam_rig.units import FloatArray
 
-#: Largest product |A|T of the slow modes, where T is the duration of a part of a piece. The terms
-#: of Picard's series then stay below e⁴.
+#: Largest product ‖A‖T for the slow modes in a part of a piece of duration T. With this limit the
+#: terms of Picard's series stay below e⁴.
 PICARD_REACH = 4.0
-#: Largest ratio of stiffness to squared decay of an overdamped mass whose two rates count as very
+#: Largest ratio κ/δ² of an overdamped mass ẍ + 2δ ẋ + κ x = 0 whose two rates count as very
 #: different.
 MAX_STIFFNESS_RATIO = 0.3
 
 
 @lru_cache(maxsize=64)
 def derivative_matrix(degree: int) -> FloatArray:
-    """Return the derivative matrix of a Bernstein basis, ``(p + 1, p + 1)``.
+    """Return the derivative matrix of the Bernstein basis of degree p, ``(p + 1, p + 1)``.
 
-    It takes the ordinates of a polynomial in u to those of its derivative by u, written with the
-    same degree p.
+    Its product with the ordinates of a polynomial in u ∈ [0, 1] gives the ordinates of the
+    derivative, written with the same degree p.
     """
     return np.asarray(bernstein.elevate(bernstein.derivative(np.eye(degree + 1)), degree))
 
 
 def exponential(matrix: FloatArray, time: float) -> FloatArray:
-    """Return the matrix exponential e^{At} at a time (s), ``(n, n)``.
+    """Return the matrix exponential e^{At} for a time (s), ``(n, n)``.
 
-    For two states the closed form is used, whose error is the rounding of the phase. Scaling and
-    squaring (expm) has ten times this error for a vibration of 3000 rad, in every turn.
+    For two states the closed form is used, whose error is the rounding of the phase. The scaling
+    and squaring of `scipy.linalg.expm` has ten times this error if the vibration advances by 3000
+    rad.
     """
     return np.asarray(exponentials(matrix, np.array([time]))[0])
 
@@ -63,25 +66,32 @@ def exponentials(matrix: FloatArray, times: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ForcingPiece:
-    """Response on one piece of the forcing, divided into parts of equal duration h."""
+    """Response of ẋ = A x + f(t) on one polynomial piece of the forcing f.
+
+    The piece is divided into parts of equal duration h. The response is a polynomial X plus a free
+    motion.
+    """
 
     matrix: FloatArray  #: A in 1/s, ``(n, n)``
     particular: FloatArray  #: Bernstein ordinates of X on each part, ``(parts, n, p + 1)``
-    duration: float  #: s
-    part_flow: FloatArray  #: e^{Ah} over one part, ``(n, n)``
+    duration: float  #: duration T of the piece, s
+    part_flow: FloatArray  #: matrix e^{Ah} of the free motion over one part, ``(n, n)``
 
     @property
     def part(self) -> float:
-        """Duration h of a part, s."""
+        """Duration h of one of the equal parts of the piece, s."""
         return self.duration / len(self.particular)
 
     @property
     def flow(self) -> FloatArray:
-        """Exponential e^{AT} over the whole piece, ``(n, n)``, for its duration T."""
+        """Matrix e^{AT} of the free motion over the duration T of the piece, ``(n, n)``."""
         return np.asarray(np.linalg.matrix_power(self.part_flow, self.particular.shape[0]))
 
     def end(self, start: FloatArray) -> FloatArray:
-        """Return the state at the end of the piece from the state at its start, ``(n,)``."""
+        """Return the state at the end of the piece, from the state ``start`` at its start.
+
+        Both have the shape ``(n,)``.
+        """
         return self._part_starts(start)[-1]
 
     def at(self, start: FloatArray, times: FloatArray) -> FloatArray:
@@ -101,7 +111,11 @@ class ForcingPiece:
         return states
 
     def _part_starts(self, start: FloatArray) -> list[FloatArray]:
-        """Return the states at the start of each part, and last at the end of the piece."""
+        """Return the states at the start of each part, and at the end of the piece.
+
+        The list contains one state ``(n,)`` per part, and last the state at the end. ``start`` is
+        the state at the start of the piece.
+        """
         states = [start]
         for ordinates in self.particular:
             free = self.part_flow @ (states[-1] - ordinates[:, 0])
@@ -127,10 +141,11 @@ def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> ForcingPi
 def pieces(
     matrix: FloatArray, forcing: FloatArray, durations: FloatArray
 ) -> tuple[ForcingPiece, ...]:
-    """Return the responses on m pieces of the forcing, each as `piece` computes it.
+    """Return the responses of ẋ = A x + f on m pieces of the forcing f.
 
-    ``forcing`` are the ordinates of f, ``(n, p + 1, m)``, and ``durations`` are in s, ``(m,)``.
-    Pieces that need the same number of parts and terms are solved together.
+    ``forcing`` are the Bernstein ordinates of f, ``(n, p + 1, m)``, and ``durations`` are in s,
+    ``(m,)``. The results are those of `piece`. Pieces that need the same number of parts and terms
+    of Picard's series are solved together.
     """
     bound = max(float(forcing.shape[1] - 1), PICARD_REACH)
     rates = np.abs(np.linalg.eigvals(matrix))
@@ -157,14 +172,16 @@ def _solve(
     parts: int,
     terms: int,
 ) -> list[ForcingPiece]:
-    """Return the responses on pieces of the forcing with the same slow and fast modes.
+    """Return the responses on m pieces of the forcing with the same slow and fast modes.
 
-    Each piece is divided into ``parts`` parts, and Picard's series has ``terms`` terms.
+    ``modes`` is the result of `_modes`. ``forcing`` are Bernstein ordinates, ``(n, p + 1, m)``, and
+    ``durations`` are in s. Each piece is divided into ``parts`` equal parts. For the slow modes
+    Picard's series has ``terms`` integrals after the first.
     """
     slow, fast, shapes = modes
     (n, width, m), k = forcing.shape, slow.shape[0]
-    # Scale the rows to one magnitude. Otherwise the pivot is a velocity, and the forcing of a slow
-    # mode cancels.
+    # Scale the rows to one magnitude. Otherwise the pivot of the linear solve is the row of a
+    # velocity, and the forcing of a slow mode loses its digits by cancellation.
     scale = np.exp2(-np.round(np.log2(np.abs(shapes).max(axis=1, keepdims=True))))
     inputs = np.linalg.solve(scale * shapes, scale * forcing.reshape(n, -1)).reshape(n, width, m)
     inputs = np.asarray(inputs, dtype=np.float64).transpose(1, 2, 0)
@@ -194,9 +211,11 @@ def _solve(
 def _modes(
     matrix: FloatArray, duration: float, bound: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the slow block, the fast block, and V with A V = V diag(slow, fast).
+    """Separate the slow and the fast modes of a matrix A.
 
-    Slow modes have |λ|T < ``bound``, with the ``duration`` T in s.
+    Returns the slow block, the fast block, and the matrix V with A V = V diag(slow, fast). A mode
+    with eigenvalue λ is slow if |λ|T < ``bound``, with the ``duration`` T in s. A block is empty if
+    there is no such mode.
     """
     overdamped = _overdamped_modes(matrix)
     if overdamped is not None:
@@ -207,7 +226,7 @@ def _modes(
     triangle, basis, k = linalg().schur(
         balanced, output="real", sort=lambda re, im: math.hypot(re, im) * duration < bound
     )
-    if k == 0:  # no slow modes: the unchanged matrix has the smallest rounding
+    if k == 0:  # no slow modes: the matrix itself, because a transformation would add rounding
         return np.empty((0, 0)), matrix, np.eye(matrix.shape[0])
     slow, fast = triangle[:k, :k], triangle[k:, k:]
     decouple = np.eye(matrix.shape[0])
@@ -217,11 +236,12 @@ def _modes(
 
 
 def _overdamped_modes(matrix: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Return the rates (slow, fast) and mode shapes of an overdamped mass.
+    """Return the eigenvalues and mode shapes of an overdamped mass, or None.
 
-    The two rates are very different. The slow rate is the stiffness divided by the fast rate. The
-    Schur form would give it with the rounding of the fast rate, which may be 1e7 times as large.
-    Returns None for any other matrix.
+    The eigenvalues are (slow, fast), 1/s, and the mode shapes are the columns of a matrix. The
+    result is None if ``matrix`` is not that of one mass whose two rates are very different. The
+    slow rate is computed as the stiffness divided by the fast rate. The Schur form would give it
+    with the rounding error of the fast rate, which may be 1e7 times as large.
     """
     if matrix.shape != (2, 2) or tuple(matrix[0]) != (0.0, 1.0):
         return None
@@ -234,9 +254,10 @@ def _overdamped_modes(matrix: FloatArray) -> tuple[FloatArray, FloatArray] | Non
 
 
 def _picard_terms(reach: float) -> int:
-    """Return the number of integrals in Picard's series after the first.
+    """Return the number of integrals after the first that Picard's series needs.
 
-    Further integrals are below rounding. ``reach`` is |A|T.
+    Further integrals are below rounding. ``reach`` is the product ‖A‖T of the slow modes and the
+    duration.
     """
     size, order = reach, 2
     while size > 1e-17:
@@ -248,10 +269,11 @@ def _picard_terms(reach: float) -> int:
 def _picard(
     matrix: FloatArray, forcing: FloatArray, durations: FloatArray, terms: int
 ) -> FloatArray:
-    """Return the ordinates of Picard's series ∫f + A∫∫f + A²∫∫∫f + ….
+    """Return the response of ẋ = A x + f from x = 0 by Picard's series.
 
-    Their shape is ``(q + 1, m, k)``. ``forcing`` are the ordinates of f, ``(p + 1, m, k)``, for m
-    pieces and k states. ``durations`` are in s.
+    The series is ∫f + A∫∫f + A²∫∫∫f + …, with ``terms`` integrals after the first. ``forcing`` are
+    the Bernstein ordinates of f, ``(p + 1, m, k)``, for m pieces and k states. ``durations`` are in
+    s, ``(m,)``. Returns the Bernstein ordinates of the sum, ``(q + 1, m, k)``.
     """
     lengths = durations[:, None]
     integrals = [lengths * bernstein.antiderivative(forcing)]
@@ -267,9 +289,10 @@ def _picard(
 
 
 def periodic_state(pieces: list[ForcingPiece]) -> FloatArray:
-    """Return the periodic state x₀, which returns after all pieces, ``(n,)``.
+    """Return the state at the start of the first piece that repeats after the last piece.
 
-    It is the solution of the linear system (I − Φ) x₀ = r.
+    The pieces follow each other in time. The state x₀, ``(n,)``, solves the linear system
+    (I − Φ) x₀ = r, because the state after all pieces is Φ x₀ + r.
     """
     size = pieces[0].matrix.shape[0]
     flow, offset = np.eye(size), np.zeros(size)

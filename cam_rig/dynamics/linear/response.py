@@ -1,7 +1,8 @@
 """Exact response of a linear model on a cam at constant speed, at any time.
 
-The model is ẋ = A x + G (s, ṡ, s̈) + g. The particular solutions of one turn are computed once
-(`propagator`). After that each state is the sum of a polynomial and an exponential.
+The model is ẋ = A x + G (s, ṡ, s̈) + g with the cam motion s(t). A turn of the cam is divided into
+parts. In each part the state is x(t) = X(t) + e^{At} z, with a polynomial X, the forced response,
+and a free vibration. The polynomials of one turn are computed once (`propagator`).
 """
 
 from __future__ import annotations
@@ -38,17 +39,18 @@ from cam_rig.laws.sampling import (
 )
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-#: Smallest |eigenvalue| of I − Φ at which a steady state exists. With a smaller eigenvalue one turn
-#: hardly changes a mode in phase or size: the mode is in resonance.
+#: Smallest |eigenvalue| of I − Φ at which a steady state exists. Φ is the matrix from the state
+#: before a turn to that after it. With a smaller eigenvalue a turn hardly changes a mode in phase
+#: or size, because the mode is in resonance.
 MIN_EIGENVALUE = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
 class TurnMap:
-    """Affine map Φ x + r of a state at θ = 0 to the state after one turn."""
+    """Affine map Φ x + r from a state x at cam angle 0 to the state after one turn."""
 
-    flow: FloatArray  #: Φ, ``(n, n)``
-    offset: FloatArray  #: r, ``(n,)``
+    flow: FloatArray  #: matrix Φ, ``(n, n)``
+    offset: FloatArray  #: vector r, ``(n,)``
 
     def after(self, state: FloatArray, turns: int) -> FloatArray:
         """Return the state after ``turns`` whole turns, ``(n,)``.
@@ -63,10 +65,7 @@ class TurnMap:
         return state
 
     def fixed_point(self) -> FloatArray | None:
-        """Return the periodic state, which returns after one turn, ``(n,)``.
-
-        Returns None at resonance.
-        """
+        """Return the state that repeats after one turn, ``(n,)``, or None at resonance."""
         matrix = np.eye(self.offset.size) - self.flow
         if np.abs(np.linalg.eigvals(matrix)).min() < MIN_EIGENVALUE:
             return None
@@ -75,44 +74,57 @@ class TurnMap:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Part of the turn in which the state is x(t) = X + e^{At} z with a polynomial X."""
+    """Part of a turn of the cam, with the polynomial forced response X(t) in it.
+
+    The part lies in one polynomial piece of the law. The state in it is x(t) = X(t) + e^{At} z.
+    """
 
     number: int  #: index of the part in the turn
-    low: float  #: cam angle at the start, rad
+    low: float  #: cam angle at the start of the part, rad
     span: float  #: cam angle that the part covers, rad
-    length: float  #: duration, s
+    length: float  #: duration h of the part, s
     law_piece: int  #: index of the piece of the law that contains the part
     of_piece: tuple[int, int]  #: index of the part in its piece, and number of parts of the piece
     particular: FloatArray  #: Bernstein ordinates of X, ``(n, p + 1)``
-    flow: FloatArray  #: e^{Ah} over the part, ``(n, n)``
-    state_jump: FloatArray | None = None  #: jump of the state at the start, ``(n,)``
+    flow: FloatArray  #: matrix e^{Ah} of the free vibration over the part, ``(n, n)``
+    #: Jump of the state at the start of the part by a velocity jump of the law, ``(n,)``, or None.
+    state_jump: FloatArray | None = None
 
     def forced(self, time: FloatArray) -> FloatArray:
-        """Return X at times (s) since the start of the part, ``(n, len(time))``."""
+        """Return the forced response X at times (s) since the start of the part.
+
+        The shape is ``(n, len(time))``.
+        """
         return bernstein.evaluate(self.particular.T, time / self.length).T
 
 
 class LinearRun(NamedTuple):
-    """Passage of the cam through one part of its turn, with the response there."""
+    """Passage of the cam through one part of its turn, with the response there.
 
-    part: Part
-    begin: float  #: start time since the start of the walk, s
-    end: float  #: end time since the start of the walk, s
+    `LinearResponse.walk` yields the passages in the order of time.
+    """
+
+    part: Part  #: part of the turn
+    begin: float  #: time at which the passage starts, since the start of the walk, s
+    end: float  #: time at which the passage ends, since the start of the walk, s
     local: float  #: time from the start of the part to the start of the passage, s
-    free: FloatArray  #: state less X at the start of the passage, ``(n,)``
+    free: FloatArray  #: free vibration x − X at the start of the passage, ``(n,)``
 
 
 @dataclass(frozen=True, eq=False)
 class LinearResponse:
-    """Response of a linear model to one law of a cam at one speed."""
+    """Response of a linear model with n states to one law of a cam at one speed.
 
-    law: Law
-    speed: float  #: rad/s, > 0
-    matrix: FloatArray  #: A, ``(n, n)``
+    The model is ẋ = A x + G (s, ṡ, s̈) + g.
+    """
+
+    law: Law  #: motion law of the cam
+    speed: float  #: cam speed, rad/s, > 0
+    matrix: FloatArray  #: A, weights of the states x in ẋ, ``(n, n)``
     drive: FloatArray  #: G, weights of s, ṡ and s̈ in ẋ, ``(n, 3)``
-    constant: FloatArray  #: g, ``(n,)``
-    #: True if a jump of ṡ, which is an impulse of s̈, acts on the state. Otherwise the caller
-    #: handles the jumps.
+    constant: FloatArray  #: g, constant terms in ẋ, ``(n,)``
+    #: True if a velocity jump of the law, an impulse of s̈, acts on the states of the model. If
+    #: False, the caller handles the velocity jumps.
     jumps_act: bool = False
 
     def __post_init__(self) -> None:
@@ -132,7 +144,7 @@ class LinearResponse:
             for k in range(count):
                 low, span = self.law.joints[i] + spans[i] * (k / count), spans[i] / count
                 x, flow, state_jump = solved.particular[k], solved.part_flow, None
-                if k == 0 and i in steps:  # an impulse of s̈
+                if k == 0 and i in steps:  # the velocity jump is an impulse of s̈
                     state_jump = self.drive[:, 2] * (self.speed * steps[i])
                 parts.append(
                     Part(len(parts), low, span, solved.part, i, (k, count), x, flow, state_jump)
@@ -167,8 +179,8 @@ class LinearResponse:
             yield LinearRun(part, time, min(end, duration), local, free)
             if end >= duration:
                 return
-            # The stored duration of the part, not end - time: the rounding of a late time would
-            # change the phase.
+            # Use the stored duration of the part, because the rounding of end - time at a late time
+            # would change the phase of the vibration.
             flow = part.flow if local == 0.0 else exponential(self.matrix, part.length - local)
             state = part.particular[:, -1] + flow @ free
             time, i, local = end, i + 1, 0.0
@@ -187,11 +199,11 @@ class LinearResponse:
     def passes(
         self, start: FloatArray, angle: float, times: FloatArray
     ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-        """Return free vibrations and parts of the turn at m ascending times (s).
+        """Return the free vibration and the part of the turn at m ascending times (s).
 
         Times are measured from the state ``start`` at the cam angle ``angle`` (rad). The results
-        are the states less X, ``(n, m)``, the times since the start of the part (s), ``(m,)``, and
-        the indices of the parts, ``(m,)``.
+        are the free vibrations x − X, ``(n, m)``, the times since the start of the part (s),
+        ``(m,)``, and the indices of the parts, ``(m,)``.
         """
         times = check_times(times)
         last = float(times[-1]) if times.size else 0.0
@@ -217,14 +229,17 @@ class LinearResponse:
     def last_turn(
         self, start: FloatArray, angle: float, duration: float
     ) -> tuple[FloatArray, float, float]:
-        """Skip all whole turns but the last, and return state, angle and remaining time.
+        """Advance the state over all whole turns but the last, at once.
 
-        The angle is in rad. The remaining time is the part of ``duration`` after these turns, s.
+        ``start`` is the state at the cam angle ``angle`` (rad). Returns the state and the cam angle
+        (rad) after these turns, and the remaining part of ``duration`` (s). If there is at most one
+        whole turn, the arguments are returned.
         """
         require_angle(angle)
         require_number("duration", duration, "≥ 0")
         first = math.ceil(angle / TURN)
-        # Stop before a state jump at the end, which belongs to the next interval.
+        # Do not skip a turn up to a jump of the state at its end, which belongs to the next
+        # interval.
         spare = 0.0 if self.parts[0].state_jump is None else 2.0 * JOINT_ATOL_RAD
         whole = math.floor((angle + self.speed * duration - spare) / TURN) - first
         if whole <= 1:
@@ -236,12 +251,15 @@ class LinearResponse:
 
     @cached_property
     def turn(self) -> TurnMap:
-        """Map of the state at θ = 0 to the state after one turn."""
+        """Map of the state at cam angle 0 to the state after one turn."""
         return self._maps[-1]
 
     @cached_property
     def _maps(self) -> list[TurnMap]:
-        """Maps of the state at θ = 0 to the start of each part, and to the turn's end."""
+        """Maps of the state at cam angle 0 to the states at the start of each part.
+
+        The last map leads to the end of the turn.
+        """
         flow, offset = np.eye(self.constant.size), np.zeros(self.constant.size)
         maps = []
         for part in self.parts:
@@ -252,9 +270,10 @@ class LinearResponse:
         return [*maps, TurnMap(flow, offset)]
 
     def free_starts(self, start: FloatArray, turns: int) -> FloatArray:
-        """Return the free vibrations at the start of all parts, ``(turns, parts, n)``.
+        """Return the free vibrations at the start of all parts of several turns.
 
-        They are the states less the forced response X. ``start`` is the state at θ = 0.
+        They are the states less the forced response X, ``(turns, parts, n)``. ``start`` is the
+        state at cam angle 0 before the first turn.
         """
         states = [start]
         for _ in range(1, turns):
@@ -265,9 +284,9 @@ class LinearResponse:
         return np.asarray(np.einsum("pij,tj->tpi", flows, np.stack(states)) + (offsets - forced))
 
     def periodic(self) -> FloatArray:
-        """Return the state at θ = 0 that returns after one turn, ``(n,)``.
+        """Return the state at cam angle 0 in steady state, ``(n,)``.
 
-        It is the state before a state jump at θ = 0.
+        It repeats after one turn. If the state jumps at angle 0, it is the state before the jump.
 
         Raises
         ------
@@ -281,28 +300,29 @@ class LinearResponse:
 
 
 def no_steady_state(speed: float) -> DynamicsError:
-    """Return the error for a speed (rad/s) with an undamped mode in resonance."""
+    """Return the error for a cam speed (rad/s) at which an undamped mode is in resonance."""
     return DynamicsError(
         f"no steady state at {to_rpm(speed):.6g} rpm: a mode without damping is at a harmonic of "
         "the speed; allowed: damping, or another speed"
     )
 
 
-# Uniform samples by matrix products.
+# The rest of this module computes samples with a uniform time step by matrix products.
 #
-# The samples in one part are divided into chunks. In each chunk the polynomial is its Taylor series
-# about the middle of the chunk, and the exponential starts from the first sample of the chunk. One
-# product with a fixed matrix (powers, and the exponential over a chunk) writes all samples to their
-# columns of the output. The coefficients of a part are computed at once for all turns.
+# The samples in one part of the turn are divided into chunks of equal size. In each chunk the
+# polynomial is its Taylor series about the middle of the chunk, and the exponential starts from the
+# first sample of the chunk. One product with a fixed matrix (powers, and the exponential over a
+# chunk) writes all samples to their columns of the output. The coefficients of a part are computed
+# at once for all turns.
 
 
 @dataclass(frozen=True, eq=False)
 class Outputs:
-    """Outputs C x + D (s, ṡ, s̈) + d of a linear model."""
+    """Definition of k outputs C x + D (s, ṡ, s̈) + d of a linear model with n states."""
 
-    state: FloatArray  #: C, ``(k, n)``
-    law: FloatArray  #: D, ``(k, 3)``
-    constant: FloatArray  #: d, ``(k,)``
+    state: FloatArray  #: C, weights of the states, ``(k, n)``
+    law: FloatArray  #: D, weights of s, ṡ and s̈, ``(k, 3)``
+    constant: FloatArray  #: d, constant terms, ``(k,)``
 
 
 def compute_end(
@@ -338,9 +358,9 @@ def sample(
     Parameters
     ----------
     model : LinearResponse
-        The response.
+        The response of the linear model on the cam.
     start : array, ``(n,)``
-        State at time 0.
+        State of the model at time 0.
     angle : float
         Cam angle at time 0, rad.
     first : float
@@ -367,7 +387,7 @@ def sample(
             if samples.chunk:
                 key = (part.number, samples.chunk, samples.chunks)
                 chunked.setdefault(key, []).append(_Passage(samples, offset, run.free))
-            else:  # few samples
+            else:  # too few samples for chunks: evaluate them one by one
                 ordinates, times = (
                     polynomial_part(model, part, outputs),
                     np.arange(float(end - done)),
@@ -383,11 +403,11 @@ def sample(
 
 
 class _Passage(NamedTuple):
-    """Samples in one passage of the cam through a part of its turn."""
+    """Samples of a uniform time grid in one passage of the cam through a part of its turn."""
 
-    samples: SampleRun
-    offset: float  #: time from the state to the first sample, s
-    free: FloatArray  #: state less X, ``(n,)``
+    samples: SampleRun  #: indices and positions of the samples
+    offset: float  #: time from the start of the passage to its first sample, s
+    free: FloatArray  #: free vibration at the start of the passage, ``(n,)``
 
 
 def _fill_in_chunks(
@@ -398,7 +418,11 @@ def _fill_in_chunks(
     outputs: Outputs,
     out: FloatArray,
 ) -> None:
-    """Write the samples of all passages through a part to ``out``, in equal chunks."""
+    """Write the samples of all passages through one part of the turn to ``out``.
+
+    They are computed in chunks of equal size. ``step`` is the time between samples, s. ``out`` has
+    one row per output and one column per sample.
+    """
     chunk = passages[0].samples.chunk
     series = _part_series(model, part, outputs, step, chunk)
     over = _chunk_matrix(model, outputs, series.powers.shape[0], step, chunk)
@@ -422,10 +446,10 @@ def _fill_in_chunks(
 
 @lru_cache(maxsize=64)
 def polynomial_parts(model: LinearResponse, outputs: Outputs) -> tuple[FloatArray, ...]:
-    """Return the ordinates of the outputs' polynomials for each part of the turn.
+    """Return the forced response of the outputs in each part of the turn.
 
-    Each array has the shape ``(k, p + 1)``. Parts at the same position in their pieces of the law
-    are computed together.
+    It is a polynomial of time per output. The result has one array of Bernstein ordinates per part,
+    ``(k, p + 1)``. Parts at the same position in their pieces of the law are computed together.
     """
     weights = outputs.law * model.speed ** np.arange(3)
     motion = np.tensordot(weights, model.law.motion, axes=1)
@@ -444,7 +468,10 @@ def polynomial_parts(model: LinearResponse, outputs: Outputs) -> tuple[FloatArra
 
 
 def polynomial_part(model: LinearResponse, part: Part, outputs: Outputs) -> FloatArray:
-    """Return the ordinates of the outputs' polynomial in a part, ``(k, p + 1)``."""
+    """Return the forced response of the outputs in one part of the turn, ``(k, p + 1)``.
+
+    Each row contains the Bernstein ordinates of a polynomial of time.
+    """
     return polynomial_parts(model, outputs)[part.number]
 
 
@@ -452,7 +479,10 @@ def polynomial_part(model: LinearResponse, part: Part, outputs: Outputs) -> Floa
 def _part_series(
     model: LinearResponse, part: Part, outputs: Outputs, step: float, chunk: int
 ) -> ChunkSeries:
-    """Return the Taylor series of the outputs about the middle of each chunk."""
+    """Return the Taylor series of the outputs' forced response in a part of the turn.
+
+    The series are about the middle of each chunk of ``chunk`` samples, ``step`` s apart.
+    """
     taylor = bernstein.taylor(polynomial_part(model, part, outputs).T)
     return ChunkSeries.of(taylor, step / part.length, chunk)
 
@@ -461,10 +491,12 @@ def _part_series(
 def _chunk_matrix(
     model: LinearResponse, outputs: Outputs, powers: int, step: float, chunk: int
 ) -> FloatArray:
-    """Return the matrix from series and free vibration to the samples of a chunk.
+    """Return the matrix that computes a chunk of samples of each of k outputs.
 
-    Its first rows are the powers of the abscissa, the others the outputs of e^{At}. The shape is
-    ``(k, powers + n, chunk)``.
+    It is multiplied by the Taylor coefficients of the forced response and by the free vibration at
+    the first sample. Its first rows are powers of the position in the chunk, and the others are the
+    outputs of e^{At}. The shape is ``(k, powers + n, chunk)``. ``step`` is the time between
+    samples, s.
     """
     flows = exponentials(model.matrix, step * np.arange(chunk, dtype=np.float64))
     of_state = np.einsum("kn,cnj->kjc", outputs.state, flows)
@@ -474,5 +506,8 @@ def _chunk_matrix(
 
 @lru_cache(maxsize=256)
 def _chunk_flows(model: LinearResponse, period: float, count: int) -> FloatArray:
-    """Return e^{At} at ``count`` times that are ``period`` s apart, ``(count, n, n)``."""
+    """Return the matrices e^{At} at ``count`` times, ``(count, n, n)``.
+
+    The times start at 0 and are ``period`` s apart.
+    """
     return exponentials(model.matrix, period * np.arange(count, dtype=np.float64))

@@ -28,17 +28,19 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import TURN, ComplexArray, FloatArray
 
-#: Law with which the matrices of the models are created. The matrices do not depend on the law.
+#: Law without motion, with which the matrices of the models are created. The matrices do not depend
+#: on the law.
 DWELL = Law("dwell", np.array([0.0, TURN]), np.zeros((1, 1)))
-#: Model of one rigid mass, without a state in contact.
+#: Name of the model of one rigid mass, which has no state in contact.
 RIGID = "one_mass"
-#: Model of one mass on its stem.
+#: Name of the model of one mass on an elastic stem.
 ELASTIC = "elastic_stem"
-#: Model of two masses.
+#: Name of the model of two masses with an elastic stem between them.
 TWO = "two_mass"
 #: Models in descending order of the number of rig parameters that they need.
 MODELS = (TWO, ELASTIC, RIGID)
-#: Largest angular frequency of a model, rad/s. Its square is far below the largest float.
+#: Largest accepted angular frequency of a frequency response, rad/s. Its square is far below the
+#: largest float.
 MAX_FREQUENCY = 1e100
 
 
@@ -62,10 +64,11 @@ def state_space(rig: RigConfig, model: str | None = None) -> StateSpace:
 def frequency_response(
     rig: RigConfig, w: float | FloatArray, model: str | None = None
 ) -> ComplexArray:
-    """Return the complex outputs per lift at frequencies ``w`` (rad/s).
+    """Return the complex outputs of the linear model per lift, at frequencies ``w``.
 
-    Their shape is ``(4, *w.shape)``. ``model`` is the name of the follower model (None: the most
-    detailed model that the rig allows). `RigConfig.frequency_response` documents the result.
+    ``w`` is in rad/s. The shape of the result is ``(4, *w.shape)``. The outputs are displacement,
+    velocity, acceleration and contact force. ``model`` is the name of the follower model (None: the
+    most detailed model that the rig allows). `RigConfig.frequency_response` documents the result.
     """
     frequencies = np.asarray(w, dtype=np.float64)
     if not (np.abs(frequencies) <= MAX_FREQUENCY).all():

@@ -1,10 +1,12 @@
-"""Search for the lowest speed at which the least output of a run is zero.
+"""Search for the lowest cam speed at which the least output of a run is zero.
 
-The search increases the speed step by step. It uses the least outputs at both ends of a step and
-bounds of the chord error between them. They prove one of two facts: the output is positive in the
-whole step (33), (34), (36), or it becomes negative once (35). A step without a proof is repeated
-with a smaller width, so no zero is stepped over (theorem B). The bounds come from the harmonics of
-the law (`harmonic_error`) or from groups of its pieces (`group_error`).
+The output, for example the contact force, is a function of the cam angle and of the constant cam
+speed. The search increases the speed step by step. Between the two speeds of a step, the output at
+each angle deviates from the straight line between its end values (the chord) by the chord error.
+The least outputs at both speeds and bounds of the chord error prove one of two facts: the output is
+positive in the whole step (33), (34), (36), or it becomes negative once (35). A step without a
+proof is repeated with a smaller width, so no zero is stepped over (theorem B). The bounds come from
+the harmonics of the law (`harmonic_error`) or from groups of its polynomial pieces (`group_error`).
 
 Numbers in brackets are those of docs/proofs.md, part 2.
 """
@@ -38,108 +40,124 @@ from cam_rig.dynamics.modal.motion import (
 from cam_rig.laws.vectors import Records, Vector, min_of, without_refcount
 from cam_rig.units import TURN
 
-#: Relative tolerance of the minimum of the output during the climb, which needs only lower bounds.
+#: Relative tolerance of the least output while the speed is increased. It is coarse, because the
+#: proofs need only lower bounds of the output.
 CLIMB_RTOL = 0.25
-#: Smallest step, as a fraction of the speed, that is tried if the rounding error at the end of the
-#: step is too large. With a smaller step the climb ends as UNRESOLVED.
+#: Smallest speed step, as a fraction of the speed, that is tried if rounding is too large at its
+#: end. If a smaller step would be necessary, the search ends with the status UNRESOLVED.
 UNRESOLVED_RTOL = 1e-3
-#: Shortest step as a fraction of the speed. A step of this length needs no proof, because rounding
-#: decides whether the output is positive.
+#: Shortest speed step, as a fraction of the speed. A step of this length needs no proof, because
+#: rounding decides whether the output is positive.
 MIN_STEP = 1e-11
-#: Chord error for which a step by groups is planned, as a fraction of the minimum of the output at
-#: the start of the step.
+#: Chord error for which a speed step is planned, as a fraction of the least output at the start of
+#: the step, if bounds of groups of pieces are to prove the step.
 GROUP_FRACTION = 0.75
-#: Factor from a step that was proven by groups to the next step.
+#: Ratio of the next speed step to the last one, if bounds of groups of pieces have proven the last.
 GROUP_GROWTH = 1.5
-#: Largest ratio of a step to the step that its bounds allow. At a larger ratio the step is planned
-#: again with a smaller width.
+#: Largest ratio of a speed step to the step that its bounds allow. At a larger ratio the bounds are
+#: computed again for a smaller step, because they are too wide.
 MAX_WIDTH_RATIO = 3.0
-#: Factor from a step that was not proven to the next step.
+#: Ratio of the next speed step to the last one, if the last one was not proven.
 SHRINK = 0.57
-#: Chord error for which a step by harmonics is planned, as a fraction of the minimum of the output
-#: at the start of the step.
+#: Chord error for which a speed step is planned, as a fraction of the least output at the start of
+#: the step, if bounds of the law's harmonics are to prove the step.
 HARMONIC_FRACTION = 0.6
-#: Safety factor of a step that is planned after a failed step by harmonics.
+#: Safety factor of the width of a speed step that is planned after bounds of the law's harmonics
+#: have failed to prove the last step.
 HARMONIC_SAFETY = 0.93
-#: Largest factor from a step that was proven by harmonics to the next step.
+#: Largest ratio of the next speed step to the last one, if bounds of the law's harmonics have
+#: proven the last one.
 MAX_GROWTH = 2.0
-#: Relative tolerance of the minimum of the output during the refinement of a zero.
+#: Relative tolerance of the least output while the speed of its zero is refined.
 ZERO_RTOL = 1e-4
-#: Relative distance above the zero at which the first negative turn is determined. All turns whose
-#: output becomes negative within this distance count as negative at the same speed.
+#: Relative distance above the speed of the zero at which the first turn with a negative output is
+#: determined. All turns whose output becomes negative within this distance count as negative at the
+#: same speed.
 SAME_SPEED_RTOL = 5e-6
-#: Relative width at which the bracket of a zero is narrow enough: 45 times the float epsilon.
+#: Relative width at which the speed bracket of a zero is narrow enough: 45 times the float epsilon.
 BRACKET_RTOL = 1e-14
-#: Distance (rad) on both sides of the angle of the negative output within which a zero is refined
-#: first.
+#: Distance (rad) on both sides of the cam angle of the negative output. A refinement of the speed
+#: considers the output only within this distance at first.
 NEIGHBOURHOOD = TURN / 64.0
 #: Largest number of iterations of a refinement. The limit prevents an endless loop.
 MAX_REFINEMENTS = 200
 
 
 class ClimbStatus(IntEnum):
-    """Result of a climb, the search that increases the speed step by step."""
+    """Result of a climb, the search that increases the cam speed until the output is zero."""
 
-    FOUND = 0  #: the minimum of the output is zero at ``speed``
-    NEGATIVE = 1  #: the minimum of the output is not positive at the first speed
-    POSITIVE = 2  #: the minimum of the output is positive up to the last speed
+    FOUND = 0  #: the least output is zero at ``Climb.speed``
+    NEGATIVE = 1  #: the least output is not positive at the first speed
+    POSITIVE = 2  #: the least output is positive up to the last speed
     UNRESOLVED = 3  #: positive up to a speed above which the rounding error is too large
-    PAUSED = 4  #: positive up to ``low``, where the evaluations were used up
+    PAUSED = 4  #: positive up to ``Climb.low``, where the allowed evaluations were used up
 
 
 class StepKind(IntEnum):
-    """Kind of bounds with which a step of the speed is to be proven."""
+    """Kind of bounds that are to prove that the output is positive in a speed step."""
 
-    HARMONICS = 0  #: bounds of `harmonic_error`
-    GROUPS = 1  #: bounds of `group_error`
+    HARMONICS = 0  #: bounds by the harmonics of the law, from `harmonic_error`
+    GROUPS = 1  #: bounds by groups of the law's polynomial pieces, from `group_error`
     RETRY = 2  #: neither kind is sufficient: plan a step of the returned width
 
 
 class Climb(NamedTuple):
-    """State or result of a climb, the search that increases the speed step by step."""
+    """State or result of a climb, the search that increases the cam speed step by step.
 
-    status: int  #: `ClimbStatus`
-    low: float  #: speed (rad/s) up to which the output is proven positive
-    step: float  #: next step, as a fraction of the speed
-    speed: float  #: zero of the minimum output if the status is FOUND, else ``low``, rad/s
-    angle: float  #: angle of the minimum if FOUND or NEGATIVE, rad from the start of the run
-    #: Angle of the minimum of the output, rad from the start of the run, in the first turn that is
-    #: negative at a speed `SAME_SPEED_RTOL` above the zero.
+    A paused climb is continued from its fields ``low`` and ``step``.
+    """
+
+    status: int  #: result of the search, a `ClimbStatus`
+    low: float  #: cam speed (rad/s) up to which the output is proven positive
+    step: float  #: next speed step, as a fraction of the speed
+    speed: float  #: cam speed at which the least output is zero if FOUND, else ``low``, rad/s
+    #: Cam angle of the least output if FOUND or NEGATIVE, rad from the start of the run, else 0.
+    angle: float
+    #: If FOUND: cam angle of the least output in the first turn with a negative output, at a speed
+    #: `SAME_SPEED_RTOL` above the zero, rad from the start of the run. Else equal to ``angle``.
     first_angle: float
 
 
 class Zero(NamedTuple):
-    """Speed at which the minimum of the output is zero, and the angle of that minimum."""
+    """Cam speed at which the least output of a run is zero, and its cam angle.
 
-    speed: float  #: rad/s
-    angle: float  #: rad from the start of the run
+    The output is, for example, the contact force.
+    """
+
+    speed: float  #: cam speed, rad/s
+    angle: float  #: cam angle of the least output, rad from the start of the run
 
 
 class Bracket(NamedTuple):
-    """Speeds (rad/s) between which the least output becomes zero."""
+    """Cam speeds between which the least output of a run becomes zero.
 
-    low: float  #: speed at which the minimum of the output is positive
-    high: float  #: speed at which the minimum of the output is not positive
-    angle: float  #: angle of the minimum of the output at ``high``, rad from the start of the run
+    The output is, for example, the contact force.
+    """
+
+    low: float  #: speed at which the least output is positive, rad/s
+    high: float  #: speed at which the least output is not positive, rad/s
+    angle: float  #: cam angle of the least output at ``high``, rad from the start of the run
 
 
 class Step(NamedTuple):
-    """Planned step of the speed, and the bounds that are to prove it."""
+    """Planned step of the cam speed, and the bounds that are to prove it."""
 
-    kind: int  #: `StepKind`
-    width: float  #: difference of the speeds at its ends, rad/s
-    error: ChordError  #: chord error of q, used if the kind is HARMONICS
+    kind: int  #: kind of the bounds, a `StepKind`
+    width: float  #: difference of the cam speeds at the ends of the step, rad/s
+    error: ChordError  #: chord error of the complex amplitude q, used if the kind is HARMONICS
 
 
 def climb(
     law: LawSeries, mode: Oscillator, low: float, step: float, last: float, max_evaluations: float
 ) -> Climb:
-    """Increase the speed until the minimum of the output over the run is zero.
+    """Increase the cam speed until the least output over the run is zero.
 
-    The search starts at ``low`` and stops at ``last`` (rad/s) at the latest, or after
-    ``max_evaluations``. ``step`` is the first step as a fraction of the speed. Invariant: the
-    output is positive at all speeds from the start of the search to the present speed (theorem B of
-    docs/proofs.md).
+    The output of the mode is, for example, the contact force. The search starts at ``low`` and
+    stops at ``last`` (both in rad/s) at the latest, or after ``max_evaluations`` evaluations of the
+    output. ``step`` is the first speed step as a fraction of the speed.
+
+    Invariant: the output is positive at all speeds from the start of the search to the present
+    speed (theorem B of docs/proofs.md).
     """
     run, count = mode_on_law(without_refcount(law), mode), len(law.first_pieces) - 1
     if not is_resolved(run, low):
@@ -193,10 +211,12 @@ def climb(
 def _plan_step(
     run: ModeOnLaw, motion: OscillatorMotion, floors: Vector, high: float, errors: Records
 ) -> Step:
-    """Plan the next step of the speed, at most up to ``high`` (rad/s).
+    """Plan the next step of the cam speed, at most up to ``high`` (rad/s).
 
-    Bounds by harmonics are preferred. The bounds by groups are written to ``errors`` if the kind of
-    the step is GROUPS.
+    ``motion`` is the motion at the present speed. ``floors`` are lower bounds of the output there
+    in each group of pieces. The step is planned so that bounds of the chord error can prove it.
+    Bounds by the harmonics of the law are preferred. If the kind of the step is GROUPS, the bounds
+    of the groups are written to ``errors``.
     """
     width, fraction, norm, error = high - motion.speed, 0.0, motion.norm, ChordError(0.0, 0.0, 0.0)
     if can_use_harmonics(run.mode, norm):
@@ -217,10 +237,11 @@ def _plan_step(
 
 
 def _prove_by_harmonics(error: ChordError, start: float, end: float) -> tuple[bool, float]:
-    """Check by bounds of the harmonics if a step is proven, and plan the next step.
+    """Check if a speed step is proven by a bound of the chord error, from harmonics.
 
-    ``start`` and ``end`` are lower bounds of the output at the ends of the step. Returns True if
-    the step is proven, and the factor of the width of the next step.
+    ``start`` and ``end`` are lower bounds of the output at the ends of the step. Returns two
+    values: True if it is proven that the output stays positive or becomes negative once, and the
+    ratio of the next step's width to this one's.
     """
     start_root, end_root = math.sqrt(max(0.0, start)), math.sqrt(max(0.0, end))
     root_sum, parabola = start_root + end_root, 4.0 * max(error.parabola, MIN_DIVISOR)
@@ -228,20 +249,22 @@ def _prove_by_harmonics(error: ChordError, start: float, end: float) -> tuple[bo
     is_positive = start > 0.0 and end > 0.0
     if error.max_error <= min(start, end) or (
         parabola <= root_sum * root_sum and is_positive
-    ):  # (33), (34)
+    ):  # positive in the whole step, by (33) or (34)
         predicted_root = math.sqrt(max(0.0, min(end, 2.0 * end - start)))
         factor = (end_root + predicted_root) * math.sqrt(HARMONIC_FRACTION / smaller)
         return True, min(MAX_GROWTH, max(SHRINK, factor))
     fall_ratio = 0.5 * start_root / math.sqrt(max(error.curvature, MIN_DIVISOR))
     factor = HARMONIC_SAFETY * max(fall_ratio, root_sum / math.sqrt(smaller))
     factor = min(HARMONIC_SAFETY, max(SHRINK * SHRINK, factor))
-    return fall_ratio >= 1.0 and end <= 0.0, factor  # (35)
+    return fall_ratio >= 1.0 and end <= 0.0, factor  # negative once, by (35)
 
 
 def _find_floors(run: ModeOnLaw, motion: OscillatorMotion, floors: Vector) -> MinOutput:
-    """Find the least output of the run, and the least output of each group of pieces.
+    """Find the least output of the run at one speed, and its lower bound per group.
 
-    Lower bounds of the output in each group are written to ``floors``.
+    The output of the mode is, for example, the contact force. ``motion`` is the motion at that
+    speed. The lower bound of the output in each group of adjacent pieces of the law, over all
+    turns, is written to ``floors``. Returns the least output.
     """
     floors[:] = math.inf
     search = SearchRange(0.0, end_angle(motion, run.mode.duration), CLIMB_RTOL)
@@ -251,10 +274,12 @@ def _find_floors(run: ModeOnLaw, motion: OscillatorMotion, floors: Vector) -> Mi
 def _find_margins(
     run: ModeOnLaw, motion: OscillatorMotion, high: float, floors: Vector, out: Vector
 ) -> int:
-    """Write a lower bound of the output in each group to ``out``.
+    """Write a lower bound of the output in each group of pieces to ``out``.
 
-    The bounds are ``floors`` extended to the angle at which the run at the speed ``high`` ends.
-    That angle is larger than at the speed of ``motion``. Returns the number of evaluations.
+    The bounds are for the speed of ``motion``, up to the cam angle at which the run at the higher
+    speed ``high`` (rad/s) ends. ``floors`` are the bounds up to the end of the run at the speed of
+    ``motion``. Runs have the same duration, so a faster run ends at a larger angle. Returns the
+    number of evaluations of the output.
     """
     out[:] = floors
     end, next_end = motion.speed * run.mode.duration, high * run.mode.duration
@@ -265,9 +290,11 @@ def _find_margins(
 
 
 def _allowed_width(errors: Records, floors: Vector, forced: Vector) -> float:
-    """Return the width (rad/s) of the longest step that groups are likely to prove.
+    """Return the width (rad/s) of the longest speed step that groups are likely to prove.
 
-    At this width the chord errors reach `GROUP_FRACTION` of the least outputs.
+    At this width the chord error of some group of pieces reaches `GROUP_FRACTION` of its least
+    output. ``errors`` are records of `GROUP_ERROR`, ``floors`` the least outputs and ``forced`` the
+    least values of the polynomial part of the output, one per group.
     """
     width = math.inf
     for i in range(len(floors)):
@@ -291,15 +318,16 @@ def _prove_by_groups(
 ) -> bool:
     """Return True if each group's output stays positive, or becomes negative once.
 
-    The step of the speed is ``width`` (rad/s). ``start`` and ``end`` are lower bounds of the output
-    of each group at the ends of the step, ``forced`` and ``next_forced`` those of its polynomial
-    part. ``width`` is in rad/s.
+    A group contains adjacent pieces of the law. ``errors`` are the bounds of its chord error in a
+    speed step, records of `GROUP_ERROR`. ``start`` and ``end`` are lower bounds of the output in
+    each group at the two speeds, and ``forced`` and ``next_forced`` are those of the output's
+    polynomial part. ``width`` is the difference of the speeds, rad/s.
     """
     eighth = 0.125 * width * width
     for i in range(len(start)):
         max_error, vibration = errors[i]["curvature"] * eighth, errors[i]["vibration"]
         forced_error = vibration + errors[i]["forced_curvature"] * eighth
-        error = min(max_error, vibration + forced_error)  # (27)
+        error = min(max_error, vibration + forced_error)  # chord error by (27)
         if (
             start[i] < math.inf
             and forced_error > min(forced[i], next_forced[i])  # else (36)
@@ -310,10 +338,11 @@ def _prove_by_groups(
 
 
 def _find_zero(run: ModeOnLaw, bracket: Bracket) -> Zero:
-    """Find the speed in a bracket at which the least output is zero, and its angle.
+    """Find the cam speed in a bracket at which the least output is zero.
 
-    Each refinement considers only the outputs near one angle. If the output is then still negative
-    at another angle, the search continues there.
+    The output of the mode is, for example, the contact force. Each refinement considers only
+    outputs within `NEIGHBOURHOOD` of one cam angle. If the output at the refined speed is still
+    negative at another angle, the search continues there.
     """
     low, high, angle = bracket
     for _ in range(MAX_REFINEMENTS):
@@ -326,9 +355,10 @@ def _find_zero(run: ModeOnLaw, bracket: Bracket) -> Zero:
 
 
 def _refine_near(run: ModeOnLaw, bracket: Bracket) -> Bracket:
-    """Return the bracket refined to rounding, for the outputs near its angle.
+    """Return the speed bracket of a zero, narrowed to rounding.
 
-    It uses the Illinois method: secant steps that halve the value at an end that is kept twice.
+    Only outputs within `NEIGHBOURHOOD` of the bracket's cam angle are considered. The method is
+    Illinois: secant steps that halve the value at an end of the bracket that is kept twice.
     """
     low, high, angle = bracket
     near = SearchRange(max(0.0, angle - NEIGHBOURHOOD), angle + NEIGHBOURHOOD, ZERO_RTOL)
@@ -353,10 +383,11 @@ def _refine_near(run: ModeOnLaw, bracket: Bracket) -> Bracket:
 
 
 def _find_first_turn(run: ModeOnLaw, speed: float, zero: Zero) -> float:
-    """Return the angle (rad) of the least output in the first turn that is negative.
+    """Return the cam angle of the least output in the first turn where it is negative.
 
-    A turn is negative if its least output is. If no turn has a negative output at ``speed``
-    (rad/s), return the angle of the zero.
+    The output of the mode is, for example, the contact force. The angle is in rad from the start of
+    the run at ``speed`` (rad/s). If the output is positive in all turns, the result is the angle of
+    ``zero``.
     """
     motion, unused = motion_at(run, speed), np.zeros(len(run.law.first_pieces) - 1)
     end = end_angle(motion, run.mode.duration)
@@ -369,9 +400,10 @@ def _find_first_turn(run: ModeOnLaw, speed: float, zero: Zero) -> float:
 
 
 def _find_minimum(run: ModeOnLaw, speed: float, within: SearchRange) -> MinOutput:
-    """Find the least output at a speed (rad/s) within a range of angles.
+    """Find the least output at a cam speed (rad/s) within a range of cam angles.
 
-    The range is cut at the end of the run.
+    The output of the mode is, for example, the contact force. A range that extends beyond the end
+    of the run is cut there.
     """
     motion = motion_at(run, speed)
     end = min(within.end, end_angle(motion, run.mode.duration))
@@ -381,6 +413,9 @@ def _find_minimum(run: ModeOnLaw, speed: float, within: SearchRange) -> MinOutpu
 
 
 def min_output_at(law: LawSeries, mode: Oscillator, speed: float) -> float:
-    """Return the least output of the run at a cam speed (rad/s), exact to rounding."""
+    """Return the least output over a run at a cam speed (rad/s), exact to rounding.
+
+    It has the unit of the output, for example N for a contact force.
+    """
     run = mode_on_law(without_refcount(law), mode)
     return _find_minimum(run, speed, SearchRange(0.0, math.inf, 0.0)).value

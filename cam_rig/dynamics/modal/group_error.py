@@ -1,10 +1,12 @@
-"""Chord error of the output over a step of the speed, for each group of pieces.
+"""Chord error of the output over a step of the cam speed, for each group of pieces.
 
-At a fixed cam angle of a run the output F is a smooth function of the speed Ω. Its chord error is
-the chord between two speeds less F. The polynomial part has bounded derivatives in Ω (26). A
-vibration that was excited with amplitude N a time t ago is N e^{At}, and t is proportional to 1/Ω.
-Its second derivative in Ω contains t and t², and it fades (24). The sums Σ N tᵠ e^{−λt} are updated
-from group to group.
+A group contains adjacent polynomial pieces of the law. At a fixed cam angle of a run the output F
+of a vibration mode, for example the contact force, is a smooth function of the cam speed Ω. Its
+chord error is the straight line between its values at two speeds less F. The forced response, a
+polynomial, has bounded derivatives with respect to Ω (26). A free vibration that was excited with
+norm N a time t ago is at most N e^{−λt}, and t is proportional to 1/Ω. Its second derivative with
+respect to Ω contains t and t², and it fades (24). The sums of N t^q e^{−λt} for q = 0, 1, 2 are
+updated from group to group.
 
 Numbers in brackets are those of docs/proofs.md, part 2.
 """
@@ -27,13 +29,14 @@ from cam_rig.dynamics.modal.motion import (
 from cam_rig.laws.vectors import Matrix, Records, Vector
 from cam_rig.units import TURN
 
-#: Lower limit of a divisor, so that a bound stays finite.
+#: Lower limit of a divisor that may be zero, so that a quotient stays finite. It is far below all
+#: physical values.
 MIN_DIVISOR = 1e-100
 
-#: Bounds of one group between two speeds (27).
+#: Bounds of the output F in one group of pieces, between two cam speeds, by (27) of docs/proofs.md.
 GROUP_ERROR = np.dtype(
     [
-        ("curvature", "f8"),  # upper bound of |d²F/dΩ²|
+        ("curvature", "f8"),  # upper bound of |d²F/dΩ²|, F is the output and Ω the cam speed
         ("vibration", "f8"),  # upper bound of |V|, the part of F from the free vibration
         ("forced_curvature", "f8"),  # upper bound of |d²P/dΩ²|, P is the polynomial part of F
     ],
@@ -42,29 +45,35 @@ GROUP_ERROR = np.dtype(
 
 
 class Excitation(NamedTuple):
-    """Upper bounds of the vibration norm N that jumps excite (23).
+    """Upper bounds of the vibration norm N that jumps of the law's derivatives excite.
 
-    The bounds of its derivatives by the speed Ω are included.
+    N is that of `VibrationNorm`, in m/s. The bounds of its derivatives with respect to the cam
+    speed Ω are included. They are (23) of docs/proofs.md.
     """
 
-    n: float  #: upper bound of N
+    n: float  #: upper bound of the norm N, m/s
     slope: float  #: upper bound of N' = dN/dΩ
     curvature: float  #: upper bound of N'' = d²N/dΩ²
 
 
 class FadingSums(NamedTuple):
-    """Sums over all previous excitations, each times e^{−λt} for its age t in s (24)."""
+    """Sums over all previous excitations of the vibration, which fade with time.
 
-    n: float  #: Σ N
-    n_t: float  #: Σ N t
-    n_tt: float  #: Σ N t²
-    slope: float  #: Σ N'
-    slope_t: float  #: Σ N' t
-    curvature: float  #: Σ N''
+    Each term has the factor e^{−λt} for the time t in s since the excitation. N, N' and N'' are
+    those of `Excitation`. The sums bound the second derivative of the vibration with respect to the
+    cam speed, by (24) of docs/proofs.md.
+    """
+
+    n: float  #: Σ N e^{−λt}
+    n_t: float  #: Σ N t e^{−λt}
+    n_tt: float  #: Σ N t² e^{−λt}
+    slope: float  #: Σ N' e^{−λt}
+    slope_t: float  #: Σ N' t e^{−λt}
+    curvature: float  #: Σ N'' e^{−λt}
 
 
 class SpeedStep(NamedTuple):
-    """Step of the speed, and the duration of the runs at both speeds."""
+    """Step of the cam speed, and the duration of the runs at both speeds."""
 
     low: float  #: lower speed, rad/s
     high: float  #: higher speed, rad/s
@@ -74,9 +83,10 @@ class SpeedStep(NamedTuple):
 def bound_groups(
     run: ModeOnLaw, norm: VibrationNorm, low: float, high: float, out: Records
 ) -> None:
-    """Write the chord error bounds of all groups between two speeds to ``out``.
+    """Write bounds of the chord error in all groups of pieces to ``out``.
 
-    The speeds are in rad/s. ``out`` are records of `GROUP_ERROR`, one per group of pieces.
+    The chord error is that between the cam speeds ``low`` and ``high``, rad/s. ``out`` are records
+    of `GROUP_ERROR`, one per group of adjacent pieces of the law.
     """
     law, mode, series = run
     count, step = len(law.first_pieces) - 1, SpeedStep(low, high, mode.duration)
@@ -107,9 +117,11 @@ def _span(law: LawSeries, group: int) -> float:
 
 
 def _excitation_weights(norm: VibrationNorm, series: Series, speed: float) -> Matrix:
-    """Return the factors of |jump of s⁽ᵏ⁾| in the excitation N, N' and N'' (23).
+    """Return the factors of |jump of s⁽ᵏ⁾| in the excitation, shape ``(3, p + 2)``.
 
-    Their shape is ``(3, p + 2)``. ``speed`` is in rad/s.
+    The three rows are for the norm N of the excited vibration and its derivatives N' and N'' with
+    respect to the cam speed, by (23) of docs/proofs.md. The columns are k = 0 … p + 1. ``speed`` is
+    in rad/s.
     """
     factor, power, count = norm.rho + norm.delta, 1.0, len(series.eta)
     out = np.zeros((3, count + 1))
@@ -125,7 +137,11 @@ def _excitation_weights(norm: VibrationNorm, series: Series, speed: float) -> Ma
 
 
 def _curvature_weights(series: Series, speed: float) -> Vector:
-    """Return the factors k(k − 1) |gₖ| Ωᵏ⁻² of max |s⁽ᵏ⁾| in |d²P/dΩ²| (26)."""
+    """Return the factors of max |s⁽ᵏ⁾| in the bound of |d²P/dΩ²|, one for each k.
+
+    P = Σ gₖ Ωᵏ s⁽ᵏ⁾ is the polynomial part of the output at the cam speed Ω (``speed``, rad/s). The
+    factors are k(k − 1) |gₖ| Ωᵏ⁻², by (26) of docs/proofs.md.
+    """
     weights, power = np.zeros(len(series.output)), 1.0
     for k in range(2, len(weights)):
         weights[k] = k * (k - 1) * abs(series.output[k]) * power
@@ -134,9 +150,10 @@ def _curvature_weights(series: Series, speed: float) -> Vector:
 
 
 def _excite(jumps: Matrix, weights: Matrix) -> Matrix:
-    """Return the excitation N, N' and N'' by the jumps of each group (23), ``(3, g)``.
+    """Return the excitation N, N' and N'' by the jumps in each group, shape ``(3, g)``.
 
-    ``jumps`` are ``(p + 2, g)`` and ``weights`` those of `_excitation_weights`.
+    ``jumps`` are sums of |jump of s⁽ᵏ⁾| in each of g groups of pieces, shape ``(p + 2, g)``.
+    ``weights`` are those of `_excitation_weights`. The formula is (23) of docs/proofs.md.
     """
     out = np.zeros((3, len(jumps[0])))
     for i in range(3):
@@ -154,11 +171,13 @@ def _add_vibrations(
     from_rest: Excitation,
     out: Records,
 ) -> None:
-    """Add the bounds of the vibrations' chord errors to ``out``.
+    """Add the bounds of the free vibrations' chord errors to ``out``, group by group.
 
-    Vibrations are excited at the starts of groups (``at_start``), inside groups (``inside``), and
-    by the start of the run from rest. Those inside a group count as excited at its start, with the
-    age of its end.
+    Vibrations are excited by the jumps at the start of each group of pieces (``at_start``), by the
+    jumps inside it (``inside``), and by the start of the run (``from_rest``). ``remainders`` are
+    the fractions of a vibration that are left after each group. A vibration that is excited inside
+    a group gets the largest possible size and age: it does not fade before the end of the group and
+    has the age of an excitation at its start.
     """
     sums, end = FadingSums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), step.high * step.duration
     count = len(remainders)
@@ -187,12 +206,18 @@ def _add_vibrations(
 
 
 def _column(rows: Matrix, group: int) -> Excitation:
-    """Return the excitation of one group of pieces from the rows of all groups."""
+    """Return the excitation in one group of pieces from the array of all groups.
+
+    ``rows`` has the rows N, N' and N'' and one column per group.
+    """
     return Excitation(rows[0][group], rows[1][group], rows[2][group])
 
 
 def _add(sums: FadingSums, added: Excitation, age: float) -> FadingSums:
-    """Return the sums over all excitations with a further one of an age (s) added."""
+    """Return the sums over all excitations with ``added`` included.
+
+    ``age`` is the time since the added excitation, s. Its terms have no fading factor yet.
+    """
     return FadingSums(
         n=sums.n + added.n,
         n_t=sums.n_t + added.n * age,
@@ -204,9 +229,9 @@ def _add(sums: FadingSums, added: Excitation, age: float) -> FadingSums:
 
 
 def _fade(sums: FadingSums, remainder: float, time: float) -> FadingSums:
-    """Return the sums over all excitations a time (s) later.
+    """Return the sums over all excitations after a further ``time`` (s).
 
-    The vibrations have faded to the fraction ``remainder`` then.
+    ``remainder`` is the fraction to which a vibration fades in this time.
     """
     return FadingSums(
         n=remainder * sums.n,
@@ -219,9 +244,9 @@ def _fade(sums: FadingSums, remainder: float, time: float) -> FadingSums:
 
 
 def _repeat_turn(sums: FadingSums, norm: VibrationNorm, step: SpeedStep) -> FadingSums:
-    """Return the sums over the excitations of all previous turns (25).
+    """Return the sums over the excitations of all previous turns of the run.
 
-    ``sums`` are those of a single turn.
+    ``sums`` are those over a single turn. The bound is (25) of docs/proofs.md.
     """
     period, turns = TURN / step.low, step.high * step.duration / TURN
     remainder = math.exp(-norm.decay * TURN / step.high)
@@ -241,9 +266,11 @@ def _repeat_turn(sums: FadingSums, norm: VibrationNorm, step: SpeedStep) -> Fadi
 
 
 def _bound_curvature(sums: FadingSums, norm: VibrationNorm, time: float, low: float) -> float:
-    """Return the upper bound of the norm of d²/dΩ² of all vibrations (24).
+    """Return an upper bound of the norm of d²V/dΩ² of the free vibration V.
 
-    The vibrations are up to ``time`` s older than in ``sums``. ``low`` is the lower speed, rad/s.
+    V is the sum of all vibrations in ``sums``, and Ω is the cam speed. The bound applies up to
+    ``time`` s after the time of ``sums``. ``low`` is the lower speed of the step, rad/s. The
+    formula is (24) of docs/proofs.md.
     """
     rate, n_t = norm.sigma / low, sums.n_t + time * sums.n
     n_tt = sums.n_tt + time * (2.0 * sums.n_t + time * sums.n)

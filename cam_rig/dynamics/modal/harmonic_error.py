@@ -1,10 +1,16 @@
-"""Chord error of the output over a step of the speed, by harmonics of the law.
+"""Chord error of the output over a step of the cam speed, by harmonics of the law.
 
-With s = Σ cₖ e^{ikθ} and λ₁ = −δ + iρ, the complex amplitude q = η̇ − λ̄₁ η of the steady motion is
-û(λ₁) Σ cₖ e^{ikθ}/(ikΩ − λ₁) plus a function that is linear in Ω. The chord error of that function
-is zero (29). The chord error of 1/z on a straight line is known exactly, and that of a harmonic far
-from resonance is very small (30). A run from rest differs from the steady motion by the vibration
-e^{λ₁t} q(0). It fades, and its phase changes with the speed (31), (32).
+At a fixed cam angle θ the output of a vibration mode, for example the contact force, is a function
+of the cam speed Ω. Its chord error between two speeds is its deviation from the straight line
+between its values there.
+
+With the Fourier series s = Σ cₖ e^{ikθ} of the law and the eigenvalue λ₁ = −δ + iρ of the mode, the
+complex amplitude q = η̇ − λ̄₁ η of the steady motion is û(λ₁) Σ cₖ e^{ikθ}/(ikΩ − λ₁) plus a
+function that is linear in Ω, whose chord error is zero (29). Here û(λ) = d₀ + d₁ λ + d₂ λ² has the
+weights dᵢ with which the cam drives the mode. The chord error of 1/z on a straight line is known
+exactly, and that of a harmonic far from resonance is very small (30). A run from rest differs from
+the steady motion by the vibration e^{λ₁t} q(0). It fades, and its phase changes with the speed
+(31), (32).
 
 Numbers in brackets are those of docs/proofs.md, part 2.
 """
@@ -24,35 +30,43 @@ from cam_rig.dynamics.modal.motion import (
     amplitude,
 )
 
-#: Ratio of the last to the first harmonic of a block. The harmonics of a block have one bound.
+#: Ratio of the last to the first harmonic of a block. All harmonics of a block have one bound.
 BLOCK_RATIO = 2.0**0.25
-#: Multiple of the resonance frequency above which a harmonic is bounded as a far harmonic (30).
+#: Ratio of the frequency kΩ of a harmonic to the resonance frequency ρ above which the harmonic
+#: counts as far from resonance, with the small bound (30) of docs/proofs.md.
 FAR_RATIO = 3.0
-#: Chord error of the far harmonics ±k per cₖ/k, for w = 1 and Ω = 1 (30).
+#: Upper bound of the chord error of the harmonics ±k far from resonance, per cₖ/k, for a speed step
+#: of 1 rad/s at 1 rad/s, by (30) of docs/proofs.md.
 FAR_ERROR = 0.25 * (1.0 + (FAR_RATIO / (FAR_RATIO - 1.0)) ** 3)
 
 
 class ChordError(NamedTuple):
-    """Upper bounds of the chord error e(x) at the fraction x of a step w of the speed."""
+    """Upper bounds of the chord error of a function F of the cam speed Ω.
 
-    max_error: float  #: upper bound of |e(x)|
-    parabola: float  #: upper bound of |e(x)| / (4 x (1 − x)), the height of a parabola
+    The chord error e(x) is the deviation of F from the straight line between its values at the two
+    speeds of a step of width w. Here x is the position in the step, from 0 to 1.
+    """
+
+    max_error: float  #: upper bound of |e(x)| in the step
+    parabola: float  #: upper bound of |e(x)| / (4 x (1 − x)): height of a parabola above |e|
     curvature: float  #: upper bound of |d²F/dΩ²| w²/8
 
 
 def can_use_harmonics(mode: Oscillator, norm: VibrationNorm) -> bool:
-    """Return True if the bounds by harmonics apply to a mode.
+    """Return True if the chord error bounds by harmonics apply to a vibration mode.
 
-    The mode must be underdamped, and its vibration must fade within the run.
+    The damping must be below 1/√2 of the critical damping (κ > 2δ²), and the free vibration must
+    fade by more than the factor e within the run.
     """
     return mode.stiffness > 2.0 * norm.delta * norm.delta and norm.delta * mode.duration > 1.0
 
 
 def bound_steady(run: ModeOnLaw, motion: OscillatorMotion, high: float) -> ChordError:
-    """Return the chord error of the steady amplitude q between two speeds (29), (31).
+    """Return bounds of the chord error of the amplitude q between two cam speeds.
 
-    ``motion`` is that at the lower speed, ``high`` is the higher speed in rad/s. For a run from
-    rest `bound_output` adds the term (32).
+    q = η̇ − λ̄₁ η is the complex amplitude of the mode in steady motion, and the bounds are (29) and
+    (31) of docs/proofs.md. ``motion`` is the motion at the lower speed, ``high`` is the higher
+    speed in rad/s. For a run from rest `bound_output` adds the term (32).
     """
     mode, norm, rho = run.mode, motion.norm, motion.norm.rho
     d0, d1, d2 = mode.drive.lift, mode.drive.velocity, mode.drive.acceleration
@@ -72,14 +86,16 @@ def bound_output(
     steady_start: StemVibration,
     high: float,
 ) -> ChordError:
-    """Return the chord error of the output from that of the amplitude q.
+    """Return bounds of the chord error of the output between two cam speeds.
 
-    ``motion`` is that at the lower speed. ``steady_start`` is (η, η̇) of the steady motion at the
-    start of a turn at the speed ``high`` (rad/s).
+    ``error`` is the chord error of the complex amplitude q from `bound_steady`. For a run from rest
+    the fading vibration (32) is added. ``motion`` is the motion at the lower speed.
+    ``steady_start`` is (η, η̇) of the steady motion at the start of a turn at the higher speed
+    ``high`` (rad/s).
     """
     mode, norm, low, rho = run.mode, motion.norm, motion.speed, motion.norm.rho
     max_error, parabola, curvature = error.max_error, error.parabola, error.curvature
-    if mode.duration < math.inf:  # (32)
+    if mode.duration < math.inf:  # from rest: the term (32) of the fading vibration
         old, change = motion.steady_start, high / low - 1.0
         difference = amplitude(
             norm,
@@ -109,11 +125,12 @@ def bound_output(
 def _bound_harmonics(
     law: LawSeries, norm: VibrationNorm, low: float, high: float, from_rest: bool
 ) -> ChordError:
-    """Return the chord error of the amplitude q for û(λ₁) = 1.
+    """Return bounds of the chord error of the complex amplitude q for û(λ₁) = 1.
 
-    ``low`` and ``high`` are the speeds, rad/s. The near harmonics are bounded singly or in blocks,
-    and the far harmonics together. From rest each harmonic has the factor (31), except in
-    ``curvature``.
+    ``low`` and ``high`` are the cam speeds at the ends of the step, rad/s. Harmonics of the law
+    below `FAR_RATIO` times resonance are bounded singly or in blocks, and all higher harmonics
+    together. In a run from rest each harmonic has the additional factor (31) of docs/proofs.md,
+    except in the bound ``curvature``.
     """
     rho, delta_squared, width = norm.rho, norm.delta * norm.delta, high - low
     max_error, parabola, curvature = 0.0, 0.0, 0.0
@@ -146,7 +163,12 @@ def _bound_blocks(
     factor: float,
     error: ChordError,
 ) -> ChordError:
-    """Return a chord error with blocks of harmonics and the far harmonics added (30)."""
+    """Return ``error`` with the bounds of blocks of harmonics and of far harmonics added.
+
+    ``low`` and ``high`` are the cam speeds at the ends of the step, rad/s. ``factor`` multiplies
+    ``max_error`` and ``parabola`` in a run from rest. The bounds are (30) of docs/proofs.md. They
+    are infinite if even the last block is not far above resonance.
+    """
     rho, delta, quarter = norm.rho, norm.delta, 0.25 * (high - low) * (high - low)
     max_error, parabola, curvature = error.max_error, error.parabola, error.curvature
     k = len(law.harmonics) + 1.0
@@ -169,7 +191,10 @@ def _bound_blocks(
 
 
 def _add_far(error: ChordError, far: float, factor: float) -> ChordError:
-    """Return a chord error with the bound ``far`` of the far harmonics added."""
+    """Return a chord error with the bound ``far`` of harmonics far above resonance added.
+
+    ``factor`` multiplies the bound in ``max_error`` and ``parabola`` (2 from rest, otherwise 1).
+    """
     return ChordError(
         max_error=error.max_error + factor * far,
         parabola=error.parabola + factor * far,
@@ -178,9 +203,10 @@ def _add_far(error: ChordError, far: float, factor: float) -> ChordError:
 
 
 def _max_fading(start: float, linear: float, square: float) -> float:
-    """Return the maximum of e^{−τ} (start + linear τ + square τ²) for τ ≥ 0.
+    """Return an upper bound of e^{−τ} (start + linear τ + square τ²) for τ ≥ 0.
 
-    The three numbers must not be negative.
+    The three coefficients must not be negative. The function bounds the chord error of a fading
+    vibration.
     """
     a, b = 2.0 * square - linear, start - linear
     discriminant = a * a - 4.0 * square * b

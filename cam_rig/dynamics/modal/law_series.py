@@ -1,6 +1,10 @@
-"""Derivatives and harmonics of a law, for the search for the first zero.
+"""Derivatives and harmonics of a cam law, as arrays for the search in `first_zero`.
 
-The zero is that of the least output of a run.
+The search finds the lowest cam speed at which the least output of a vibration mode (for example the
+contact force) is zero. It needs upper bounds of the derivatives s⁽ᵏ⁾(θ) in each polynomial piece of
+the law, and of the Fourier coefficients (harmonics) of s(θ).
+
+Numbers in brackets are those of docs/proofs.md, part 2.
 """
 
 from __future__ import annotations
@@ -15,32 +19,37 @@ from cam_rig.dynamics.modal.motion import LawSeries
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, FloatArray
 
-#: Smallest number of pieces per turn. Longer pieces are cut into equal parts.
+#: Smallest number of polynomial pieces of a law per turn. A piece that spans more than 1/8 of a
+#: turn is cut into equal parts.
 MIN_PIECES = 8
-#: Smallest number of groups of pieces per turn: a group spans at most 1/64 of a turn, or is one
-#: longer piece.
+#: Smallest number of groups of adjacent pieces per turn: a group spans at most 1/64 of a turn, or
+#: is a single longer piece.
 MIN_GROUPS = 64
-#: Relative difference of two spans below which they count as equal.
+#: Relative difference below which the cam angles that two pieces span count as equal.
 SPAN_RTOL = 1e-12
-#: Number of pieces above which the second number of `HARMONICS` applies.
+#: Number of pieces of a law above which the second number of `HARMONICS` applies.
 MANY_PIECES = 600
-#: Number of harmonics with a separate bound, for few and for many pieces. A turn has twice as many
-#: samples as harmonics.
+#: Number of harmonics of a law that each have a separate bound: for a law of up to `MANY_PIECES`
+#: pieces, and of more. The law is sampled at twice as many angles per turn.
 HARMONICS = (256, 512)
-#: Number of blocks of higher harmonics, each with one bound. The starts of successive blocks have
-#: the ratio `BLOCK_RATIO`.
+#: Number of blocks into which the higher harmonics are divided. Each block has one bound for all
+#: its harmonics. The first harmonics of successive blocks have the ratio `BLOCK_RATIO`.
 BLOCKS = 100
-#: Factor of aliasing for N samples: Σ |c| over the harmonics that alias to k is at most this factor
-#: times the bound of |c| at N − k (28).
+#: Factor that bounds the aliasing error of a Fourier transform of N samples. The sum of |c| over
+#: the harmonics that alias to harmonic k is at most this factor times the bound of |c| at harmonic
+#: N − k, by (28) of docs/proofs.md.
 ALIASING = math.pi**2 / 3.0
-#: Rounding error of the computed harmonics, relative to the largest sample.
+#: Rounding error of harmonics from the fast Fourier transform, relative to the largest sample.
 SAMPLE_EPS = 2.0**-50
 
 
 @lru_cache(maxsize=64)
 def law_series(law: Law) -> LawSeries:
-    """Return the derivatives and harmonics of a law as arrays."""
-    degree = max(law.degree, 1)  # so that s'' has a row for a cam of dwells only, of degree 0
+    """Return the derivatives and harmonics of a law, and their bounds, as arrays.
+
+    `LawSeries` describes the arrays. The result is cached.
+    """
+    degree = max(law.degree, 1)  # so that a law of degree 0, without motion, has a row for s'' too
     derivative, ordinates = law.ordinates, np.empty((degree + 1, degree + 2, law.spans.size))
     for order in range(degree + 2):
         ordinates[:, order] = bernstein.elevate(derivative, degree)
@@ -78,16 +87,19 @@ def law_series(law: Law) -> LawSeries:
 
 
 def _cut_long_pieces(law: Law, ordinates: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Cut the long pieces of a law, and return the ordinates, jumps and breaks.
+    """Cut the pieces of a law that span more than 1/`MIN_PIECES` of a turn.
 
-    Their shapes are ``(p + 1, p + 2, m)``, ``(p + 2, m)`` and ``(m + 1,)`` for m pieces.
+    ``ordinates`` are the Bernstein ordinates of s and its derivatives in each piece of degree p.
+    Returns three arrays for the resulting m pieces: the ordinates ``(p + 1, p + 2, m)``, the jumps
+    of s⁽ᵏ⁾ at the start of each piece ``(p + 2, m)``, and the cam angles of the joints ``(m + 1,)``
+    in rad.
     """
     joints = ordinates[0].copy()
     joints[:, 1:] -= ordinates[-1, :, :-1]
     joints[:, 0] -= ordinates[-1, :, -1]
     counts = np.ceil(law.spans * (MIN_PIECES / TURN) * (1.0 - SPAN_RTOL)).astype(int)
     if counts.max() == 1:
-        # A copy of the breaks, because compiled code takes writable arrays.
+        # Return a copy of the breaks, because compiled code accepts only writable arrays.
         return ordinates, joints, law.breaks.copy()
     pieces, breaks = bernstein.cut(ordinates, law.breaks, counts)
     jumps = np.zeros((ordinates.shape[1], counts.sum()))
@@ -97,10 +109,10 @@ def _cut_long_pieces(law: Law, ordinates: FloatArray) -> tuple[FloatArray, Float
 
 @lru_cache(maxsize=64)
 def _inverse_powers(degree: int, count: int) -> FloatArray:
-    """Return 1/kʳ⁺¹ for 1 ≤ r ≤ ``degree`` and m harmonics k, ``(degree, m)``.
+    """Return 1/kʳ⁺¹ for r = 1 … ``degree`` and m harmonics k, shape ``(degree, m)``.
 
-    The m harmonics are k = 1 … count, then N − k for N = 2 count samples, then the starts of the
-    blocks.
+    The m harmonics are 1 … ``count``, then N − k for each of them with N = 2 ``count`` samples per
+    turn, then the first harmonic of each block of higher harmonics.
     """
     k = np.arange(1.0, count + 1.0)
     blocks = (count + 1.0) * BLOCK_RATIO ** np.arange(BLOCKS)
@@ -111,10 +123,11 @@ def _inverse_powers(degree: int, count: int) -> FloatArray:
 def _bound_harmonics(
     law: Law, jumps: FloatArray, variations: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return ``harmonics``, ``tails`` and ``block_maxima`` of `LawSeries` by (28).
+    """Return upper bounds of the harmonics of a law by (28) of docs/proofs.md.
 
-    ``jumps`` are Σ|jump| of s⁽ᵏ⁾ per turn, and ``variations`` are upper bounds of ∫|s⁽ᵏ⁾| dθ, ``(p
-    + 2,)`` each.
+    They are the fields ``harmonics``, ``tails`` and ``block_maxima`` of `LawSeries`. ``jumps`` are
+    the sums of |jump of s⁽ᵏ⁾| per turn, and ``variations`` are upper bounds of ∫|s⁽ᵏ⁾| dθ over a
+    turn, for k = 0 … p + 1, shape ``(p + 2,)`` each.
     """
     count = HARMONICS[law.spans.size > MANY_PIECES]
     degree = len(jumps) - 2

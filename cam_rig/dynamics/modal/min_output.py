@@ -1,9 +1,11 @@
-"""Least output of a mode over a run at one speed, by branch and bound.
+"""Least output of a vibration mode over a run at one cam speed, by branch and bound.
 
-A piece of the law is skipped if a lower bound of the output in it is not below the least value
-that is known. The lower bound is the floor (19) or the chord of the piece (20). Otherwise the piece
-is cut into parts, and parts are cut again, until the bound (22) of each part is within the
-tolerance. In a run of several turns (21) gives a bound for all turns from the last turn.
+The output, for example the contact force, is searched piece by piece of the law's polynomials. A
+piece is skipped if a lower bound of the output in it is not below the least value found so far. Two
+lower bounds are used: the smallest forced response less the whole vibration (19), and the chord
+between the values at both ends less its error (20). Otherwise the piece is cut into parts, and
+parts are cut again, until the bound (22) of each part is within the tolerance. In a run of several
+turns, (21) derives a bound for all turns from the last turn.
 
 Numbers in brackets are those of docs/proofs.md, part 2.
 """
@@ -33,41 +35,46 @@ from cam_rig.units import TURN
 
 #: Number of equal parts into which a piece of the law, or a part of it, is cut.
 CUTS = 4
-#: Tolerance of the minimum of the output, relative to its terms: 450 times the float epsilon.
+#: Tolerance of the least output, relative to the sum of its largest forced and free terms: 450
+#: times the float epsilon.
 MIN_RTOL = 1e-13
-#: Smallest width of a part that is cut, as a fraction of its piece. Rounding decides below it.
+#: Smallest width of a part of a polynomial piece that is cut again, as a fraction of the piece. In
+#: a narrower part rounding decides the result.
 MIN_PART_WIDTH = 2.0**-50
-#: Largest number of parts that wait to be cut. Fewer than `CUTS` parts wait for each of the 25 cuts
-#: down to `MIN_PART_WIDTH`.
+#: Size of the stack of parts that wait to be cut. The depth is at most 25 cuts (by `CUTS` down to
+#: `MIN_PART_WIDTH`), and fewer than `CUTS` parts wait at each depth.
 MAX_PARTS = 160
 
-#: A part of a piece.
+#: Record of one part of a polynomial piece of the law, with the free vibration at its start.
 PART = np.dtype(
     [
-        ("start", "f8"),  # angle from the start of the piece, rad
-        ("width", "f8"),  # rad
-        ("displacement", "f8"),  # free η at the start of the part, m
-        ("velocity", "f8"),  # free η̇ at the start of the part, m/s
-        ("bound", "f8"),  # lower bound of the output in the part (22)
+        ("start", "f8"),  # cam angle from the start of the piece to the start of the part, rad
+        ("width", "f8"),  # cam angle that the part covers, rad
+        ("displacement", "f8"),  # η of the free vibration at the start of the part, m
+        ("velocity", "f8"),  # η̇ of the free vibration at the start of the part, m/s
+        ("bound", "f8"),  # lower bound (22) of the output in the part
     ],
     align=True,
 )
 
 
 class MinOutput(NamedTuple):
-    """Least output in a range of the run, and the angle at which it occurs."""
+    """Least output of a mode in a range of a run, and the cam angle at which it occurs.
 
-    value: float  #: in the unit of the output
-    angle: float  #: angle from the start of the run, rad
-    evaluations: int  #: number of evaluations of the output
+    The output is, for example, the contact force.
+    """
+
+    value: float  #: least output, in the unit of the output (N for a contact force)
+    angle: float  #: cam angle of the least output, from the start of the run, rad
+    evaluations: int  #: number of evaluations of the output that the search needed
 
 
 class SearchRange(NamedTuple):
-    """Range of the run in which the least output is searched for, and the tolerance."""
+    """Range of cam angles in which the least output is searched for, and the tolerance."""
 
-    start: float  #: angle from the start of the run, rad
-    end: float  #: angle from the start of the run, rad
-    rtol: float  #: relative tolerance of the minimum of the output
+    start: float  #: first cam angle of the range, from the start of the run, rad
+    end: float  #: last cam angle of the range, from the start of the run, rad
+    rtol: float  #: relative tolerance of the least output
 
 
 def find_min_output(
@@ -77,10 +84,14 @@ def find_min_output(
     search: SearchRange,
     floors: Vector,
 ) -> MinOutput:
-    """Find the least output in a range of the run.
+    """Find the least output in a range of cam angles of a run at one speed.
 
-    ``floors`` ``(g,)`` are lowered to lower bounds of the output in each group of pieces, in all
-    turns. Invariant: no output in the pieces that are done is below ``result`` by more than the
+    The output of the mode is, for example, the contact force. ``motion`` is the motion at that
+    speed. ``floors`` ``(g,)`` has one number per group of adjacent polynomial pieces of the law.
+    Each is lowered in place to a lower bound of the output in its group, over all turns of the
+    range.
+
+    Invariant: in the pieces searched so far no output is below ``result`` by more than the
     tolerance.
     """
     parts, starts = np.zeros(MAX_PARTS, PART), motion.piece_starts
@@ -105,7 +116,7 @@ def find_min_output(
         floor = starts[i]["floor"]
         threshold = _threshold(result.value, MIN_RTOL * motion.max_forced[i], search.rtol)
         if floor < threshold:
-            if end_turn - turn > 1:  # (21)
+            if end_turn - turn > 1:  # bound (21) of all turns from the last turn
                 chord = _bound_by_chord(law, mode, motion, i, free_at(motion, i, end_turn - 1))
                 floor = max(floor, chord - turn_difference * starts[i]["remainder"])
             if i != lowest_piece and floor < threshold:
@@ -116,19 +127,23 @@ def find_min_output(
 
 
 def _threshold(value: float, atol: float, rtol: float) -> float:
-    """Return the lower bound from which a piece or a part is skipped in the search.
+    """Return the output below which a range of the run must be searched further.
 
-    ``value`` is the least output so far. ``atol`` and ``rtol`` are the tolerances.
+    A range is skipped if a lower bound of the output in it is not below this threshold. ``value``
+    is the least output found so far. The threshold is below it by the larger of the absolute and
+    the relative tolerance, ``atol`` and ``rtol``.
     """
     return value if value == math.inf else value - max(atol, rtol * abs(value))
 
 
 def _turn_difference(motion: OscillatorMotion, first: int, end: int) -> float:
-    """Return the upper bound of the difference of the output between turns (21).
+    """Return an upper bound of the difference of the output between turns (21).
 
-    It is R max N of the differences between the start of each turn from ``first`` on and the start
-    of the last turn, ``end`` − 1. Joints excite the same vibration in each turn. Only the vibration
-    at the start differs, and it fades.
+    The output of the mode is, for example, the contact force. The joints of the law excite the same
+    vibration in each turn. The turns differ only by the free vibration at their start, which fades.
+    The bound is R max N, where N is the norm of the difference between the free vibrations at the
+    start of a turn and of the last turn, and R is the largest output per unit of N. The turns are
+    ``first`` to ``end`` − 1, which is the last one.
     """
     max_norm, x = 0.0, motion.turn_starts[end - 1]
     for turn in range(first, end - 1):
@@ -141,7 +156,10 @@ def _turn_difference(motion: OscillatorMotion, first: int, end: int) -> float:
 
 
 def free_at(motion: OscillatorMotion, piece: int, turn: int) -> StemVibration:
-    """Return the free vibration at the start of a piece of the law in one turn."""
+    """Return the free vibration (η, η̇) at the start of a piece of the law in one turn.
+
+    ``piece`` and ``turn`` are indices from 0.
+    """
     flow, x = motion.piece_starts[piece], motion.turn_starts[turn]
     eta, rate = x["displacement"], x["velocity"]
     return StemVibration(
@@ -161,10 +179,11 @@ def _search_turns(
     parts: Records,
     result: MinOutput,
 ) -> MinOutput:
-    """Search one piece of the law in some turns for a lower output than ``result``.
+    """Search one polynomial piece of the law for an output lower than ``result``.
 
-    Returns the lower output, or ``result`` if there is none. The turns are those from
-    ``first_turn`` up to, but not including, ``end_turn``.
+    The output of the mode is, for example, the contact force. The piece is searched in each turn
+    from ``first_turn`` up to, but not including, ``end_turn``. ``parts`` is work space. Returns the
+    lower output, or ``result`` if there is none, with the number of evaluations added.
     """
     span = law.breaks[piece + 1] - law.breaks[piece]
     for turn in range(first_turn, end_turn):
@@ -193,11 +212,13 @@ def _search_turns(
 def _bound_by_chord(
     law: LawSeries, mode: Oscillator, motion: OscillatorMotion, piece: int, free: StemVibration
 ) -> float:
-    """Return the lower bound (20) of the output in a piece of the law.
+    """Return a lower bound of the output in a piece of the law, from its chord (20).
 
-    ``free`` is the free vibration at the start of the piece. The output is the sum P + V of the
-    polynomial part and the vibration. They are bounded together, because both are large and cancel
-    in a piece that is much shorter than the period of the mode.
+    The chord joins the outputs at both ends of the piece. The bound is the lower of the two less
+    the largest curvature times the duration squared over 8. ``free`` is the free vibration at the
+    start of the piece. The output is the sum P + V of a polynomial and the free vibration. Both are
+    bounded together, because in a piece that is much shorter than the period of the mode they are
+    large and cancel.
     """
     forced, maxima = motion.forced, law.piece_maxima[piece]
     speed, square, rate = motion.speed, motion.speed * motion.speed, math.sqrt(mode.stiffness)
@@ -222,9 +243,10 @@ def _bound_by_chord(
 
 
 def _max_curvature(ordinates: Vector, span: float) -> float:
-    """Return the upper bound of |P''| (per rad²) in a piece by second differences (6).
+    """Return an upper bound of |P''| (per rad²) of a polynomial P, by second differences.
 
-    ``ordinates`` are those of P, and ``span`` is the cam angle of the piece, rad.
+    ``ordinates`` are the Bernstein ordinates of P, and ``span`` is the cam angle that they cover,
+    rad. The bound is (6) of docs/proofs.md.
     """
     count, max_difference = len(ordinates), 0.0
     for j in range(2, count):
@@ -236,9 +258,11 @@ def _max_curvature(ordinates: Vector, span: float) -> float:
 def _bound_vibration(
     mode: Oscillator, norm: VibrationNorm, free: StemVibration
 ) -> tuple[float, float]:
-    """Return the upper bounds R N of |V| and R N₂ of |V̈| (per s²) by (22).
+    """Return upper bounds of |V| and |V̈| of the free vibration V in the output (22).
 
-    V is the vibration in the output. The bounds are valid from the free vibration ``free`` on.
+    The bounds hold from the state ``free`` on, because the norm N of a free vibration fades. The
+    first is R N in the unit of the output, with the largest output R per unit of N. The second is
+    R N₂ in that unit per s², with the norm N₂ of the second derivative.
     """
     acceleration = -mode.stiffness * free.displacement - mode.damping * free.velocity
     jerk = -mode.stiffness * free.velocity - mode.damping * acceleration
@@ -257,11 +281,14 @@ def _search_parts(
     parts: Records,
     result: MinOutput,
 ) -> MinOutput:
-    """Search the first of ``parts`` for a lower output than ``result``.
+    """Search a part of a polynomial piece for an output lower than ``result``.
 
-    Returns the lower output, or ``result`` if there is none. ``angle`` is the start of the piece,
-    in rad from the start of the run. Invariant: each output below the threshold is in a part that
-    waits.
+    The output of the mode is, for example, the contact force. The part is ``parts[0]``. The rest of
+    ``parts`` is a stack of the parts that it is cut into. ``angle`` is the cam angle of the start
+    of the piece, in rad from the start of the run. Returns the lower output, or ``result`` if there
+    is none, with the number of evaluations added.
+
+    Invariant: each output below the threshold lies in a part on the stack.
     """
     ordinates, norm = motion.forced[:, piece].copy(), motion.norm
     count, span = len(ordinates), law.breaks[piece + 1] - law.breaks[piece]
@@ -293,7 +320,7 @@ def _search_parts(
             forced_bound, total_bound = min(before, after), min(value, end_value)
             share, share_curvature = _bound_vibration(mode, norm, free)
             chord_error = eighth * (share_curvature * inverse_square)
-            bound = max(forced_bound - share, total_bound - chord_error)  # (22)
+            bound = max(forced_bound - share, total_bound - chord_error)  # lower bound (22)
             bound -= eighth * curvature
             if step > MIN_PART_WIDTH * span and bound < _threshold(min_value, atol, rtol):
                 top += 1

@@ -1,8 +1,11 @@
-"""Motion of an oscillator on a cam at one constant speed.
+"""Motion of a vibration mode that a cam excites, at one constant cam speed Ω.
 
-Between two joints of the law the forced response is a polynomial, Σ hₖ Ωᵏ s⁽ᵏ⁾(θ), where hₖ are the
-Taylor coefficients of the transfer function. If a derivative of s jumps at a joint, that polynomial
-jumps too, and a free vibration cancels the jump. Only these jumps excite the mode.
+The law s(θ) consists of polynomial pieces that meet at joints. Between two joints the forced
+response of the mode is a polynomial, Σ hₖ Ωᵏ s⁽ᵏ⁾(θ), where hₖ are the Taylor coefficients of the
+transfer function. If a derivative of s jumps at a joint, that polynomial jumps too, and a free
+vibration cancels the jump, because the motion is continuous. Only these jumps excite free
+vibration. The output of the mode, for example the contact force, is the sum of a polynomial P and
+the weighted free vibration.
 
 Numbers in brackets are those of docs/proofs.md, part 2. The names follow the symbols there.
 """
@@ -22,135 +25,154 @@ from cam_rig.dynamics.events.run_table import CamWeights
 from cam_rig.laws.vectors import Matrices, Matrix, Records, Vector, min_of
 from cam_rig.units import TURN
 
-#: Size of a term below which the term is rounding, relative to the largest term. The series stops
-#: after two such terms in a row.
+#: Size below which a term of the forced response Σ hₖ Ωᵏ s⁽ᵏ⁾ counts as rounding, relative to the
+#: largest term. The series ends before two such terms in a row.
 SERIES_RTOL = 1e-14
-#: Largest accepted rounding error of the terms of P, as a fraction of the terms with s, s' and s''.
+#: Largest accepted rounding error of the polynomial part of the output, as a fraction of its
+#: largest term with s, s' or s''.
 MAX_ROUNDING = 1e-5
 #: Float epsilon: distance between 1 and the next float.
 EPS = 2.0**-52
 #: Logarithm of the fraction of a vibration that counts as zero: e⁻³⁹ = 1e-17 is below rounding.
 LOG_FADED = -39.0
-#: Lower limit of ρ as a fraction of δ: near critical damping the two rates become equal (16).
+#: Lower limit of the frequency ρ in the vibration norm, as a fraction of the damping rate δ. It
+#: keeps the norm (16) of docs/proofs.md regular near critical damping, where √|κ − δ²| is zero.
 MIN_RHO = 0.5
 
-#: Fields of a `Flow` in a record.
+#: Fields of a record with the four numbers of a `Flow`.
 FLOW_FIELDS = [(name, "f8") for name in ("eta_eta", "eta_rate", "rate_eta", "rate_rate")]
-#: Flow over one span of the law, and e^{−λt}, the fraction of the norm N after it (16).
+#: Record of the `Flow` over one polynomial piece of the law. The field ``remainder`` is e^{−λt},
+#: the fraction of the norm N of a free vibration that is left after the piece.
 SPAN_FLOW = np.dtype([*FLOW_FIELDS, ("remainder", "f8")], align=True)
-#: Free vibration at the start of a piece. `min_output.free_at` combines it with that of a turn.
+#: Record of the free vibration at the start of a polynomial piece of the law, for any turn.
+#: `min_output.free_at` combines it with the free vibration at the start of a turn.
 PIECE_START = np.dtype(
     [
         *FLOW_FIELDS,  # from the start of the turn to the start of the piece
         ("displacement", "f8"),  # η excited by the joints of the turn up to the piece, m
-        ("velocity", "f8"),  # η̇ excited by them, m/s
+        ("velocity", "f8"),  # η̇ excited by the joints of the turn up to the piece, m/s
         ("remainder", "f8"),  # e^{−λt} from the start of the turn to the start of the piece (16)
         ("floor", "f8"),  # lower bound of the output in the piece in all turns (19)
     ],
     align=True,
 )
-#: Free vibration (η, η̇) at the start of a turn, m and m/s.
+#: Record of the free vibration (η, η̇) at the start of a turn, in m and m/s.
 TURN_START = np.dtype([("displacement", "f8"), ("velocity", "f8")], align=True)
 
 
 class GroupRow(IntEnum):
-    """Index of a matrix ``(p + 2, g)`` in `LawSeries.groups`."""
+    """Index of a matrix ``(p + 2, g)`` in `LawSeries.groups`.
+
+    Each matrix has one row per derivative s⁽ᵏ⁾ and one column per group of adjacent pieces.
+    """
 
     MAX = 0  #: upper bound of |s⁽ᵏ⁾| in the group
-    START_JUMP = 1  #: |jump| at the start of the group
-    INNER_JUMPS = 2  #: sum of |jump| at the other joints of the group
+    START_JUMP = 1  #: |jump of s⁽ᵏ⁾| at the start of the group
+    INNER_JUMPS = 2  #: sum of |jump of s⁽ᵏ⁾| at the joints inside the group
 
 
 class LawSeries(NamedTuple):
-    """Derivatives and harmonics of a law of n pieces of degree p.
+    """Derivatives s⁽ᵏ⁾(θ), k = 0 … p + 1, and harmonics of a law of n pieces of degree p.
 
-    Adjacent pieces form g groups.
+    The pieces are polynomials in the cam angle. Adjacent pieces form g groups.
     """
 
     derivatives: Matrices  #: Bernstein ordinate j of s⁽ᵏ⁾(θ) in piece i, ``(p + 1, p + 2, n)``
     jumps: Matrix  #: jumps of s⁽ᵏ⁾ at the start of each piece, ``(p + 2, n)``
     breaks: Vector  #: cam angles of the joints, ``(n + 1,)``, rad
-    spans: Vector  #: distinct spans of pieces, ``(m,)``, rad
+    spans: Vector  #: distinct cam angles that a piece spans, ``(m,)``, rad
     span_index: NDArray[np.intp]  #: index of each piece's span in ``spans``, ``(n,)``
     first_pieces: NDArray[np.intp]  #: index of the first piece of each group, and n, ``(g + 1,)``
-    max_derivatives: Vector  #: upper bounds of |s⁽ᵏ⁾|, ``(p + 2,)``
-    groups: Matrices  #: matrices of `GroupRow`, ``(3, p + 2, g)``
-    piece_maxima: Matrix  #: upper bounds of |s| to |s⁗| in each piece, ``(n, 5)``
-    harmonics: Vector  #: Cₖ ≥ |cₖ| of s = Σ cₖ e^{ikθ} (28), for k = 1 … h
-    tails: Vector  #: Σ Cⱼ/j for j ≥ k, ``(h,)``
-    block_maxima: Vector  #: Cₖ from k = h + 1 on, for each block of harmonics (30)
+    max_derivatives: Vector  #: upper bounds of |s⁽ᵏ⁾| over the turn, ``(p + 2,)``
+    groups: Matrices  #: bounds in each group: one matrix per `GroupRow`, ``(3, p + 2, g)``
+    piece_maxima: Matrix  #: upper bounds of |s|, |s'|, … |s⁗| in each piece, ``(n, 5)``
+    harmonics: Vector  #: upper bounds Cₖ of |cₖ| of s = Σ cₖ e^{ikθ}, k = 1 … h, ``(h,)`` (28)
+    tails: Vector  #: Σ Cⱼ/j over all harmonics j ≥ k, for k = 1 … h, ``(h,)``
+    block_maxima: Vector  #: upper bound of |cₖ| in each block of harmonics from h + 1 on (30)
 
 
 class Oscillator(NamedTuple):
-    """Mode η̈ = −κ η − d η̇ + drive · (s, ṡ, s̈), its output and its duration."""
+    """Vibration mode η̈ = −κ η − d η̇ + d₀ s + d₁ ṡ + d₂ s̈ that the cam motion s(t) drives.
 
-    stiffness: float  #: κ, 1/s²
-    damping: float  #: d, 1/s
-    drive: CamWeights  #: d₀, d₁, d₂. The constant is not used.
+    Its output is p η + q η̇ + m₀ s + m₁ ṡ + m₂ s̈ + constant, for example a contact force.
+    """
+
+    stiffness: float  #: κ in η̈ = −κ η − d η̇ + …, 1/s²
+    damping: float  #: d in η̈ = −κ η − d η̇ + …, 1/s
+    drive: CamWeights  #: weights d₀, d₁, d₂ of s, ṡ and s̈ in η̈. Its constant is not used.
     per_displacement: float  #: p, weight of η in the output
     per_velocity: float  #: q, weight of η̇ in the output
-    cam: CamWeights  #: m₀, m₁, m₂, weights of s, ṡ and s̈ in the output, and its constant
+    cam: CamWeights  #: weights m₀, m₁, m₂ of s, ṡ and s̈ in the output, and its constant
     duration: float  #: duration of a run from rest at θ = 0, s, or infinite for steady state
 
 
 class Series(NamedTuple):
-    """Taylor coefficients of the transfer functions, ``(p + 1,)`` each (15)."""
+    """Taylor coefficients of a mode's transfer functions, shape ``(p + 1,)`` each.
 
-    eta: Vector  #: hₖ of η
-    output: Vector  #: gₖ of the output
+    The forced response to a law s of degree p is the sum of coefficient k times dᵏs/dtᵏ, by (15) of
+    docs/proofs.md.
+    """
+
+    eta: Vector  #: hₖ of the vibration η
+    output: Vector  #: gₖ of the output, for example the contact force
 
 
 class ModeOnLaw(NamedTuple):
-    """Vibration mode that is excited by a law."""
+    """Vibration mode and the cam law that excites it."""
 
-    law: LawSeries
-    mode: Oscillator
-    series: Series
+    law: LawSeries  #: law of the cam
+    mode: Oscillator  #: vibration mode and its output
+    series: Series  #: Taylor coefficients of the forced response to the law
 
 
 class Flow(NamedTuple):
-    """Matrix e^{At} that takes the vibration (η, η̇) to the vibration a time t later."""
+    """Matrix e^{At} that advances a free vibration (η, η̇) by a time t."""
 
-    eta_eta: float  #: from η at the start to η at the end
-    eta_rate: float  #: from η̇ to η, s
-    rate_eta: float  #: from η to η̇, 1/s
-    rate_rate: float  #: from η̇ to η̇
+    eta_eta: float  #: factor from η at the start to η at the end
+    eta_rate: float  #: factor from η̇ at the start to η at the end, s
+    rate_eta: float  #: factor from η at the start to η̇ at the end, 1/s
+    rate_rate: float  #: factor from η̇ at the start to η̇ at the end
 
 
 class VibrationNorm(NamedTuple):
-    """Norm N = √((ρη)² + (η̇ + δη)²) of a free vibration (16).
+    """Norm N = √((ρη)² + (η̇ + δη)²) of a free vibration (η, η̇), in m/s.
 
-    It fades at least as fast as e^{−λt}.
+    It fades at least as fast as e^{−λt}, by (16) of docs/proofs.md. `norm_of` chooses the numbers.
     """
 
     delta: float  #: δ, half of the mode's damping, 1/s
-    rho: float  #: ρ, 1/s
-    decay: float  #: λ, 1/s
-    sigma: float  #: σ, largest factor by which d/dt multiplies the norm, 1/s (18)
-    reach: float  #: R, largest output per unit of the norm (17)
+    rho: float  #: ρ, frequency of the free vibration or a lower limit near critical damping, 1/s
+    decay: float  #: λ, guaranteed rate of decay of the norm, 1/s
+    sigma: float  #: σ, largest ratio of the norm of d/dt(η, η̇) to the norm of (η, η̇), 1/s (18)
+    reach: float  #: R, largest output of a free vibration per unit of its norm (17)
 
 
 class OscillatorMotion(NamedTuple):
-    """Motion of a vibration mode on a law at one cam speed."""
+    """Motion of a vibration mode on a law of n pieces at one cam speed.
 
-    speed: float  #: Ω, rad/s
-    norm: VibrationNorm
-    eta_terms: Vector  #: significant terms hₖ Ωᵏ
-    forced: Matrix  #: ordinates of the output's polynomial part P, ``(p + 1, n)``
+    The output of the mode is the sum of a polynomial P and the weighted free vibration.
+    """
+
+    speed: float  #: cam speed Ω, rad/s
+    norm: VibrationNorm  #: norm of the mode's free vibration
+    eta_terms: Vector  #: significant terms hₖ Ωᵏ of the forced response Σ hₖ Ωᵏ s⁽ᵏ⁾ of η
+    forced: Matrix  #: Bernstein ordinates of P in each piece, ``(p + 1, n)``
     min_forced: Vector  #: smallest ordinate of P in each piece, ``(n,)``
-    group_min_forced: Vector  #: smallest ordinate of P in each group, ``(g,)``
+    group_min_forced: Vector  #: smallest ordinate of P in each group of pieces, ``(g,)``
     max_forced: Vector  #: largest absolute ordinate of P in each piece, ``(n,)``
-    span_flows: Records  #: records of `SPAN_FLOW` for ``LawSeries.spans``, ``(m,)``
-    piece_starts: Records  #: records of `PIECE_START`, ``(n,)``
-    turn_starts: Records  #: records of `TURN_START` until the motion repeats or ends, ``(t,)``
+    span_flows: Records  #: one record of `SPAN_FLOW` per number in ``LawSeries.spans``, ``(m,)``
+    piece_starts: Records  #: one record of `PIECE_START` per piece, ``(n,)``
+    #: One record of `TURN_START` per turn until the motion repeats or ends, ``(t,)``.
+    turn_starts: Records
     #: (η, η̇) at the start of a turn in steady state. Infinite if there is no steady state.
     steady_start: StemVibration
 
 
 def norm_of(mode: Oscillator) -> VibrationNorm:
-    """Return the norm (16) of the free vibration of a mode.
+    """Return the norm (16) of docs/proofs.md for the free vibration of a mode.
 
-    Its decay λ is the slower of the two rates of the mode. It is smaller near critical damping.
+    Its decay rate λ is that of the slower of the mode's two exponentials. Near critical damping it
+    is smaller, because there ρ has the lower limit `MIN_RHO` δ.
     """
     delta = 0.5 * mode.damping
     square = mode.stiffness - delta * delta
@@ -175,22 +197,23 @@ def norm_of(mode: Oscillator) -> VibrationNorm:
 
 
 def amplitude(norm: VibrationNorm, free: StemVibration) -> float:
-    """Return the norm N of a free vibration, in m/s."""
+    """Return the norm N = √((ρη)² + (η̇ + δη)²) of a free vibration (η, η̇), in m/s."""
     a, b = norm.rho * free.displacement, free.velocity + norm.delta * free.displacement
     return math.sqrt(a * a + b * b)
 
 
 def _spectral_norm(a: float, b: float, c: float, d: float) -> float:
-    """Return the spectral norm of the 2 × 2 matrix [[a, b], [c, d]]."""
+    """Return the spectral norm (largest singular value) of the matrix [[a, b], [c, d]]."""
     squares, determinant = a * a + b * b + c * c + d * d, a * d - b * c
     discriminant = max(0.0, squares * squares - 4.0 * determinant * determinant)
     return math.sqrt(0.5 * (squares + math.sqrt(discriminant)))
 
 
 def mode_on_law(law: LawSeries, mode: Oscillator) -> ModeOnLaw:
-    """Return a mode on a law, with the p + 1 Taylor coefficients of (15).
+    """Return a mode on a law of degree p, with the series of its forced response.
 
-    Long division of the transfer function gives the coefficients.
+    The p + 1 Taylor coefficients of (15) in docs/proofs.md result from long division of the
+    numerator of the transfer function by its denominator.
     """
     count = len(law.jumps) - 1
     eta, output = np.zeros(count), np.zeros(count)
@@ -212,8 +235,9 @@ def mode_on_law(law: LawSeries, mode: Oscillator) -> ModeOnLaw:
 def is_resolved(run: ModeOnLaw, speed: float) -> bool:
     """Return True if the rounding error of the output is within `MAX_ROUNDING`.
 
-    ``speed`` is in rad/s. If the mode has few periods in a short piece of high degree, the terms of
-    P grow and cancel against the free vibration.
+    ``speed`` is the cam speed in rad/s. The terms of the polynomial part of the output grow with
+    the speed. If few periods of the mode fit in a short piece of high degree, they are large and
+    cancel against the free vibration, which loses digits.
     """
     output, power, max_term, reference = run.series.output, 1.0, 0.0, 0.0
     for k in range(len(output)):
@@ -225,9 +249,10 @@ def is_resolved(run: ModeOnLaw, speed: float) -> bool:
 
 
 def count_terms(law: LawSeries, series: Series, speed: float) -> int:
-    """Return the number of significant terms of the series at a cam speed (rad/s).
+    """Return the number of significant terms of the forced response at a cam speed.
 
-    The terms end before two successive terms that are rounding.
+    The series Σ gₖ Ωᵏ s⁽ᵏ⁾ of the output ends before two successive terms that are at most
+    `SERIES_RTOL` of the largest term. ``speed`` is Ω, rad/s.
     """
     power, max_term, was_small = 1.0, 0.0, False
     for k in range(len(series.output)):
@@ -242,9 +267,10 @@ def count_terms(law: LawSeries, series: Series, speed: float) -> int:
 
 
 def forced_vibration(law: LawSeries, eta_terms: Vector, speed: float, piece: int) -> StemVibration:
-    """Return the forced vibration (η, η̇) at the start of a piece (15).
+    """Return the forced vibration (η, η̇) at the start of a piece of the law.
 
-    It is the polynomial X of the terms ``eta_terms``. ``speed`` is in rad/s.
+    It is the value of Σ hₖ Ωᵏ s⁽ᵏ⁾(θ) there and its time derivative, by (15) of docs/proofs.md.
+    ``eta_terms`` are the numbers hₖ Ωᵏ. ``speed`` is Ω, rad/s. ``piece`` is an index from 0.
     """
     displacement, velocity = 0.0, 0.0
     for k in range(len(eta_terms)):
@@ -254,9 +280,10 @@ def forced_vibration(law: LawSeries, eta_terms: Vector, speed: float, piece: int
 
 
 def add_weighted(out: Vector, weights: Vector, rows: Matrix, first: int) -> None:
-    """Add the weighted sum Σ weights[k] rows[first + k] to ``out``.
+    """Add the weighted sum Σ weights[k] rows[first + k] of matrix rows to ``out``.
 
-    Two rows at a time halve the number of accesses to ``out``. Compiled code uses SIMD.
+    The loop adds two rows at a time, which halves the number of accesses to ``out``. numba compiles
+    it to SIMD instructions.
     """
     for k in range(0, len(weights) - 1, 2):
         a, b, row, next_row = weights[k], weights[k + 1], rows[first + k], rows[first + k + 1]
@@ -269,9 +296,9 @@ def add_weighted(out: Vector, weights: Vector, rows: Matrix, first: int) -> None
 
 
 def scale_terms(terms: Vector, count: int, speed: float) -> Vector:
-    """Return the first ``count`` terms of a series, with term k multiplied by Ωᵏ.
+    """Return the first ``count`` numbers of ``terms``, with number k multiplied by Ωᵏ.
 
-    ``speed`` is Ω, rad/s.
+    ``speed`` is the cam speed Ω, rad/s.
     """
     out, power = np.zeros(count), 1.0
     for k in range(count):
@@ -292,18 +319,27 @@ def flow_over(mode: Oscillator, time: float) -> Flow:
 
 
 def write_flow(record: np.void, flow: Flow) -> None:
-    """Write the matrix of a flow to the fields of a record."""
+    """Write a flow, the matrix e^{At} of a free vibration, to the fields of a record.
+
+    The record has the fields `FLOW_FIELDS`.
+    """
     record["eta_eta"], record["eta_rate"] = flow.eta_eta, flow.eta_rate
     record["rate_eta"], record["rate_rate"] = flow.rate_eta, flow.rate_rate
 
 
 def read_flow(record: np.void) -> Flow:
-    """Return the matrix of a flow from the fields of a record."""
+    """Return a flow, the matrix e^{At} of a free vibration, from the fields of a record.
+
+    The record has the fields `FLOW_FIELDS`.
+    """
     return Flow(record["eta_eta"], record["eta_rate"], record["rate_eta"], record["rate_rate"])
 
 
 def apply_flow(flow: Flow, free: StemVibration) -> StemVibration:
-    """Return the free vibration after a flow, from that before it."""
+    """Return the free vibration (η, η̇) at the end of a flow, from ``free`` at its start.
+
+    It is the product of the matrix e^{At} and (η, η̇).
+    """
     return StemVibration(
         flow.eta_eta * free.displacement + flow.eta_rate * free.velocity,
         flow.rate_eta * free.displacement + flow.rate_rate * free.velocity,
@@ -311,7 +347,11 @@ def apply_flow(flow: Flow, free: StemVibration) -> StemVibration:
 
 
 def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
-    """Return the motion of the mode at a cam speed (rad/s)."""
+    """Return the motion of a vibration mode on a law at a cam speed (rad/s).
+
+    It consists of the forced response in each polynomial piece, and the free vibration at the start
+    of each piece and each turn.
+    """
     law, mode, series = run
     count, norm = len(law.span_index), norm_of(mode)
     terms = count_terms(law, series, speed)
@@ -341,7 +381,7 @@ def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
     for i in range(len(turn_starts)):
         start = StemVibration(turn_starts[i]["displacement"], turn_starts[i]["velocity"])
         max_reach = max(max_reach, norm.reach * amplitude(norm, start))
-    for i in range(count):  # (19)
+    for i in range(count):  # lower bound (19) of the output in each piece
         start = StemVibration(piece_starts[i]["displacement"], piece_starts[i]["velocity"])
         floor = min_forced[i] - norm.reach * amplitude(norm, start)
         piece_starts[i]["floor"] = floor - max_reach * piece_starts[i]["remainder"]
@@ -365,9 +405,12 @@ def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
 def _pass_turn(
     law: LawSeries, span_flows: Records, jumps: Matrix, piece_starts: Records
 ) -> tuple[Flow, StemVibration]:
-    """Write ``piece_starts``, and return a turn's flow and the vibration it excites.
+    """Return the flow over a turn, and the free vibration that the turn's joints excite.
 
-    ``jumps`` are those of X and Ẋ, ``(2, n)``. The jump at angle 0 counts at the end of the turn.
+    The free vibration at the start of each piece of the law is written to ``piece_starts``, records
+    of `PIECE_START`. ``jumps`` are the jumps of the forced vibration and its rate at the start of
+    each piece, ``(2, n)``. In the returned vibration the jump at angle 0 counts at the end of the
+    turn.
     """
     first = StemVibration(jumps[0][0], jumps[1][0])
     displacement, velocity = first.displacement, first.velocity
@@ -390,10 +433,11 @@ def _pass_turn(
 def _forced_ordinates(
     law: LawSeries, weights: Vector, constant: float, minima: Vector, maxima: Vector
 ) -> Matrix:
-    """Return the ordinates of the output's polynomial part P, ``(p + 1, n)``.
+    """Return the Bernstein ordinates of the output's polynomial part P, ``(p + 1, n)``.
 
-    The least ordinate of each piece is written to ``minima``, the largest absolute one to
-    ``maxima``, ``(n,)`` each.
+    The law has n pieces of degree p. ``weights`` are the factors of s⁽ᵏ⁾ in P, and ``constant`` is
+    added. The smallest ordinate of each piece is written to ``minima``, the largest absolute one to
+    ``maxima``, shape ``(n,)`` each.
     """
     out = np.zeros((len(law.derivatives), len(minima)))
     for j in range(len(out)):
@@ -411,9 +455,10 @@ def _forced_ordinates(
 
 
 def _steady_vibration(flow: Flow, excited: StemVibration) -> StemVibration:
-    """Return the free vibration that repeats after a turn, infinite if not unique.
+    """Return the free vibration that repeats after each turn, in steady state.
 
-    ``flow`` is that of the turn, and ``excited`` the vibration that the turn excites.
+    ``flow`` is the flow over one turn, and ``excited`` the vibration that the joints of one turn
+    excite. The result is infinite if the repeating vibration is not unique.
     """
     a, d = 1.0 - flow.eta_eta, 1.0 - flow.rate_rate
     determinant = a * d - flow.eta_rate * flow.rate_eta
@@ -435,8 +480,10 @@ def _turn_starts(
 ) -> Records:
     """Return the free vibration at the start of each turn, as records of `TURN_START`.
 
-    ``forced`` is (X, Ẋ) at the start of the run. ``flow`` and ``excited`` are those of a turn, and
-    ``steady`` is the vibration in steady state.
+    The turns end when the run ends or the vibration of the start has faded to rounding. In steady
+    state there is a single record, ``steady``. ``forced`` is the forced vibration at the start of
+    the run, which the free vibration cancels there. ``flow`` is the flow over a turn, and
+    ``excited`` is the vibration that the joints of a turn excite.
     """
     if math.isinf(mode.duration):
         starts = np.zeros(1, TURN_START)
@@ -458,5 +505,8 @@ def _turn_starts(
 
 
 def end_angle(motion: OscillatorMotion, duration: float) -> float:
-    """Return the angle (rad) at which a run ends, or after which it repeats."""
+    """Return the cam angle (rad) at which a run ends, or after which its motion repeats.
+
+    ``duration`` is the duration of the run in s, infinite in steady state.
+    """
     return min(len(motion.turn_starts) * TURN, motion.speed * duration)

@@ -1,4 +1,7 @@
-"""Run of a mode on a law at any cam speed: its least output and first zero."""
+"""Least output of a vibration mode on a cam law, and the speed where it is zero.
+
+The output is a weighted sum of the vibration and the cam's motion, for example the contact force.
+"""
 
 from __future__ import annotations
 
@@ -31,16 +34,17 @@ from cam_rig.laws import Law
 from cam_rig.laws.vectors import index_at
 from cam_rig.units import TURN, FloatArray
 
-#: Number of evaluations per call of the search, after which Ctrl-C takes effect: about 20 ms
-#: compiled, 1 s in plain Python.
+#: Number of evaluations of the output per call of the speed search. Ctrl-C takes effect between two
+#: calls. A call takes about 20 ms in compiled code and 1 s in plain Python.
 EVALUATIONS_PER_CALL = 5e5
 
 
 @dataclass(frozen=True)
 class ModalRun:
-    """Vibration mode on a law, in a run from rest or in steady state.
+    """Vibration mode that a cam law excites, in a run from rest or in steady state.
 
-    Its output is a weighted sum of the vibration and the motion of the cam, see `Oscillator`.
+    The cam turns at constant speed during a run. The output of the run, for example the contact
+    force, is a weighted sum of the vibration and the motion of the cam (see `Oscillator`).
     """
 
     law: Law
@@ -50,7 +54,7 @@ class ModalRun:
     def of(
         cls, response: LinearResponse, outputs: Outputs, duration: float | None, row: int = 0
     ) -> ModalRun:
-        """Return the run of one output of a linear model.
+        """Return the run for one output of a linear model with one vibration mode.
 
         Parameters
         ----------
@@ -76,24 +80,33 @@ class ModalRun:
         return cls(response.law, mode)
 
     def min_outputs(self, speeds: FloatArray) -> FloatArray:
-        """Return the least output of the run at each cam speed, shape (m,).
+        """Return the least output over the run at each of m cam speeds, shape (m,).
 
-        ``speeds`` (m,) is in rad/s. The result is exact to rounding.
+        ``speeds`` is in rad/s, shape (m,). The result has the unit of the output, for example N for
+        a contact force, and is exact to rounding.
         """
         return np.array([self.min_output(speed) for speed in speeds.tolist()])
 
     def min_output(self, speed: float) -> float:
-        """Return the least output of the run at a cam speed (rad/s), exact to rounding."""
+        """Return the least output over the run at a cam speed (rad/s).
+
+        It has the unit of the output, for example N for a contact force, and is exact to rounding.
+        """
         return float(dispatch(min_output_at, law_series(self.law), self.mode, float(speed)))
 
     def is_resolved(self, speed: float) -> bool:
-        """Return True if the rounding error of the output is small at a speed (rad/s)."""
+        """Return True if rounding does not falsify the output at a cam speed (rad/s).
+
+        The limit of the rounding error is `cam_rig.dynamics.modal.motion.MAX_ROUNDING`, a fraction
+        of the output's terms.
+        """
         return is_resolved(mode_on_law(law_series(self.law), self.mode), speed)
 
     def steady(self, speed: float, angle: float) -> FloatArray:
-        """Return the free vibration (η, η̇) in steady state, shape (2,).
+        """Return the free vibration (η, η̇) at a cam angle in steady state, shape (2,).
 
-        The speed is in rad/s. The cam angle is in rad, within the first turn.
+        It is the vibration less its polynomial forced response. ``speed`` is in rad/s. ``angle`` is
+        the cam angle in rad, within the first turn.
 
         Raises
         ------
@@ -113,8 +126,9 @@ class ModalRun:
     def climb(self, low: float, last: float, max_evaluations: float) -> Climb:
         """Find the lowest speed (rad/s) at which the least output of the run is zero.
 
-        The search covers the speeds from ``low`` to ``last``. `first_zero.climb` describes the
-        result. Its status is PAUSED if ``max_evaluations`` are not sufficient.
+        The search increases the speed from ``low`` to at most ``last``, both in rad/s. `Climb`
+        describes the result. Its status is PAUSED if ``max_evaluations`` evaluations of the output
+        are not sufficient.
         """
         step, evaluations, law = 1.0, 0.0, law_series(self.law)
         while evaluations < max_evaluations:

@@ -1,9 +1,10 @@
-"""Solution of one window of eq. 10: Newton's method on Chebyshev nodes.
+"""Solution of the torsional vibration in one window of time, by Newton's method.
 
-Eq. 10 of the paper is the equation of the torsional vibration (`motion`). The twist is
-ψ = θ_c − θ_v. The unknown is ψ̈ at the nodes, less the ψ̈ of a free vibration, which is known in
-closed form. All other quantities follow from the unknown. The lead δ of the flywheel on uniform
-rotation follows from δ̈ = (k_s ψ + c_s ψ̇ + T_motor)/I_v. It is 0 for a flywheel at constant speed.
+The equation is eq. 10 of the paper (see `motion`), solved at the N + 1 Chebyshev nodes of the
+window. The twist of the shaft is ψ = θ_c − θ_v, the cam angle less the flywheel angle. The unknown
+is ψ̈ at the nodes, less the ψ̈ of a free vibration, which is known in closed form. All other
+quantities follow from the unknown. The lead δ of the flywheel relative to a uniform rotation
+follows from δ̈ = (k_s ψ + c_s ψ̇ + T_motor)/I_v. It is 0 for a flywheel at constant speed.
 
 The free vibration is never integrated numerically, because that would lose digits with the square
 of its phase.
@@ -35,13 +36,15 @@ class CollocationTable:
     #: Matrices from values at the nodes to Chebyshev coefficients of the r-fold integral from 0,
     #: for r = 0, 1, 2, ``(3, N + 3, N + 1)``
     series: FloatArray
-    first: FloatArray  #: matrix from values to the values of the integral, ``(N + 1, N + 1)``
-    second: FloatArray  #: matrix from values to the values of the double integral
+    #: Matrix from values at the nodes to the values of the integral from 0, ``(N + 1, N + 1)``.
+    first: FloatArray
+    #: Matrix from values at the nodes to the values of the double integral, ``(N + 1, N + 1)``.
+    second: FloatArray
 
 
 @lru_cache(maxsize=32)
 def collocation_table(degree: int) -> CollocationTable:
-    """Return the N + 1 nodes and the integration matrices for degree N."""
+    """Return the N + 1 Chebyshev nodes and the integration matrices for degree N."""
     k = np.arange(degree + 1)
     angles = np.pi * (degree - k) / degree
     weights = np.ones(degree + 1)
@@ -100,18 +103,18 @@ def basis(size: int, u: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ChebyshevPath:
-    """Functions of time on W adjacent windows, as a Chebyshev series in each of them."""
+    """Functions of time on W adjacent windows, with one Chebyshev series per window."""
 
-    edges: FloatArray  #: times of the borders of the windows, s, ``(W + 1,)``
-    #: Duration of the interval of each series, s, ``(W,)``. It starts with its window and may be
-    #: longer than the window.
+    edges: FloatArray  #: start times of the windows, and the end of the last, s, ``(W + 1,)``
+    #: Duration over which each series was computed, s, ``(W,)``. It starts with its window and may
+    #: be longer than the window.
     spans: FloatArray
-    series: list[FloatArray]  #: W arrays of coefficients, ``(rows, size)``
+    series: list[FloatArray]  #: coefficients of each window, one row per function, ``(rows, size)``
 
     def window(self, times: FloatArray) -> FloatArray:
         """Return the index of the window that contains each time (s), ``(len(times),)``.
 
-        A time at a border belongs to the later window.
+        A time at the border of two windows belongs to the later one.
         """
         inner = np.searchsorted(self.edges[1:-1], times, side="right")
         return np.asarray(inner, dtype=np.intp)
@@ -131,7 +134,10 @@ class ChebyshevPath:
         return out
 
     def _fill(self, times: FloatArray, out: FloatArray) -> None:
-        """Write the values of all functions at ascending times (s) to ``out``."""
+        """Write the values of all functions at ascending times (s) to ``out``.
+
+        The shape of ``out`` is ``(rows, len(times))``.
+        """
         window = self.window(times)
         u = (times - self.edges[window]) / self.spans[window]
         low, high = int(window[0]), int(window[-1])
@@ -144,27 +150,30 @@ class ChebyshevPath:
                 np.matmul(series, values[: series.shape[1], first:stop], out=out[:, first:stop])
 
 
-#: Expected size of the next correction at which Newton's method has converged, relative to the
-#: solution.
+#: Size of the expected next correction at which Newton's method has converged, relative to the
+#: scale of the accelerations.
 NEWTON_RTOL = 1e-15
-#: Largest relative size of corrections that count as rounding if the corrections no longer shrink.
+#: Largest size of Newton's corrections that count as rounding if they no longer decrease, relative
+#: to the scale of the accelerations.
 ROUNDING_RTOL = 1e-12
-#: Largest number of Newton steps.
+#: Largest number of steps of Newton's method per window.
 MAX_ITERATIONS = 15
-#: Largest ratio of two successive corrections at which the factorised matrix is used again.
+#: Largest ratio of two successive corrections of Newton's method at which the factorised matrix of
+#: slopes is used again, instead of a new one.
 MAX_REUSE_RATIO = 0.01
-#: Chebyshev coefficients of u²/2, u and 1, which a ramp adds to angle, speed and acceleration.
+#: Chebyshev coefficients of u²/2, u and 1 for the relative time u in [0, 1]. A speed ramp adds
+#: these functions to the cam's angle, speed and acceleration.
 RAMP_SERIES = np.array([[3.0, 4.0, 1.0], [8.0, 8.0, 0.0], [16.0, 0.0, 0.0]]) / 16.0
 
 
 @dataclass(frozen=True, eq=False)
 class TwistPiece:
-    """Piece of a law in the form that a collocation window uses."""
+    """Polynomial piece of a law, of degree p, in the form that `CollocationWindow` uses."""
 
     #: Bernstein ordinates of s and its first three derivatives, times the binomial coefficients,
     #: ``(4, p + 1)``
     weights: FloatArray
-    span: float  #: rad
+    span: float  #: cam angle that the piece covers, rad
 
     @cached_property
     def is_flat(self) -> bool:
@@ -185,22 +194,22 @@ class TwistPiece:
 
 
 class CollocationWindow:
-    """Window of time in which eq. 10 is solved on one piece of the law.
+    """Window of time in which eq. 10 of the paper is solved on one piece of the law.
 
-    The solution extends beyond the ends of the piece, with the same polynomial of the law.
+    If the cam turns beyond the ends of the piece, its polynomial is continued.
 
     Parameters
     ----------
     parameters : TorsionalParameters
-        The shaft.
+        The shaft and the follower.
     piece : TwistPiece
-        The piece of the law.
+        The polynomial piece of the law.
     start : TorsionalState
-        State at the start. Its flywheel angle is measured from the start of the piece.
+        State of the shaft at the start. Its flywheel angle is measured from the start of the piece.
     length : float
         Duration of the window, s.
     table : CollocationTable
-        Nodes and matrices.
+        Chebyshev nodes and integration matrices.
     ramp : float
         Acceleration α of the flywheel, rad/s² (default: 0).
     """
@@ -235,7 +244,9 @@ class CollocationWindow:
     def _free_vibration(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return ψ, ψ̇ and ψ̈ of the free vibration at the nodes, ``(N + 1,)`` each.
 
-        ψ is the twist, rad. With z = ψ + (constant flywheel acceleration)/k it is z̈ = −k z − c ż.
+        ψ is the twist of the shaft in rad, without the torque of the follower. It satisfies
+        z̈ = −k z − c ż with z = ψ + a/k. Here a is the constant acceleration of the flywheel by the
+        motor torque and the ramp.
         """
         p, start = self.parameters, self.start
         k, c = p.mobility * p.shaft_stiffness, p.mobility * p.shaft_damping
@@ -251,9 +262,9 @@ class CollocationWindow:
         return wave.real - static, (root * wave).real, (root**2 * wave).real
 
     def _set(self, unknown: FloatArray) -> None:
-        """Set the unknown of the window, and compute the motion from it.
+        """Set the unknown of the window, and compute the twist and the cam motion from it.
 
-        The unknown is ψ̈ less that of the free vibration, at the nodes, ``(N + 1,)``.
+        ``unknown`` is ψ̈ less the ψ̈ of the free vibration, at the nodes, rad/s², ``(N + 1,)``.
         """
         self.unknown, self.twist_acceleration = unknown, self.free_acceleration + unknown
         self.twist = self.free + self.second @ unknown
@@ -296,9 +307,10 @@ class CollocationWindow:
         return False
 
     def _scale(self) -> float:
-        """Return the scale (rad/s²) to which residuals are compared.
+        """Return the scale of the accelerations in the window, rad/s².
 
-        It is the magnitude of ψ̈ plus that of the acceleration by the torque of the shaft.
+        Corrections of Newton's method and Chebyshev coefficients are compared with it. It is the
+        largest |ψ̈| plus the acceleration of the twist by the largest torque of the shaft.
         """
         p = self.parameters
         torque = p.shaft_stiffness * largest(self.twist)
@@ -309,9 +321,11 @@ class CollocationWindow:
     def _residual(
         self, *, with_slopes: bool
     ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray] | None]:
-        """Return the left side of eq. 10 (N·m) at the nodes, and its slopes.
+        """Return the residual of eq. 10 (N·m) at the nodes, and its derivatives.
 
-        The slopes are those by θ̈_c, θ̇_c and θ_c. They are None if ``with_slopes`` is False.
+        It is the left side of the equation of the torsional vibration in the paper. It is zero in
+        the solution. Its derivatives with respect to θ̈_c, θ̇_c and θ_c are the second result,
+        ``(N + 1,)`` each, or None if ``with_slopes`` is False.
         """
         p, f = self.parameters, self.parameters.follower
         s, s1, s2, s3 = self.piece.at(self.angle)
@@ -335,9 +349,11 @@ class CollocationWindow:
     def _matrix(
         self, inertia: FloatArray, damping: FloatArray, stiffness: FloatArray
     ) -> FloatArray:
-        """Return the slope matrix of the residual by ψ̈ at the nodes, ``(N + 1, N + 1)``.
+        """Return the derivative of the residual of eq. 10 by ψ̈ at the nodes.
 
-        The arguments are the slopes of the residual by θ̈_c, θ̇_c and θ_c.
+        Eq. 10 of the paper is the equation of the torsional vibration. The derivative is the matrix
+        of Newton's method, ``(N + 1, N + 1)``. The arguments are the derivatives of the residual
+        with respect to θ̈_c, θ̇_c and θ_c, from `_residual`.
         """
         p = self.parameters
         if not self.has_inertia:
@@ -352,10 +368,11 @@ class CollocationWindow:
         return np.asarray(matrix + p.shaft_damping * self.first + p.shaft_stiffness * self.second)
 
     def tail(self) -> tuple[float, float]:
-        """Return two measures of the last Chebyshev coefficients of θ̈_c.
+        """Return the sizes of the last Chebyshev coefficients of the cam acceleration θ̈_c.
 
-        They are relative to ``scale``. They are the largest coefficient from 0.4 N on, and the
-        largest of the last three. Small coefficients show that the window is resolved.
+        Small coefficients show that the series resolves the window. The first result is the largest
+        coefficient from index 0.4 N on, the second the largest of the last three. Both are
+        absolute values relative to ``scale``.
         """
         size = self.twist_acceleration.size
         coefficients = self.table.series[0, :size] @ (
@@ -367,7 +384,8 @@ class CollocationWindow:
     def series(self) -> FloatArray:
         """Return the Chebyshev coefficients of ψ, ψ̇, θ_c, θ̇_c and θ̈_c, ``(5, N + 3)``.
 
-        A flywheel with an inertia adds the rows δ and δ̇.
+        ψ is the twist of the shaft and θ_c the cam angle. A flywheel with an inertia adds two rows,
+        its lead δ and the rate δ̇.
         """
         h, start = self.length, self.start
         scales = np.array([[1.0], [h], [h**2]])

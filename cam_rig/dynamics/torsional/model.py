@@ -33,7 +33,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TorsionalParameters:
-    """Cam on an elastic shaft with a flywheel at constant speed or of finite inertia.
+    """Parameters of a cam on an elastic shaft with a flywheel.
+
+    The flywheel has constant speed or a finite inertia.
 
     Whole numbers are converted to floats.
 
@@ -66,11 +68,11 @@ class TorsionalParameters:
     """
 
     follower: FollowerParameters
-    cam_inertia: float  #: I, kg·m²
-    shaft_stiffness: float  #: k_s, N·m/rad
-    shaft_damping: float = 0.0  #: c_s, N·m·s/rad
-    flywheel_inertia: float | None = None  #: I_v, kg·m², None at constant speed
-    motor_torque: float = 0.0  #: T_motor, N·m
+    cam_inertia: float  #: I, moment of inertia of the cam, kg·m²
+    shaft_stiffness: float  #: k_s, torsional stiffness of the shaft, N·m/rad
+    shaft_damping: float = 0.0  #: c_s, torsional damping of the shaft, N·m·s/rad
+    flywheel_inertia: float | None = None  #: I_v, kg·m², None for a flywheel at constant speed
+    motor_torque: float = 0.0  #: T_motor, constant torque on the flywheel, N·m
 
     def __post_init__(self) -> None:
         numbers = {name: value for name, value in vars(self).items() if name != "follower"}
@@ -83,7 +85,11 @@ class TorsionalParameters:
 
     @property
     def mobility(self) -> float:
-        """Acceleration of the twist per torque in the shaft, 1/I + 1/I_v, 1/(kg·m²)."""
+        """Acceleration of the shaft's twist per torque in the shaft, in 1/(kg·m²).
+
+        It is 1/I + 1/I_v with the inertias of the cam and the flywheel. The second term is 0 for a
+        flywheel at constant speed.
+        """
         flywheel = 0.0 if self.flywheel_inertia is None else 1.0 / self.flywheel_inertia
         return 1.0 / self.cam_inertia + flywheel
 
@@ -91,7 +97,8 @@ class TorsionalParameters:
     def flywheel_acceleration(self) -> tuple[float, float, float]:
         """Weights of ψ, ψ̇ and 1 in the acceleration θ̈_v of the flywheel, SI units.
 
-        They are 0 if the flywheel has constant speed.
+        ψ is the twist of the shaft in rad. The weights are k_s/I_v, c_s/I_v and T_motor/I_v. They
+        are 0 if the flywheel has constant speed.
         """
         if self.flywheel_inertia is None:
             return 0.0, 0.0, 0.0
@@ -102,18 +109,18 @@ class TorsionalParameters:
 
 @dataclass(frozen=True)
 class TorsionalState:
-    """State of the shaft: the twist, and the motion of the flywheel.
+    """State of the elastic shaft: its twist, and the motion of the flywheel.
 
-    The angle of the flywheel is the sum of a uniform rotation, which the drive sets, and a lead.
-    They are stored separately, so that the small lead of a heavy flywheel keeps all its digits.
+    The angle θ_v of the flywheel is the sum of a uniform rotation, which the drive sets, and a lead
+    δ. They are stored separately, so that the small lead of a heavy flywheel keeps all its digits.
     """
 
-    twist: float  #: ψ = θ_c − θ_v, rad
-    twist_rate: float  #: ψ̇, rad/s
+    twist: float  #: twist ψ = θ_c − θ_v between cam and flywheel, rad
+    twist_rate: float  #: rate ψ̇ of the twist, rad/s
     flywheel_angle: float  #: angle of the uniform rotation, rad
     flywheel_speed: float  #: speed of the uniform rotation, rad/s
-    lead: float = 0.0  #: lead δ of a flywheel of finite inertia on the uniform rotation, rad
-    lead_rate: float = 0.0  #: δ̇, rad/s
+    lead: float = 0.0  #: lead δ of a flywheel of finite inertia over the uniform rotation, rad
+    lead_rate: float = 0.0  #: rate δ̇ of the lead, rad/s
 
     @property
     def cam_angle(self) -> float:
@@ -121,7 +128,8 @@ class TorsionalState:
         return self.flywheel_angle + self.lead + self.twist
 
 
-#: Number of values in the inner state of a model with a flywheel of finite inertia.
+#: Number of values in `FollowerState.inner` if the flywheel has a finite inertia: twist, lead, and
+#: the rates of both.
 INERTIA_STATE_SIZE = 4
 
 
@@ -166,14 +174,16 @@ def advance(
     interval: Interval,
     sample_rate: int,
 ) -> tuple[FollowerState, Block]:
-    """Return the state at the end of an interval, and its block of samples.
+    """Return the state at the end of an interval of the run, and its samples.
 
-    The angle, speed and acceleration of the interval are those of the flywheel. If ``state`` is
-    None, the shaft starts without twist. ``inner`` of a state is the twist (rad) and its rate
-    (rad/s). A ramp needs no substitute law, because the law is evaluated at the twisted angle.
+    The angle, speed and acceleration of the interval are those of the flywheel. ``sample_rate`` is
+    in Hz. If ``state`` is None, the run starts, and the shaft has no twist. The field ``inner`` of
+    a state contains the twist (rad) and its rate (rad/s). On a speed ramp the law itself is used,
+    because it is evaluated at the angle of the twisted cam.
 
     A flywheel with an inertia has the mean speed of the interval, and a motor with the mean torque
-    of the load drives it, see `start_state`. ``inner`` then also contains the lead and its rate.
+    of the load drives it, see `start_state`. ``inner`` then also contains the lead of the flywheel
+    and its rate.
     """
     # Imported here, because it imports scipy.linalg, which few scenes need.
     from cam_rig.dynamics.torsional.motion import solve
@@ -202,22 +212,22 @@ def start_state(
 ) -> tuple[TorsionalParameters, TorsionalState]:
     """Return parameters with the motor torque, and the state at an interval's start.
 
-    A flywheel with an inertia starts each speed in its steady state, because a constant torque
-    would need minutes to reach it. On a ramp the drive sets the motion of the flywheel, as in eq.
-    10.
+    A flywheel with an inertia starts each new speed in its steady state, because a constant torque
+    would need minutes to reach it. On a speed ramp the drive sets the motion of the flywheel, as in
+    eq. 10 of the paper.
 
     Parameters
     ----------
     law : Law
-        The law.
+        The law of the cam.
     parameters : TorsionalParameters
-        The shaft.
+        The shaft and the follower.
     inner : tuple of float
         `inner_state` at the end of the previous interval, empty at the start of a run.
     last_speed : float, optional
         Cam speed at the end of the previous interval, rad/s, or None if unknown.
     interval : Interval
-        The interval.
+        The interval of the run, with the angle and the speed of the flywheel at its start.
     """
     from cam_rig.dynamics.torsional.motion import solve, steady_state
 
@@ -250,9 +260,9 @@ def inner_state(motion: TorsionalMotion) -> tuple[float, ...]:
 
 
 def follower_rows(motion: TorsionalMotion, times: FloatArray) -> FloatArray:
-    """Return the follower's motion and contact force at times (s), ``(4, m)``.
+    """Return the follower's motion and contact force at m times (s), ``(4, m)``.
 
-    The rows are lift, velocity, acceleration and force. The units are m, m/s, m/s² and N.
+    The rows are lift (m), velocity (m/s), acceleration (m/s²) and contact force (N).
     """
     _, _, angle, speed, acceleration = motion.at(times)
     s = motion.law.motion_at(angle)

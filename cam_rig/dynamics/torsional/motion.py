@@ -2,8 +2,9 @@
 
     I θ̈_c + c_s (θ̇_c − θ̇_v) + k_s (θ_c − θ_v) + (m s̈ + c ṡ + k s + preload) s'(θ_c) = 0
 
-with s, s', s'' at the twisted angle θ_c, ṡ = s' θ̇_c and s̈ = s'' θ̇_c² + s' θ̈_c. The preload is
-an addition to the equation of the paper.
+with s, s', s'' at the cam angle θ_c, ṡ = s' θ̇_c and s̈ = s'' θ̇_c² + s' θ̈_c. The angle of the
+flywheel is θ_v, and the twist of the shaft is ψ = θ_c − θ_v. The preload and the shaft damping c_s
+are additions to the equation of the paper.
 
 The flywheel has constant speed, θ_v = θ_0 + ω t, or an inertia,
 I_v θ̈_v = k_s (θ_c − θ_v) + c_s (θ̇_c − θ̇_v) + T_motor. On a ramp of α rad/s² the flywheel without an
@@ -13,8 +14,8 @@ increases by I_v α.
 The model assumes that the follower stays on the cam. The result is not valid at times with a
 negative `TorsionalMotion.contact_force`.
 
-The time is divided into windows (`stepper`). Each window is solved by Newton's method on Chebyshev
-nodes, in integral form (`collocation`).
+The time is divided into short intervals, called windows (`stepper`). In each window eq. 10 is
+solved by Newton's method on Chebyshev nodes, in integral form (`collocation`).
 """
 
 from __future__ import annotations
@@ -37,32 +38,38 @@ from cam_rig.units import TURN, FloatArray, to_rpm
 
 @dataclass(frozen=True, eq=False)
 class TorsionalMotion:
-    """Solution of eq. 10 for the times from ``start_time`` to ``stop_time``."""
+    """Torsional motion of a cam on its shaft, from ``start_time`` to ``stop_time``.
 
-    law: Law
-    parameters: TorsionalParameters
-    start_time: float  #: s
+    It solves eq. 10 of the paper and consists of W windows of time.
+    """
+
+    law: Law  #: law of the cam
+    parameters: TorsionalParameters  #: shaft and follower
+    start_time: float  #: start of the solution, s
     path: ChebyshevPath  #: solution by the time since ``start_time``, so that no digits are lost
-    pieces: NDArray[np.intp]  #: index of the piece of the law in each window
-    lows: FloatArray  #: unwrapped cam angle at the start of this piece, rad
+    pieces: NDArray[np.intp]  #: index of the polynomial piece of the law in each window, ``(W,)``
+    lows: FloatArray  #: unwrapped cam angle at the start of this piece, rad, ``(W,)``
     end: TorsionalState  #: state at ``stop_time``
 
     @property
     def stop_time(self) -> float:
-        """End of the solution, s."""
+        """Time at which the solution ends, s."""
         return self.start_time + float(self.path.edges[-1])
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Return the torsional motion at times (s), ``(5, m)``.
+        """Return the torsional motion at m times (s), ``(5, m)``.
 
-        The rows are ψ (rad), ψ̇, θ_c (rad), θ̇_c and θ̈_c. The values at joints are right limits.
+        The rows are the twist ψ of the shaft (rad), its rate ψ̇ (rad/s), and the cam angle θ_c
+        (rad), speed θ̇_c (rad/s) and acceleration θ̈_c (rad/s²). At a joint of the law the values
+        are those after it.
         """
         return self.path.at(self._since(times))[:5]
 
     def lead(self, times: FloatArray) -> FloatArray:
-        """Return the lead of the flywheel on uniform rotation, and its rate, ``(2, m)``.
+        """Return the lead of the flywheel at m times (s), and its rate, ``(2, m)``.
 
-        The units are rad and rad/s. Both are 0 for a flywheel at constant speed.
+        The lead (rad) is the angle of the flywheel less that of a uniform rotation. Its rate is in
+        rad/s. Both are 0 for a flywheel at constant speed.
         """
         since = self._since(times)
         if self.parameters.flywheel_inertia is None:
@@ -130,9 +137,9 @@ def solve(
     law : Law
         The law, without velocity jumps.
     parameters : TorsionalParameters
-        The shaft.
+        The shaft and the follower.
     state : TorsionalState
-        State at the start.
+        State of the shaft at the start.
     start_time : float
         Time of the start, s.
     duration : float
@@ -171,16 +178,19 @@ def solve(
     return TorsionalMotion(law, parameters, start_time, path, pieces, lows, end)
 
 
-#: Largest accepted change of a periodic state by one turn, relative to the peak twist.
+#: Largest accepted change of a periodic shaft state over one turn, relative to the peak twist.
 PERIODIC_RTOL = 1e-11
-#: Change of the state by one turn at which the iteration ends, relative to the peak twist.
+#: Change of the shaft state over one turn, relative to the peak twist, at which the iteration for a
+#: periodic state ends.
 TARGET_RTOL = 1e-13
-#: Largest number of iterations for a periodic state. Each iteration computes one turn.
+#: Largest number of iterations for a periodic shaft state. Each iteration computes one turn.
 MAX_TURNS = 25
-#: Step of the start state for differences of the turn map, relative to the peak twist.
+#: Step of the initial shaft state, relative to the peak twist, for the finite differences that
+#: approximate the derivative of the state after one turn.
 SLOPE_STEP = 0.03
-#: Smallest norm of the slope of (turn map − identity). With a smaller norm a turn hardly changes
-#: the state, and the shaft is in resonance with the cam.
+#: Lower limit of the smallest singular value of the derivative of the state's change over one turn.
+#: Below it a turn hardly changes some disturbance of the state: the shaft is in resonance with the
+#: cam and has no periodic state.
 MIN_SLOPE_NORM = 1e-8
 
 
@@ -188,21 +198,21 @@ MIN_SLOPE_NORM = 1e-8
 def steady_state(
     law: Law, parameters: TorsionalParameters, speed: float
 ) -> tuple[TorsionalParameters, TorsionalState]:
-    """Return the periodic state of the shaft at flywheel angle 0, and its parameters.
+    """Return parameters with the motor torque, and the periodic state of the shaft.
 
-    The state repeats after one turn. A constant motor torque, the mean of the load, drives a
-    flywheel with an inertia. The returned parameters, the first result, contain this torque. The
-    state has no lead on uniform rotation, because any state of the steady turn may be its first
-    one.
+    The state is that at flywheel angle 0 and repeats after one turn. A constant motor torque, the
+    mean of the load, drives a flywheel with an inertia. The returned parameters contain this
+    torque. The state has no lead of the flywheel, because the uniform rotation from which the lead
+    is measured may start at any state of the steady turn.
 
     Parameters
     ----------
     law : Law
         The law, without velocity jumps.
     parameters : TorsionalParameters
-        The shaft.
+        The shaft and the follower.
     speed : float
-        Mean speed, rad/s, not 0.
+        Mean speed of the flywheel, rad/s, not 0.
 
     Raises
     ------
@@ -244,9 +254,9 @@ def steady_state(
 
 
 def steady_motion(law: Law, parameters: TorsionalParameters, speed: float) -> TorsionalMotion:
-    """Return the motion over one steady turn at a mean speed (rad/s).
+    """Return the torsional motion over one turn in steady state.
 
-    The turn starts at flywheel angle 0.
+    The turn starts at flywheel angle 0 and time 0. ``speed`` is the mean speed, rad/s.
     """
     driven, start = steady_state(law, parameters, speed)
     return solve(law, driven, start, 0.0, TURN / speed)
@@ -257,8 +267,9 @@ def _fixed_point(
 ) -> tuple[FloatArray, FloatArray, float]:
     """Solve change_of(x) = 0 for a vector x by Broyden's method.
 
-    Returns x, ``(size,)``, the remaining change there, and the smallest norm of the slope. ``peak``
-    returns the peak twist so far.
+    ``change_of`` returns the change of a state over one turn, so the solution is a periodic state.
+    Returns x, ``(size,)``, the remaining change there, ``(size,)``, and the smallest singular value
+    of the derivative of the change. ``peak`` returns the peak twist so far (rad).
     """
     x = np.zeros(size)
     change = change_of(x)

@@ -1,8 +1,10 @@
-"""Sequence of windows of the torsional vibration, cut at the joints of the law.
+"""Solution of the torsional vibration window by window, cut at the joints of the law.
 
-The time at which the cam crosses a joint depends on the solution. A window therefore extends a
-little beyond the joint, with the same polynomial of the law. It is shortened afterwards to the root
-of θ_c(t) = joint. Up to the root it used the right piece, so that no window is solved twice.
+A window is a short interval of time in which the solution is a Chebyshev series and the cam is on
+one polynomial piece of the law. The time at which the cam crosses a joint between two pieces
+depends on the solution. A window therefore extends a little beyond the joint, with the polynomial
+of its piece continued. It is shortened afterwards to the time at which the cam angle θ_c is at the
+joint. Up to this time the piece was right, so no window is solved twice.
 """
 
 from __future__ import annotations
@@ -28,26 +30,29 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, FloatArray
 
-#: Degrees that the polynomial of a window may have.
+#: Degrees that the Chebyshev series of a window of time may have.
 DEGREES = (16, 24, 32, 48, 64)
-#: Largest phase of the shaft's free vibration (rad) that a window of each degree resolves. The
-#: Chebyshev coefficients of an oscillation are Bessel functions of half the phase.
+#: Largest phase (rad) by which the shaft's free vibration may advance in a window, for each degree
+#: in `DEGREES`. The Chebyshev coefficients of an oscillation are Bessel functions of half the
+#: phase, so a series of this degree resolves it.
 PHASES = (2.0, 7.0, 14.0, 30.0, 48.0)
 #: Smallest vibration (rad and rad/s) that is kept. A long dwell may damp the vibration below this
 #: value, close to the smallest float, where no digits are left. The vibration is then set to 0.
 MIN_VIBRATION = 1e-250
-#: Largest size of the last coefficients of a resolved window, relative to the largest coefficient.
+#: Largest size of the last Chebyshev coefficients of a resolved window, relative to the scale of
+#: the accelerations in it.
 RESOLVED_RTOL = 1e-13
-#: Largest number of attempts at a window, each with a shorter window or a higher degree.
+#: Largest number of attempts to resolve a window, each with a shorter window or a higher degree.
 MAX_TRIES = 40
-#: Largest number of windows in one run, enough for hours of turning.
+#: Largest number of windows in one solution, enough for hours of turning.
 MAX_WINDOWS = 100_000
-#: Largest number of successive windows of zero duration at a joint.
+#: Largest number of successive windows of zero duration at a joint of the law. With more the
+#: solution has failed to leave the joint.
 MAX_STALLS = 3
-#: Shortest duration after a joint, relative to the run. A shorter duration is rounding and is
-#: omitted.
+#: Shortest remaining time after a joint of the law, as a fraction of the duration of the solution.
+#: A shorter remainder is rounding and is omitted.
 MIN_REMAINDER = 4e-16
-#: Relative correction at which Newton's method for a crossing has converged.
+#: Relative correction at which Newton's method for the time of crossing a joint has converged.
 CROSSING_RTOL = 1e-10
 
 
@@ -64,28 +69,34 @@ def pieces_of(law: Law) -> tuple[TwistPiece, ...]:
 
 @dataclass
 class Control:
-    """Settings with which the last window on a piece of the law was resolved."""
+    """Settings with which the last window on a piece of the law was resolved.
 
-    max_length: float  #: longest window, s
-    extra_degrees: int = 0  #: steps in `DEGREES` above the degree for the phase
+    They are the first choice for the next window on the same piece.
+    """
+
+    max_length: float  #: longest duration of a window, s
+    #: Number of steps in `DEGREES` by which the degree is higher than the phase requires.
+    extra_degrees: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class SolvedWindow:
-    """Solved window of a run, on one piece of the law."""
+    """Solution in one window of time, on one polynomial piece of the law."""
 
-    start: float  #: s
-    end: float  #: s
-    span: float  #: duration of the interval of the series, s
-    series: FloatArray  #: rows as in `CollocationWindow.series`
+    start: float  #: start of the window, s since the start of the solution
+    end: float  #: end of the window, s since the start of the solution
+    span: float  #: duration for which the series was computed, at least that of the window, s
+    series: FloatArray  #: Chebyshev coefficients, rows as in `CollocationWindow.series`
     piece: int  #: index of the piece of the law
-    low: float  #: unwrapped cam angle at the start of the piece, from which the series count, rad
+    #: Unwrapped cam angle at the start of the piece, rad. The angles of the series start here.
+    low: float
 
 
 class TwistSolver:
-    """Solver of eq. 10 for any duration, at constant speed or along a ramp (rad/s²).
+    """Solver of the torsional vibration (eq. 10 of the paper) for any duration.
 
-    It stores the settings that have resolved each piece of the law.
+    The flywheel turns at constant speed or with the acceleration ``ramp`` (rad/s²). The solver
+    stores the settings with which the windows on each piece of the law were resolved.
     """
 
     def __init__(self, law: Law, parameters: TorsionalParameters, ramp: float = 0.0) -> None:
@@ -99,7 +110,9 @@ class TwistSolver:
     def run(
         self, state: TorsionalState, duration: float
     ) -> tuple[TorsionalState, list[SolvedWindow]]:
-        """Return the state after ``duration`` s, and the solved windows of the run.
+        """Return the state of the shaft after ``duration`` s, and the solution until then.
+
+        The solution starts in ``state`` and is a list of windows in the order of time.
 
         Raises
         ------
@@ -124,16 +137,19 @@ class TwistSolver:
                 piece, low = index % len(self.pieces), self._low(index)
                 windows.append(SolvedWindow(time, end, window.length, series, piece, low))
                 state = self._state(series, state, end - time, window.length)
-            if direction:  # spans, because differences of unwrapped angles are rounded
+            # Shift by the span of the piece, because a difference of unwrapped angles would be
+            # rounded.
+            if direction:
                 span = self.pieces[(index if direction > 0 else index - 1) % len(self.pieces)].span
                 state, index = self._shift_angle(state, -direction * span), index + direction
             time = end
         return self._shift_angle(state, self._low(index)), windows
 
     def _index(self, angle: float) -> int:
-        """Return the index of the law's piece at an unwrapped angle (rad).
+        """Return the index of the law's piece at an unwrapped cam angle (rad).
 
-        The pieces are counted over all turns.
+        The pieces are counted over all turns from angle 0 on, so the index may exceed the number of
+        pieces per turn.
         """
         turn = math.floor(angle / TURN)
         piece = int(np.searchsorted(self.law.breaks[1:-1], angle - turn * TURN, side="right"))
@@ -153,10 +169,16 @@ class TwistSolver:
         return replace(state, flywheel_angle=state.flywheel_angle + shift)
 
     def _window(self, state: TorsionalState, piece: int, remaining: float) -> CollocationWindow:
-        """Solve and return the longest resolved window from a state.
+        """Solve and return the next window of time, from a state of the shaft.
 
-        ``piece`` is the index of the law's piece, and ``remaining`` the time to the end of the run,
-        s.
+        If the solution is not resolved, the degree is increased or the window shortened, up to
+        `MAX_TRIES` times. ``piece`` is the index of the law's piece, and ``remaining`` is the time
+        to the end of the solution, s.
+
+        Raises
+        ------
+        DynamicsError
+            If no attempt resolves the window.
         """
         if max(abs(state.twist), abs(state.twist_rate)) < MIN_VIBRATION:
             state = replace(state, twist=0.0, twist_rate=0.0)
@@ -192,9 +214,11 @@ class TwistSolver:
         )
 
     def _length(self, state: TorsionalState, piece: int, remaining: float) -> float:
-        """Return the duration (s) of the next window, one of several equal windows.
+        """Return the duration (s) of the next window of time.
 
-        Together the windows extend a little beyond the next joint, as the flywheel turns.
+        The time in which the flywheel turns a little beyond the next joint of the law, at most
+        ``remaining`` s, is divided into equal windows, none longer than the stored limit for the
+        piece.
         """
         span, speed = self.pieces[piece].span, state.flywheel_speed + state.lead_rate
         margin = min(2.0 * self.peak + 0.002 * span, 0.1 * span)
@@ -213,7 +237,8 @@ class TwistSolver:
     ) -> TorsionalState:
         """Return the state of the shaft at a time (s) since the start of a window.
 
-        The window lasts ``length`` s and starts in the state ``start``.
+        ``series`` are the Chebyshev coefficients over ``length`` s from the start of the window,
+        where the state is ``start``.
         """
         rows = (series @ basis_at(series.shape[1], time / length)).tolist()
         speed_gain = self.ramp * time
@@ -223,7 +248,11 @@ class TwistSolver:
         return TorsionalState(rows[0], rows[1], angle, speed, lead, lead_rate)
 
     def _stall_error(self, index: int, time: float, windows: int) -> DynamicsError:
-        """Return the error for a run that does not advance beyond a joint."""
+        """Return the error for a solution that needs too many windows or stops at a joint.
+
+        ``index`` is that of the law's piece, counted over all turns, ``time`` is the time reached
+        (s), and ``windows`` is the number of windows solved.
+        """
         reason = "the cam does not move there"
         if windows >= MAX_WINDOWS:
             reason = "solve a shorter duration, and continue from its end"
@@ -234,11 +263,12 @@ class TwistSolver:
 
 
 def find_exit(window: CollocationWindow, series: FloatArray) -> tuple[float, int]:
-    """Return the time (s) at which the cam leaves the piece, and the direction.
+    """Return the time (s) at which the cam leaves the window's piece of the law.
 
-    The direction is 1 for forwards, −1 for backwards, and 0 if the cam does not leave the piece.
-    The nodes are dense enough to detect every exit of a cam that turns in one direction. For a cam
-    that turns back more points are used.
+    The second result is the direction: 1 forwards, −1 backwards, and 0 if the cam stays on the
+    piece up to the end of the window, whose duration is then the time. The Chebyshev nodes are
+    dense enough to detect every exit of a cam that turns in one direction. For a cam that turns
+    back more points are evaluated.
     """
     u, angle, span = window.table.nodes, window.angle, window.piece.span
     if window.speed.min() < 0.0 < window.speed.max():
@@ -257,10 +287,11 @@ def find_exit(window: CollocationWindow, series: FloatArray) -> tuple[float, int
 def _crossing(
     window: CollocationWindow, series: FloatArray, joint: float, low: float, high: float
 ) -> float:
-    """Return the relative time u in a window at which the cam angle is at a joint.
+    """Return the relative time u in a window at which the cam crosses a joint.
 
-    ``low`` and ``high`` are the limits of u. Newton's method is used, and bisection if a step
-    leaves these limits.
+    ``series`` are the Chebyshev coefficients of the cam angle and speed, and ``joint`` is the angle
+    of the joint since the start of the piece, rad. ``low`` and ``high`` are limits of u between 0
+    and 1. Newton's method is used, and bisection if a step leaves these limits.
     """
     sign = 1.0 if joint > 0.0 else -1.0
     u = 0.5 * (low + high)
