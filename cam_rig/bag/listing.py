@@ -28,6 +28,8 @@ from cam_rig.files import MIB, read_bytes
 
 #: Pattern of the file name of a bag that may be split: name of the bag, number, extension.
 NUMBERED = re.compile(r"(.+)_(\d{1,9})(\.\w+)")
+#: Pattern of the file name of a split bag from ROS 2 Lyrical on: number, name of the bag and time.
+COUNTED = re.compile(r"(\d{1,9})_.+\.\w+")
 #: File name extensions of the storages of rosbag2.
 STORAGE = (".mcap", SQLITE)
 #: Largest size of metadata.yaml that is read, bytes. A bag of 100 000 files needs less.
@@ -149,22 +151,28 @@ def _later(others: Iterable[Path], names: list[str]) -> list[Path]:
 
 
 def sort_by_number(files: Iterable[Path]) -> list[Path]:
-    """Return the files of a bag sorted by the numbers at the end of their names.
+    """Return the files of a bag sorted by the numbers in their names.
 
     Raises BagError if a number is missing.
     """
     ordered = sorted(files, key=lambda file: (len(file.name), file.name))
-    numbered = [match for file in ordered if (match := NUMBERED.fullmatch(file.name))]
-    names = {match[1] for match in numbered}
-    if len(numbered) == len(ordered) and len(names) == 1:
-        numbers = {int(match[2]) for match in numbered}
-        missing = [number for number in range(min(numbers), max(numbers)) if number not in numbers]
-        if missing:
-            raise BagError(
-                f"{ordered[0].parent}: {names.pop()}_{missing[0]}{ordered[0].suffix} is missing, "
-                "but later files exist; restore it, or name one file instead of the folder"
-            )
-    return ordered
+    matches = [NUMBERED.fullmatch(file.name) for file in ordered]
+    names = {match[1] if match else "" for match in matches}
+    numbers, template = [int(match[2]) for match in matches if match], "{}_{}{}"
+    if len(names) != 1 or not all(matches):
+        counters = [COUNTED.fullmatch(file.name) for file in ordered]
+        numbers, names = [int(match[1]) for match in counters if match], {"*"}
+        template = "{1}_{0}{2}"
+    if len(set(numbers)) < len(ordered):  # other names, or copies
+        return ordered
+    missing = sorted(set(range(min(numbers, default=0), max(numbers, default=0))) - {*numbers})
+    if missing:
+        name = template.format(names.pop(), missing[0], ordered[0].suffix)
+        raise BagError(
+            f"{ordered[0].parent}: {name} is missing, but later files exist; restore it, or name "
+            "one file instead of the folder"
+        )
+    return [file for _, file in sorted(zip(numbers, ordered, strict=True))]
 
 
 def number_of(file: Path) -> int:

@@ -38,8 +38,8 @@ class TestRun(unittest.TestCase):
 
     def test_the_drive_turns_the_first_cam(self, proc_output: object) -> None:
         """The drive logs the first speed of the scene."""
-        proc_output.assertWaitFor("turning tm21 at 200 rpm", timeout=60)  # type: ignore[attr-defined]
-        proc_output.assertWaitFor("done with 16 ticks", timeout=60)  # type: ignore[attr-defined]
+        proc_output.assertWaitFor("turning tm21 at 200 rpm", timeout=60)
+        proc_output.assertWaitFor("done with 16 ticks", timeout=60)
 
 
 @launch_testing.post_shutdown_test()

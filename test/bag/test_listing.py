@@ -146,3 +146,20 @@ def test_the_total_is_compared_if_metadata_has_no_counts_per_file(bag):
     file.write_text(yaml.safe_dump(about))
     with pytest.raises(BagError, match=rf"must have {total + 1} messages, got {total}"):
         read_counts(bag)
+
+
+def test_files_named_as_in_lyrical_are_read_in_the_order_of_their_numbers(bag, split):
+    """Without metadata.yaml the leading number of a file's name gives the order of the files.
+
+    ROS 2 Lyrical names the files of a split bag `{number}_{bag}_{time}.mcap`. A missing number is
+    an error, as for the names `{bag}_{number}.mcap`.
+    """
+    (bag / "metadata.yaml").unlink()
+    for k, file in enumerate(mcap_files(bag)):
+        file.rename(bag / f"{9 + k}_bag_2026-05-23-10-{59 - k:02}-00.mcap")
+    renamed = list_files(bag).files
+    assert [int(file.name.partition("_")[0]) for file in renamed] == [*range(9, 9 + len(renamed))]
+    assert len(renamed) > 2 and read_counts(bag) == read_counts(split)
+    renamed[1].unlink()
+    with pytest.raises(BagError, match=r"10_\*\.mcap is missing, but later files exist"):
+        list_files(bag)

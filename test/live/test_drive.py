@@ -172,6 +172,35 @@ def test_no_state_is_sent_before_the_law_of_its_cam_is_known():
     assert program.flow.behind() == [] and not program.done
 
 
+@pytest.mark.parametrize("steps", [[1, 2, 3, 100], [7, 1, 100]])
+def test_a_drive_that_is_stepped_sends_the_states_of_the_scene(program, steps):
+    """Steps of some ticks send these ticks, then stop, and together the states of the scene.
+
+    The first step also sends the state at which the first tick starts.
+    """
+    program.run(False)
+    assert program.at_start
+    out = []
+    for count in steps:
+        program.run_ticks(count)
+        states = follow(program, 200)
+        out += states
+        if not program.done:
+            assert not program.running and len(states) == count + (len(out) == len(states))
+    assert out == PLAN and not program.at_start
+
+
+def test_a_command_ends_a_step(program):
+    """Start during a step continues the run, and reset makes its next state the first again."""
+    program.run(False)
+    program.run_ticks(3)
+    assert len(follow(program, 2)) == 2
+    program.run(True)
+    assert len(follow(program, 5)) == 5
+    program.reset()
+    assert program.at_start and not program.running
+
+
 def test_a_stopped_drive_sends_no_state_and_can_be_resumed(program):
     """A stopped drive sends no state. Resumed, it sends the remaining ones."""
     out = follow(program, 5)

@@ -5,6 +5,7 @@ import re
 import shutil
 import sys
 from functools import partial
+from itertools import islice
 from xml.etree import ElementTree
 
 import numpy as np
@@ -16,12 +17,16 @@ from shapely.geometry import Point, Polygon, box
 from shapely.ops import unary_union
 
 from cam_rig.live.law_server import CONTOUR_POINTS, contour_of
+from cam_rig.live.state_validation import speed_limits
 from cam_rig.messages import markers
 from cam_rig.messages.frames import BASE, CAM, FOLLOWER, GUIDE, MICROPHONE, MOTOR, Robot
-from cam_rig.messages.motion import Transforms
+from cam_rig.messages.motion import MotionMessages, Transforms
 from cam_rig.messages.urdf import Body, inertial, urdf
 from cam_rig.profile import contours, contours_at
 from cam_rig.profile.faces import GuidedFace, Swung, SwungFace
+from cam_rig.simulation.scene import max_contact_force
+from cam_rig.simulation.schedule import cam_states
+from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import NS
 
 from ..processes import ended
@@ -100,6 +105,73 @@ def test_the_parser_of_ros_accepts_the_urdf(kind, tmp_path):
     result = ended(parser, file)
     assert result.returncode == 0, result.stderr
     assert f"root Link: {BASE}" in result.stdout and "rror" not in result.stderr
+
+
+def test_the_cam_joint_has_the_limits_of_the_drive(kind):
+    """The velocity limit of the joint `cam` is the highest speed of commands in the scene.
+
+    The effort limit is at least the shaft torque at each angle: contact force times ds/dθ.
+    """
+    limit = ElementTree.fromstring(kind.urdf).find(f"joint[@name='{CAM}']/limit")
+    robot = kind.robot
+    assert float(limit.get("velocity")) == near(speed_limits(robot.loaded.scene)[1])
+    angles = np.linspace(0.0, 2.0 * np.pi, 721)
+    for cam in robot.cams:
+        law = robot.loaded.laws[cam]
+        force = max_contact_force(robot.loaded, cam, robot.top_speed)
+        torque = force * np.abs(law(angles, 1)).max()
+        assert torque <= float(limit.get("effort")) * (1.0 + 1e-5)
+
+
+@pytest.mark.parametrize("namespace", ["", "/rig1"])
+def test_the_element_of_ros2_control_names_the_topics_of_the_rig(scene_of_kinds, namespace):
+    """ros2_control sends velocities to the cam, and reads both joints, in the rig's namespace."""
+    robot = Robot.of(scene_of_kinds)
+    assert ElementTree.fromstring(urdf(robot)).find("ros2_control") is None
+    element = ElementTree.fromstring(urdf(robot, namespace)).find("ros2_control")
+    texts = {param.get("name"): param.text for param in element.findall("hardware/param")}
+    assert texts == {
+        "joint_commands_topic": f"{namespace}/joint_commands",
+        "joint_states_topic": f"{namespace}/joint_states",
+    }
+    commands = {j.get("name"): [c.get("name") for c in j.findall("command_interface")]
+                for j in element.findall("joint")}  # fmt: skip
+    assert commands == {CAM: ["velocity"], FOLLOWER: []}
+    bounds = {
+        p.get("name"): float(p.text) for p in element.findall("joint/command_interface/param")
+    }
+    assert bounds == {"min": 0.0, "max": near(speed_limits(scene_of_kinds.scene)[1])}
+
+
+def frames_of(message):
+    """Yield the names of the frames in a message and in the messages that it contains."""
+    for name, value in vars(message).items():
+        if name in ("frame_id", "child_frame_id") and value:
+            yield value
+        for part in value if isinstance(value, list) else [value]:
+            if hasattr(part, "__msgtype__"):
+                yield from frames_of(part)
+
+
+def test_a_frame_prefix_applies_to_all_frames_of_messages(scene_of_kinds):
+    """With a prefix each frame in the messages for viewers has it, and none has it without.
+
+    The messages are otherwise the same.
+    """
+    start, end = islice(cam_states(scene_of_kinds.scene), 2)
+    simulator = FollowerSimulator.of(scene_of_kinds)
+    simulator.turn_to(start)
+    _, block = simulator.turn_to(end)
+    frames = {}
+    for prefix in ("", "rig1/"):
+        motion = MotionMessages(scene_of_kinds, 8, frame_prefix=prefix)
+        derived = motion.of_cam(start.cam) + motion.of_tick(start, end, block.rows)
+        frames[prefix] = [
+            (m.topic.name, list(frames_of(TYPES.deserialize_cdr(m.cdr, m.topic.type))))
+            for m in derived
+        ]
+    prefixed = [(name, [f"rig1/{frame}" for frame in names]) for name, names in frames[""]]
+    assert prefixed == frames["rig1/"] and any(names for _, names in prefixed)
 
 
 def test_dimensions_are_those_of_the_files(kind):

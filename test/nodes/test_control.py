@@ -1,9 +1,11 @@
 """Operator commands to a running rig, and rigs in namespaces."""
 
+import math
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from sensor_msgs.msg import JointState
 
 from cam_rig.bag.completeness import expected_counts, require_complete
 from cam_rig.bag.files import bag_file
@@ -11,7 +13,7 @@ from cam_rig.bag.partial_reader import unpack
 from cam_rig.bag.reader import messages, read_counts
 from cam_rig.bag.recover import recover
 from cam_rig.bag.replay import compare
-from cam_rig.errors import BagError
+from cam_rig.errors import BagError, RefusedError
 from cam_rig.live.state_validation import StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
@@ -47,6 +49,38 @@ def set_speeds(user, reports):
     turns_at(*SCENE_RPM)  # it continues
     user.publish_rpm(333.0)
     turns_at(333.0, set_point=333.0)
+
+
+def test_a_controller_turns_and_stops_the_cam(make):
+    """The velocity of the joint `cam` is the speed from the next tick on, and 0 stops the cam.
+
+    Messages about other joints have no effect. Impossible velocities are refused.
+    """
+    drive = make("cam_drive")
+    program = drive.program
+
+    def command(velocity, *others):
+        names = [*others, "cam"] if velocity is not None else list(others)
+        values = [1.0] * len(others) + ([] if velocity is None else [velocity])
+        drive._controls._on_joint_commands(JointState(name=names, velocity=values))
+
+    command(31.4, "elbow")
+    assert program.schedule.state.speed == pytest.approx(31.4) and program.running
+    command(0.0)
+    assert not program.running and program.schedule.state.speed == pytest.approx(31.4)
+    command(None, "elbow")
+    assert not program.running
+    command(20.0)
+    assert program.running and program.schedule.state.speed == pytest.approx(20.0)
+    for velocity in (-1.0, math.nan, math.inf, 1e9, 1e-9):
+        with pytest.raises(RefusedError, match="/joint_commands"):
+            command(velocity)
+    with pytest.raises(RefusedError, match="velocity must have one value per joint"):
+        drive._controls._on_joint_commands(JointState(name=["cam"]))
+    program.take(0.0)
+    program.halt()
+    with pytest.raises(RefusedError, match="emergency stop"):
+        command(20.0)
 
 
 def test_a_session_of_operator_commands(user, short_scene, tmp_path):

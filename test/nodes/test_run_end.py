@@ -74,11 +74,15 @@ def test_nodes_end_with_the_run_and_leave_a_closed_bag(
     The closed bag equals that of `cam-rig run`, and each node logs its progress.
     """
     finished = listen(user, DiagnosticStatus, "/rig/finished")
+    states = listen(user, DiagnosticStatus, "/rig/state")
     with OneProcess(parameters(*NODES)) as here:
         wait_until(lambda: user.spin(0.1) or not any(map(here.is_running, NODES)))
     assert here.codes == dict.fromkeys(NODES, 0)
     run = FinishedRun.from_message(finished[0])
     assert (run.level, run.text, run.ticks) == (DiagnosticStatus.OK, "done", TICKS)
+    last = {pair.key: pair.value for pair in states[-1].values}
+    assert (last["state"], states[-1].message, last["tick"]) == ("finished", "done", str(TICKS))
+    assert {pair.value for s in states for pair in s.values if pair.key == "cam"} >= {"tm21"}
     assert not is_unclosed(tmp_path / "bag")
     assert payloads_of(tmp_path / "bag") == undisturbed
     logged = capfd.readouterr().err
