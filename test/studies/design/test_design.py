@@ -1,4 +1,4 @@
-"""Designs of laws: known optima, limits of the written file, bounds in exact arithmetic."""
+"""Designs of laws: known optima, limits of the cam file, bounds in fractions."""
 
 from fractions import Fraction
 from itertools import pairwise

@@ -101,9 +101,9 @@ def test_a_cam_that_nowhere_turns_steadily_is_refused():
 def test_the_errors_of_a_line_are_those_of_an_encoder_s_steps():
     """Speed and angle of a segment are within 4 standard errors.
 
-    The encoder steps drift: if a reading interval is nearly a fraction k/n of a count, the rounding errors are not
-    independent. With the scatter of independent readings, one speed in twenty was more than 4
-    standard errors off. Half a count is the mean lag of the angle, not an error.
+    The encoder steps drift: if a reading interval is nearly a fraction k/n of a count, the rounding
+    errors are not independent. With the scatter of independent readings, one speed in twenty was
+    more than 4 standard errors off. Half a count is the mean lag of the angle, not an error.
     """
     random, count = np.random.default_rng(1), 2.0 * np.pi / 1024
     off = []
