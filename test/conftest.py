@@ -31,14 +31,14 @@ from .references import many_digits
 
 __all__ = ["many_digits"]
 CONFIG = Path(__file__).parents[1] / "config"
-#: : Reference recording (bag) in the repository.
+#: Reference recording (bag) in the repository.
 GOLDEN = CONFIG.parent / "bags" / "golden"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
-#: : Cams with velocity jumps. A follower cannot remain on them, so few models accept them.
+#: Cams with velocity jumps. A follower cannot remain on them, so few models accept them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
-#: : Timeouts (s) of marked tests, long enough for a busy machine. For others see pyproject.toml.
+#: Timeouts (s) of marked tests, long enough for a busy machine. For others see pyproject.toml.
 TIMEOUTS = {"slow": 600, "ros": 300, "long": 3600}
-#: : Largest number of worker processes. More would only need memory.
+#: Largest number of worker processes. More would only need memory.
 MAX_WORKERS = 8
 
 

@@ -14,15 +14,15 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-#: : Smallest font size of a printed figure (pt).
+#: Smallest font size of a printed figure (pt).
 SMALLEST = 7.0
-#: : Largest width of a printed figure (in).
+#: Largest width of a printed figure (in).
 WIDEST = 170.0 / 25.4
-#: : Hyphen in place of a minus sign.
+#: Hyphen in place of a minus sign.
 HYPHEN = re.compile(r"(?<![\w-])-\d")
-#: : Exponent that is not typeset as a raised power.
+#: Exponent that is not typeset as a raised power.
 EXPONENT = re.compile(r"\de[+-]?\d")
-#: : Allowed overlap of two boxes of text (px), because boxes are rounded up to pixels.
+#: Allowed overlap of two boxes of text (px), because boxes are rounded up to pixels.
 TOUCH = 1.0
 
 

@@ -15,7 +15,7 @@ TYPES = get_typestore(Stores.ROS2_KILTED)
 TIME, HEADER = (
     TYPES.types[name] for name in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header")
 )
-#: : Wall-clock time (ns) of the start of the run.
+#: Wall-clock time (ns) of the start of the run.
 BEGIN = 1_767_225_600_000_000_000
 
 

@@ -5,7 +5,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-#: : Wall-clock time (s) after which a wait fails, long enough for a busy machine.
+#: Wall-clock time (s) after which a wait fails, long enough for a busy machine.
 WAIT_S = 100.0
 
 

@@ -17,7 +17,7 @@ import yaml
 from .cli.conftest import call
 
 CASES = Path(__file__).parent / "cases"
-#: : Factors of the units in the table to SI, the unit system of the JSON.
+#: Factors of the units in the table to SI, the unit system of the JSON.
 SI = {"mm": 1e-3, "um": 1e-6, "mm/rad": 1e-3, "mm/rad^2": 1e-3, "deg": 0.017453292519943295}
 
 

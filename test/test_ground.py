@@ -201,7 +201,7 @@ def test_an_interrupt_while_a_result_is_sent(tmp_path):
     assert "KeyboardInterrupt" in done.stderr and done.returncode == -signal.SIGINT
 
 
-#: : Longest wall time (s) until an ended process disappears, on a busy machine.
+#: Longest wall time (s) until an ended process disappears, on a busy machine.
 PATIENCE_S = 60.0
 
 
@@ -307,9 +307,9 @@ def test_two_runs_have_different_domains():
 
 
 HERE = Path(__file__).parent
-#: : Functions of the module subprocess that wait for a process.
+#: Functions of the module subprocess that wait for a process.
 RUN = {"call", "check_call", "check_output", "run"}
-#: : Methods of processes, threads, futures, queues and events that wait without a default limit.
+#: Methods of processes, threads, futures, queues and events that wait without a default limit.
 ENDLESS = {"communicate", "get", "join", "result", "wait"}
 
 

@@ -16,7 +16,7 @@ from cam_rig.interrupts import STOPPING
 from .processes import ended
 
 pytestmark = pytest.mark.usefixtures("hangup_enabled")
-#: : Start of each script. `send_signal` sends a signal to the process of the script.
+#: Start of each script. `send_signal` sends a signal to the process of the script.
 PRELUDE = """
 import signal, sys, threading, time
 from contextlib import ExitStack, contextmanager
@@ -45,7 +45,7 @@ def run(script: str, folder: Path) -> tuple[int, list[str], str]:
     return done.returncode, done.stdout.splitlines(), done.stderr
 
 
-#: : Body of most scripts. It prints the interrupt that is raised by the inserted code.
+#: Body of most scripts. It prints the interrupt that is raised by the inserted code.
 SCENE = """
 try:
     with raise_signals():
@@ -55,7 +55,7 @@ except Interrupted as error:
     print(error)
 """
 RAISED = "interrupted by SIGTERM"
-#: : Promise: script and lines that it must print. The exit code of each script is 143.
+#: Promise: script and lines that it must print. The exit code of each script is 143.
 SCENES = {
     "an import is completed, and its lock released": (
         """

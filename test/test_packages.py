@@ -22,7 +22,7 @@ from cam_rig.extras import EXTRAS, OPTIONAL
 from .processes import ended
 
 ROOT = Path(__file__).parents[1]
-#: : rosdep keys of the libraries whose key is not python3-<name>.
+#: rosdep keys of the libraries whose key is not python3-<name>.
 KEYS = {
     "markupsafe": "python3-jinja2",
     "lz4": "mcap-ros2-support",
@@ -31,19 +31,19 @@ KEYS = {
     "rosbags": "python3-rosbags-pip",
     "zstandard": "mcap-ros2-support",
 }
-#: : Libraries whose module has another name than the package.
+#: Libraries whose module has another name than the package.
 IMPORTED_AS = {"PIL": "pillow", "rerun": "rerun-sdk", "sksundae": "scikit-sundae", "yaml": "pyyaml"}
-#: : Libraries that only the scripts for reference values import.
+#: Libraries that only the scripts for reference values import.
 MAKERS = {"mpmath"}
-#: : Libraries that only the tests of other packages need, which use `cam_rig.testing`.
+#: Libraries that only the tests of other packages need, which use `cam_rig.testing`.
 TESTS = {"pytest"}
 IMPORTED_AS |= {"mkdocs": "mkdocs-material", "griffe": "mkdocstrings"}
 IMPORTED_AS |= {"pydantic_core": "pydantic", "rerun_cli": "rerun-sdk", "SALib": "salib"}
-#: : Extras that are not part of `all`: comparison with other solvers, and a cluster.
+#: Extras that are not part of `all`: comparison with other solvers, and a cluster.
 APART = {"bench", "dask"}
-#: : Lists of setup.py that `make setup` installs in addition to `all`.
+#: Lists of setup.py that `make setup` installs in addition to `all`.
 INSTALLED = ("CORE", "BENCH", "DASK", "ROS_WHEELS", "TEST")
-#: : Example of the README without the bag. Libraries outside the core cannot be imported.
+#: Example of the README without the bag. Libraries outside the core cannot be imported.
 TEN_LINES = """
 import sys
 
@@ -198,7 +198,7 @@ def test_the_core_alone_runs_the_ten_lines():
     assert (done.stderr, done.stdout) == ("", "413.44\n")
 
 
-#: : Missing library, a command that needs it, and the end of the error line.
+#: Missing library, a command that needs it, and the end of the error line.
 LACKING = {
     "typer": ("--help", "cam_rig[cli]'"),
     "rerun": ("view bags/golden --save out/none.rrd", "cam_rig[view]'"),
@@ -247,12 +247,12 @@ def test_the_changelog_starts_with_the_version():
 
 DOCKER = ROOT / "docker"
 PAGE = (ROOT / "docs" / "installation.md").read_text(encoding="utf-8")
-#: : Libraries of setup.py that Ubuntu 24.04 has in a version that is new enough.
+#: Libraries of setup.py that Ubuntu 24.04 has in a version that is new enough.
 FROM_UBUNTU = {
     *("ezdxf", "jinja2", "markupsafe", "matplotlib", "numpy", "pyyaml", "rich", "scipy"),
     "shapely",
 }
-#: : Debian packages that a step needs in addition to the ROS image and the keys of rosdep.
+#: Debian packages that a step needs in addition to the ROS image and the keys of rosdep.
 APT = {"python3-venv"}
 
 
@@ -381,7 +381,7 @@ def test_compose_builds_that_image():
 
 PACKAGE = {path: path.read_text(encoding="utf-8") for path in (ROOT / "cam_rig").rglob("*.py")}
 MAX_FILE, MAX_FUNCTION = 420, 60
-#: : Attributes of a statement that contain nested statements.
+#: Attributes of a statement that contain nested statements.
 PARTS = ("body", "orelse", "handlers", "finalbody", "cases")
 
 

@@ -22,7 +22,7 @@ from ruamel.yaml import YAML
 ROOT = Path(__file__).parents[1]
 LAYOUTS = sorted((ROOT / "config" / "layouts").iterdir())
 MARKERS, WRENCH = "visualization_msgs/msg/MarkerArray", "geometry_msgs/msg/WrenchStamped"
-#: : Message type of each type of display in RViz.
+#: Message type of each type of display in RViz.
 DISPLAYS = {
     "rviz_default_plugins/MarkerArray": MARKERS,
     "rviz_default_plugins/RobotModel": "std_msgs/msg/String",

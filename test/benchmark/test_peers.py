@@ -69,7 +69,7 @@ def test_without_joblib_the_campaign_is_alone(monkeypatch):
 
 
 BY_TITLE = {peer.title: peer for peer in PEERS}
-#: : Cases: name, number of turns, largest error of a peer at rtol 1e-10.
+#: Cases: name, number of turns, largest error of a peer at rtol 1e-10.
 SOLVED = [
     ("resonance", 2, 1e-6),
     ("torsional", 1, 1e-6),

@@ -22,9 +22,9 @@ from tools.docs.equations import CODE, EQUATION, convert_equations, line
 from ..processes import ended
 from .conftest import DOCS, PAGES, ROOT, blocks, commands, text
 
-#: : Pattern of a path in this repository.
+#: Pattern of a path in this repository.
 TREE = r"(?:cam_rig|config|test|tools|benchmark|examples|launch|docs|bags)/[\w./*-]*\w/?"
-#: : Pattern of placeholders and of files that are written by a run.
+#: Pattern of placeholders and of files that are written by a run.
 ANY = re.compile(r"NAME|mine|^bags/(?!golden|README)")
 
 

@@ -20,7 +20,7 @@ CAM, RIG = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
 LAW = cam_rig.build_law(CAM)
 
 
-#: : Valid and invalid numbers of a rig: the damping is a text.
+#: Valid and invalid numbers of a rig: the damping is a text.
 MIXED = {"mass": 1.3, "damping": "8"}
 GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 
@@ -98,7 +98,7 @@ def test_level_is_calibrated_only_for_the_measured_rig():
     assert not cam_rig.sound_level(pulled).calibrated
 
 
-#: : Values that are invalid for most arguments: texts, numbers and other objects.
+#: Values that are invalid for most arguments: texts, numbers and other objects.
 INVALID = [
     *(None, True, False, 0, -1, 10**12, 2**63 - 1, 10**400, 10**5000, np.int64(-3), np.bool_(True)),
     *(-1.5, 0.5, 1e-300, 1e300, math.nan, math.inf, -math.inf, np.float64(math.nan), 1j),
@@ -108,7 +108,7 @@ INVALID = [
     *(object(), object, math),
 ]
 FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
-#: : Functions with a long computation, and what is replaced, so that only arguments are checked.
+#: Functions with a long computation, and what is replaced, so that only arguments are checked.
 LONG = {"noise_study": ["cam_rig.studies.noise.study.study_noise"]}
 
 
@@ -169,7 +169,7 @@ def valid_arguments(tmp_path_factory):
     }
 
 
-#: : Errors that are no ValueError: a missing file, an unwritable folder, a design without a law.
+#: Errors that are no ValueError: a missing file, an unwritable folder, a design without a law.
 FILE_ERRORS = errors.BagError | errors.OutputError | errors.DesignError | errors.MissingLibraryError
 
 

@@ -21,7 +21,7 @@ from cam_rig.show.result import enable_notebook_display
 
 from ..processes import ended
 
-#: : Modules that define public names. Their docstrings contain examples.
+#: Modules that define public names. Their docstrings contain examples.
 WITH_EXAMPLES = sorted({"cam_rig"} | {getattr(cam_rig, name).__module__ for name in cam_rig._HOMES})
 
 
@@ -173,13 +173,13 @@ NO_COMPUTATION = {
     *("run", "replay", "panel", "view"),
     *("new", "export", "listen", "recover", "report", "urdf"),
 }
-#: : Public names without a command of the same name, which are parts of a computation.
+#: Public names without a command of the same name, which are parts of a computation.
 PARTS = {
     *("Cam", "CamRigError", "Law", "Rig", "__version__"),
     *("build_law", "load_cam", "load_rig", "load_scene"),
     *("contour", "jump_speed", "plot_law", "simulate", "sound_level", "sweep"),
 }
-#: : Options for figures and files by command. In Python they are methods of the result.
+#: Options for figures and files by command. In Python they are methods of the result.
 FILES = {
     "bounce": {"basins"},  # a separate function, `cam_rig.studies.bounce.basins`
     "contact": {"events", "min-radius"},
@@ -193,7 +193,7 @@ FILES = {
         *("unit", "axis", "zero", "mirrored", "layer", "align"),
     },
 }
-#: : Options for parallel processes, in place of the parameters executor and workers.
+#: Options for parallel processes, in place of the parameters executor and workers.
 WORKERS = {"jobs", "dask"}
 #: Parameters without an option.
 ONLY_IN_PYTHON = {"progress", "executor", "workers", "on_tick"}
@@ -269,7 +269,7 @@ def test_every_function_belongs_to_a_command_or_is_a_part():
 # -- a type checker of a user's code finds the types of parameters and results
 
 
-#: : Script of a user. Each comment is the type that a type checker must find.
+#: Script of a user. Each comment is the type that a type checker must find.
 SCRIPT = """
 import numpy as np
 

@@ -10,7 +10,7 @@ from cam_rig.messages.urdf import urdf
 from cam_rig.simulation.scene import open_scene
 
 CONFIG = Path(__file__).parents[2] / "config"
-#: : Cams, each with a different type of follower.
+#: Cams, each with a different type of follower.
 KINDS = (
     "poly345",
     "eccentric_roller",

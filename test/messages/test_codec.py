@@ -95,7 +95,7 @@ def test_an_invalid_cam_state_is_rejected(positions, text):
 
 # -- motion at selected times within a tick: extremes, order and messages
 
-#: : Model of a follower that can lift off and land.
+#: Model of a follower that can lift off and land.
 MODEL = MODELS["one_mass"]
 BOTH = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT)
 

@@ -27,7 +27,7 @@ from cam_rig.units import NS
 from ..processes import ended
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
-#: : Equality within the six digits of numbers in the URDF.
+#: Equality within the six digits of numbers in the URDF.
 near = partial(pytest.approx, rel=1e-5)
 
 
@@ -260,13 +260,13 @@ def test_transforms_equal_the_poses_of_the_urdf(kind):
 
 # -- markers, transformed by /tf into the frames of the cam and the follower
 
-#: : Number of samples.
+#: Number of samples.
 COUNT = 45
 #: Gap in flight (m).
 GAP = 1.3e-3
-#: : Cam angle at each sample (rad).
+#: Cam angle at each sample (rad).
 ANGLE = np.linspace(0.001, 12.0, COUNT)
-#: : Rig time of each sample (ns).
+#: Rig time of each sample (ns).
 STAMPS = np.arange(COUNT) * 10**7 + 3
 
 

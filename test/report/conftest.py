@@ -12,11 +12,11 @@ WIDE = DataTable(
     tuple(tuple(float(i * j) for i in range(9)) for j in range(30)),
     ("A note that is about as long as the caption, and must not be cut at the side either.",),
 )
-#: : Table that no template displays, which is thus in the appendix.
+#: Table that no template displays, which is thus in the appendix.
 SPARE = DataTable("A table to check", (Header("name"),), (("spare",),))
 
 
-#: : Templates of the sections: a sentence, and all tables.
+#: Templates of the sections: a sentence, and all tables.
 TEMPLATES = {
     "summary": "{% call page.words() %}What came out.{% endcall %}",
     "reading": "{{ page.all(tables) }}",

@@ -46,7 +46,7 @@ def render(kind, parts=PARTS, figures=("pic",)):
     return text
 
 
-#: : Parts of the page. Text of a user is escaped, and units are below the headings. A screen :
+#: Parts of the page. Text of a user is escaped, and units are below the headings. A screen :
 #: reader reads headings and table name with each cell. References may precede their target.
 HTML = (
     '<span id="caption-1"><b>Table 1.</b> A &lt; table</span></caption>',

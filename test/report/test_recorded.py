@@ -116,7 +116,7 @@ def test_lines_and_signs():
     assert tree("a < b")[1].text == "<"
 
 
-#: : Templates of the report on the paper.
+#: Templates of the report on the paper.
 PAPER = Path(__file__).parents[2] / "examples" / "paper" / "templates"
 
 

@@ -56,7 +56,7 @@ from cam_rig.units import RPM
 from ..figure_faults import faults
 from ..processes import ended
 
-#: : Label of a quantity with its unit, such as "cam angle θ [°]".
+#: Label of a quantity with its unit, such as "cam angle θ [°]".
 LABEL = re.compile(r"\w.* \[[^\[\]]+\]", re.DOTALL)
 DURATION, SPEED = 0.5, 460.0
 
@@ -310,9 +310,9 @@ def test_logarithmic_ticks() -> None:
 # -- look of a cam: constant for a name, and distinct in grey and for colour-blind readers
 
 
-#: : Cams of table 2 of the paper, which the report compares.
+#: Cams of table 2 of the paper, which the report compares.
 TABLE_2 = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
-#: : Cams whose contact stress the report compares.
+#: Cams whose contact stress the report compares.
 CONTACT = (*TABLE_2, "flat", "oscillating_flat", "point")
 
 

@@ -194,7 +194,7 @@ def test_a_table_without_rows_is_empty():
     assert tabulate("None", [], FIELDS) == DataTable("None", (), ())
 
 
-#: : Labels of cams, by name.
+#: Labels of cams, by name.
 TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
 
 

@@ -13,7 +13,7 @@ from cam_rig.show.tables import DataTable, Header
 
 from ..cli.conftest import call
 
-#: : Text with control characters: red, clear screen, bell, return, reversed text direction.
+#: Text with control characters: red, clear screen, bell, return, reversed text direction.
 BAD = "Be\x1b[31mnch\x9b2J\x07\r\u202e"
 
 

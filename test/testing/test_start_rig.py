@@ -24,7 +24,7 @@ from ..processes import ended, is_running, until
 
 pytestmark = pytest.mark.ros
 pytest_plugins = ["pytester"]
-#: : Options of the separate pytest run. It is allowed to name the plugin, which is loaded anyway.
+#: Options of the separate pytest run. It is allowed to name the plugin, which is loaded anyway.
 PLUGINS = ("-p", "cam_rig.testing", "-p", "no:cacheprovider", "-p", "no:xdist")
 
 
@@ -97,7 +97,7 @@ def test_failed_program_is_reported_with_its_last_line(start_rig):
         rig.wait_for_tick(1)
 
 
-#: : Script that starts a program with a child, prints the process ids of both, and sleeps.
+#: Script that starts a program with a child, prints the process ids of both, and sleeps.
 ABANDONED = """
 import os, sys, time
 from cam_rig.testing.running_rig import StartedProgram
