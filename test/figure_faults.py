@@ -27,7 +27,7 @@ TOUCH = 1.0
 
 
 def faults(figure: Figure) -> list[str]:
-    """Return a line for each fault of a figure. A printable figure has none."""
+    """Return a line for each fault of a figure, and no line for a printable figure."""
     figure.draw_without_rendering()
     found = [] if figure.get_figwidth() <= WIDEST + 1e-9 else ["wider than 170 mm"]
     texts = [text for text in figure.findobj(Text) if text.get_text().strip()]

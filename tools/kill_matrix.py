@@ -103,7 +103,7 @@ class Case:
         self.seconds = time.monotonic() - start_time
 
     def faults(self, bag: Path, before: set[str]) -> list[str]:
-        """Return the promises that the run violated. The list is empty if there are none."""
+        """Return the promises that the run violated. Without violations the list is empty."""
         faults = [] if self.impact else ["the signal was never sent"]
         if self.seconds > MAX_CASE_S:
             faults.append(f"took {self.seconds:.0f} s")

@@ -26,7 +26,7 @@ from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
 from cam_rig.units import TURN
 
-# -- pieces of a law as power series of time, with 50 digits; the floats of the law are exact
+# -- pieces of a law as power series of time, with 50 digits
 
 
 @dataclass(frozen=True)

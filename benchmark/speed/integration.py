@@ -127,7 +127,7 @@ def integrate_case(case: Case, integrate: Integrator) -> Solution:
     return Solution(x, v, tuple(run.events))
 
 
-# -- solution of the torsional case by a peer; the joints of the law are its events
+# -- solution of the torsional case by a peer, with the joints of the law as events
 
 #: Usual size of a twist (rad).
 TWIST = 1e-3

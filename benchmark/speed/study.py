@@ -67,7 +67,7 @@ class CaseResult:
     def best(self, peer: str) -> tuple[Sweep, WorkPrecisionPoint] | None:
         """Return the fastest point of the peer that is as accurate as cam_rig.
 
-        If there is none, it is the most accurate point.
+        If there is no such point, it is the most accurate point.
         """
         all_points = [(s, p) for s in self.sweeps if s.peer.name == peer for p in s.points]
         if not all_points:

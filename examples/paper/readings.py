@@ -3,7 +3,7 @@
 The table has speeds in steps of 5 rpm, so each cam runs from rest at every such speed. The first
 speed with a loss of contact is compared with the printed speed, and the time of the loss with the
 printed time. The printed time is informative only if few speeds near the printed speed reproduce
-it. If the forces of all turns are nearly equal, almost none does. The parameters are in
+it. If the forces of all turns are nearly equal, hardly any speed does. The parameters are in
 readings.yaml.
 """
 

@@ -98,7 +98,7 @@ def test_list_of_commands_has_the_first_sentence_of_each():
 def test_json_of_simulate():
     """The JSON of `simulate tm21_sweep` has all speeds, levels and the crossing.
 
-    The levels agree with the published ones within the limits of the comparison.
+    The levels agree with published levels within the limits of the comparison.
     """
     data = data_of("simulate", "tm21_sweep")
     assert set(data) == {"schema", "speeds", "noise", "levels", "crossing", "run", "messages"}

@@ -49,7 +49,7 @@ def test_table_of_topics():
 
 
 def test_table_of_parameters():
-    """The table of nodes.md lists each parameter of each node, and marks live ones.
+    """The table of nodes.md lists the parameters of each node, and marks live ones.
 
     `scene` and `on_finish` are listed once for all nodes.
     """

@@ -235,7 +235,7 @@ def test_four_hundred_bounces():
 
 
 def test_events_within_a_nanosecond():
-    """Bounces within a nanosecond are found in order, and none is missed or repeated."""
+    """Bounces within a nanosecond are found in order, without omission or repetition."""
     p = FollowerParameters(1.3, 4030.0, 0.0, 2.6e6, 3.3e8, 0.5)
     times = [event.time for event in thrown(0.1, p, 0.01)]
     exact = [float(time) for time, _ in bounces(0.1, p, len(times))]

@@ -90,7 +90,7 @@ def test_a_measured_law_with_noise(laws, run, p, amplitude, seed, turns):
 @pytest.mark.parametrize("apart", [24.0, pytest.param(0.75, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("run", "p"), [(two_masses, TWO), (one_mass, ONE)])
 def test_a_narrow_bump_is_not_missed(laws, run, p, apart):
-    """A bump of 0.3° and 1 mm at any angle causes events, and none is missed.
+    """A bump of 0.3° and 1 mm at any angle causes events, and no event is missed.
 
     Gap and force are never negative beyond rounding.
     """

@@ -51,7 +51,7 @@ def run(model, law, p, cuts, speed=SPEED, rate=8000, nudge=0.0):
 def test_an_impact_at_the_start_of_a_run(edge):
     """A run that starts at a velocity jump starts with an impact on the follower.
 
-    The impulse is m Ω Δs'. On an elastic stem there is none.
+    The impulse is m Ω Δs'. On an elastic stem the impulse is zero.
     """
     law = turned(edge, edge.breaks[1])
     for model, p, mass in (("one_mass", ONE, ONE.mass), ("two_mass", CALM, CALM.roller_mass)):

@@ -217,7 +217,7 @@ def test_messages_equal_those_of_rosbags_byte_for_byte(make_loaded_scene, ticks_
 
 
 def test_only_messages_of_the_wanted_topics_are_made(make_loaded_scene, follower):
-    """Only messages of the requested topics are made, and none for an unknown cam."""
+    """Only messages of requested topics are made, and no message for an unknown cam."""
     loaded = make_loaded_scene()
     motion, rate = MotionMessages(loaded, topics=BOTH), int(loaded.scene.sample_rate.si)
     tick = next(ticks_of(next(iter(loaded.laws.values())), follower, 150.0, 1, rate))

@@ -74,8 +74,8 @@ def test_any_ordinates_give_the_law_of_the_library(name):
 def test_a_law_keeps_its_ordinates_if_some_may_be_moved():
     """A law given by ordinates is drawn with these if some of them are free.
 
-    If none is free, B-splines replace them. An example is a law of eight ordinates, four of which
-    are fixed at each end.
+    If no ordinate is free, B-splines replace them. An example is a law of eight ordinates, four of
+    which are fixed at each end.
     """
     for name in ("bezier15", "designed"):
         config = load_cam(name)

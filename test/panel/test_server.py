@@ -184,7 +184,7 @@ def test_every_language_has_all_texts_and_no_unused_text():
 def message_template(node):
     """Return the message of a call with {1}, {2} for its values.
 
-    It is None if the message is not a literal.
+    The result is None if the message is not a literal.
     """
     if isinstance(node, ast.Constant):
         return node.value

@@ -142,7 +142,7 @@ def test_warnings_of_faulty_contours():
 def test_shipped_cams_have_no_backlash(cams, laws):
     """The followers of shipped cams that move both ways have no backlash.
 
-    Two opposite faces have none if the fall is the rise turned by 180°.
+    Two opposite faces have no backlash if the fall is the rise turned by 180°.
     """
     for name in ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate"):
         assert np.abs(measure.closure(cams[name].follower, laws[name])).max() < BACKLASH_ATOL

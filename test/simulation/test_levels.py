@@ -131,7 +131,7 @@ def test_the_crossover_is_none_without_both_cams(published):
 def test_rms_difference_to_the_published_curve(published):
     """A curve 1.5 dB above the published curve has an r.m.s. difference of 1.5 dB.
 
-    Speeds outside of the published ones do not count. It is None without a published curve.
+    Speeds outside of the published range do not count. It is None without a published curve.
     """
     steps = {speed: level + 1.5 for speed, level in steps_of(ONE).items()}
     steps[500.0 * np.pi / 30.0] = 0.0
@@ -142,7 +142,7 @@ def test_rms_difference_to_the_published_curve(published):
 
 
 def test_a_run_without_settled_turns_is_an_error():
-    """Levels without a turn after the excluded ones raise CamRigError."""
+    """Levels without a turn after the excluded turns raise CamRigError."""
     with pytest.raises(CamRigError, match="here: no whole settled turn"):
         require_ticks(step_levels(ticks([1.0, 1.0]), transient_turns=5), "here")
 

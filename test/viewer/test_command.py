@@ -98,7 +98,7 @@ def test_saving_needs_no_display_and_prints_path_and_size(bag, tmp_path):
 def test_invalid_options_are_refused(bag, tmp_path):
     """Conflicting options, or a speed that is not in the run, are refused.
 
-    The error names the options, or the speeds of the run. No file is written.
+    The error contains the options, or the speeds of the run. No file is written.
     """
     save = ["--save", "{tmp}/a.rrd"]
     for options, code, words in (

@@ -285,7 +285,7 @@ def test_the_rate_is_constant_if_the_delay_is_unknown():
 
 
 def test_no_more_pictures_are_sent_than_a_screen_displays():
-    """The number of pictures sent is limited by the time since the last ones.
+    """The number of pictures sent is limited by the time since the last pictures.
 
     The newest picture is always sent.
     """

@@ -109,7 +109,7 @@ def test_an_existing_file_is_not_overwritten(bag, tmp_path):
 def test_a_bag_without_a_required_topic_is_refused(tmp_path, config_dir):
     """A bag without the profile of a cam, or without samples, is refused.
 
-    The error names the topic, and no incomplete file remains.
+    The error contains the topic, and no incomplete file remains.
     """
     for topic, words in (
         (topics.PROFILE, "'poly345' turns, but its /cam/profile is not in the bag"),

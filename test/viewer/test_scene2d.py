@@ -79,7 +79,7 @@ def test_frames_come_at_equal_angles_across_blocks():
 def test_the_gap_is_drawn_in_flight_only(bag, picture):
     """In flight a vertical line with the length of the gap is drawn.
 
-    In contact there is none.
+    In contact there is no line.
     """
     strips = picture.column("scene/rig/gap", "LineStrips2D:strips")
     sample = bag.sample_of(picture, "scene/rig/gap")
@@ -159,7 +159,7 @@ def test_the_arrow_is_visible_at_every_speed(scene):
 
 @pytest.mark.parametrize("cam", ["oscillating_roller", "oscillating_flat", "flat", "poly345"])
 def test_the_follower_covers_no_number_of_the_ring(make_loaded_scene, cam):
-    """The follower covers none of the visible angle numbers around the cam.
+    """The follower covers no visible angle number around the cam.
 
     This applies at any lift. At least six numbers are visible.
     """

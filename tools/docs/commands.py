@@ -79,7 +79,7 @@ def verbs() -> dict[str, Any]:
 def _shared(verbs: Iterable[Any]) -> list[str]:
     """Return the options that several commands describe with equal words.
 
-    For each name it is the most frequent description.
+    For each option, the description is the most frequent.
     """
     items = Counter(_item(option) for verb in verbs for option in _visible_options(verb))
     long = [

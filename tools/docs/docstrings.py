@@ -15,7 +15,7 @@ class FieldComments(Extension):
     """Extension that uses the comment of a field as its docstring."""
 
     def on_object(self, *, obj: Object, **_: Any) -> None:
-        """Set the comment of an attribute as its docstring, if it has none."""
+        """Set the comment of an attribute without a docstring as its docstring."""
         if obj.docstring is None and obj.is_attribute and (comment := _comment(obj)):
             obj.docstring = Docstring(comment, parent=obj)
 

@@ -64,7 +64,7 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
 
 
 def frame_rig(axes: Axes, archive: TurnArchive, turn: Turn) -> None:
-    """Set the limits to the whole of cam and follower, and hide the axes."""
+    """Set the limits to the complete cam and follower, and hide the axes."""
     law = archive.loaded.laws[turn.cam]
     side = follower_shape(archive.loaded.cams[turn.cam], law).reach * MM
     low = 1.05 * float(np.hypot(*archive.profiles[turn.cam].T).max()) * MM

@@ -88,7 +88,7 @@ def test_the_turns_are_those_of_the_cam(way, seed):
 @pytest.mark.parametrize("kind", ["zeros", "random", "runs"])
 @pytest.mark.parametrize("seed", range(8))
 def test_wrong_angles_are_dropped_and_the_others_kept(way, kind, seed):
-    """Readings that are wrong by more than 30° are dropped, and correct ones never.
+    """Readings that are wrong by more than 30° are dropped, and correct angles never.
 
     The remaining angles are the true angles plus a constant.
     """

@@ -88,7 +88,7 @@ def test_a_period_doubling_is_located_to_a_millionth(four, family, follower):
 
 
 def test_a_fold_is_located_to_a_millionth(four, family):
-    """Two motions exist 1e-6 above the fold speed, and none 1e-6 below it.
+    """Two motions exist 1e-6 above the fold speed, and no motion 1e-6 below it.
 
     One of the two is stable and the other unstable.
     """

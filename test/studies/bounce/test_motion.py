@@ -84,7 +84,7 @@ def test_a_period_that_rounding_decides_is_not_reported(laws, rig, name, restitu
 def test_restitution_of_the_caller_replaces_that_of_the_rig(rig):
     """A restitution given by the caller replaces that of the rig file.
 
-    If neither has one, the error names the option --restitution.
+    Without both, the error contains the option --restitution.
     """
     assert bouncing(rig, None).restitution == 0.0
     assert bouncing(rig, 0.4).restitution == 0.4

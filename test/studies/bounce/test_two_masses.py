@@ -35,7 +35,7 @@ SOFT = TwoMassParameters(0.4, 0.6, 2000.0, 5.0, 0.8, 0.3, 9.81, 0.6)
 def events_of(turn_map, numbers):
     """Return the (time in s, kind) of each event in a simulation of one turn.
 
-    `numbers` is the state at the start of the turn. The package's own model is used. A landing that
+    `numbers` is the state at the start of the turn. The model of cam_rig is used. A landing that
     is followed at once by a lift-off has the kind LEAVES.
     """
     trajectory = Separation(turn_map.law, turn_map.parameters, turn_map.speed)
@@ -178,7 +178,7 @@ def test_a_branch_of_two_masses(laws, last):
 
 
 def test_two_masses_over_a_number(law, paper_rig):
-    """A sweep over the mass keeps the ratio of roller mass and end mass.
+    """In a sweep over the mass, the ratio of roller mass and end mass is constant.
 
     In a sweep over the preload, contact is lost where the smallest steady contact force is zero.
     """

@@ -396,7 +396,7 @@ def test_a_heavier_follower_needs_the_inertial_force_in_addition(make_loaded_sce
     law = random_law(seed, "poly345")
     random, names = np.random.default_rng(100 + seed), ("mass", "spring_stiffness", "damping")
     factors = dict(zip(names, random.uniform(0.5, 2.0, 3).tolist(), strict=True))
-    # A high preload keeps the follower in contact on any random cam.
+    # With a high preload the follower is in contact on any random cam.
     loaded = with_follower(replace(loaded, laws={"poly345": law}), preload=80.0, **factors)
     heavy = with_follower(loaded, mass=1.1)
     more = heavy.follower.mass - loaded.follower.mass

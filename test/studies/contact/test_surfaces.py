@@ -197,7 +197,7 @@ def test_tables_json_and_nomogram(tmp_path, monkeypatch):
     assert data["run"] == {"rig": "paper_table2", "rpm": 300.0}
 
 
-# -- bounds on the base radius: at the bound the measure equals its limit; closed forms
+# -- bounds on the base radius: at the bound the measure equals its limit, and closed forms
 
 
 @pytest.mark.parametrize("name", ["flat", "inclined_flat", "oscillating_flat", "oscillating_point"])

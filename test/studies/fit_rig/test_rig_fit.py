@@ -262,7 +262,7 @@ def test_invalid_runs_are_errors(law, rig):
 
 
 def test_another_cam_identifies_no_parameter(law, laws, rig):
-    """With the law of another cam no parameter is identified, and the report says so."""
+    """With the law of another cam no parameter is identified, as the report states."""
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:2], QUICK, 1)
     fit = fit_run(laws["bezier15"], run, rig)
     assert fit.identified == ()

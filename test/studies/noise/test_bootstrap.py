@@ -108,7 +108,7 @@ ROLES = StudyRoles(reference="conventional", predicted="proposed", arcs="arcs")
 def claims(crossover=335.0, **levels):
     """Return the tests of each claim of the paper, for the given level curves.
 
-    The curves are used for published, regression and computed levels alike.
+    The curves are used for published, regression and computed levels.
     """
     curves = {
         cam: SimpleNamespace(rpm=RPM, published_db=level, regression_db=level, level_db=level)

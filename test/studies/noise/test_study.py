@@ -142,7 +142,7 @@ def test_one_rig(study, methods, paper_rig):
 
 
 def test_every_crossing_of_the_published_curves_has_a_counterpart(methods):
-    """For each crossing of the published cubics, a computed one or None is reported.
+    """For each crossing of published cubics, a computed crossing or None is reported.
 
     The published crossings are at 210, 335 and 360 rpm.
     """
