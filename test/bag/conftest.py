@@ -61,6 +61,7 @@ class Kept:
 
 @pytest.fixture
 def kept():
+    """Bag writer that keeps the written messages in memory."""
     return Kept()
 
 

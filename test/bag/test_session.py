@@ -55,11 +55,13 @@ def by_topic(kept):
 
 @pytest.fixture
 def session(kept):
+    """Recording session that writes into `kept`."""
     return RecordingSession(kept, StateValidator(RATE))
 
 
 @pytest.fixture(scope="module")
 def states(golden):
+    """Stamps (ns) of the cam states in the golden bag."""
     return [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.CAM_STATE]
 
 

@@ -1,3 +1,5 @@
+"""Fixture of the cases of the comparison with other solvers."""
+
 import pytest
 
 from benchmark.speed.cases import CASES

@@ -59,6 +59,7 @@ class Copy:
 
 @pytest.fixture
 def copy(tmp_path):
+    """Copy of the package in a temporary folder, which a test can change."""
     return Copy(tmp_path)
 
 

@@ -38,6 +38,7 @@ ANSWERS = 4
 
 @pytest.fixture
 def board(tmp_path):
+    """Drawing board of the panel with the cam poly345."""
     return Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), tmp_path / "out")
 
 
@@ -164,6 +165,10 @@ def filled(sheet, folder, off=0.0, student="Ana"):
 
 @pytest.fixture(scope="module")
 def chromium():
+    """Browser without a window and without WebGL.
+
+    Without an installed browser the test is skipped.
+    """
     if why := why_no_browser():
         pytest.skip(why)
     with open_browser(webgl=False) as browser:

@@ -35,6 +35,7 @@ def read(path):
 
 @pytest.fixture(scope="module")
 def run():
+    """Run that is read from the golden bag."""
     return cam_rig.read_bag(GOLDEN)
 
 

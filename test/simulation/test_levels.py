@@ -34,6 +34,7 @@ def steps_of(coefficients):
 
 @pytest.fixture
 def published():
+    """Published levels of two cams as cubics of the speed. They cross at 335 rpm."""
     return PublishedNoise(
         name="p",
         source="made",

@@ -12,6 +12,7 @@ from cam_rig.errors import ConfigError, DynamicsError, MissingLibraryError
 
 @pytest.fixture(scope="module")
 def law():
+    """Law of the cam bezier15."""
     return cam_rig.build_law(cam_rig.load_cam("bezier15"))
 
 

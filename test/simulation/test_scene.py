@@ -253,6 +253,7 @@ def test_another_cam_with_the_calibrated_name_is_predicted():
 
 @pytest.fixture(params=[1, 7, 64])
 def scene(request, make_scene):
+    """Scene with four speeds, not in order, for each number of ticks per turn."""
     return make_scene(ticks_per_turn=request.param, speeds=[200, 333, 400, 210])
 
 

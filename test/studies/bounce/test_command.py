@@ -71,6 +71,7 @@ RPM = [310.0, 390.0, 420.0, 450.0]
 
 @pytest.fixture
 def tm21(laws, rig):
+    """Law of the cam TM21, and the rig."""
     return laws["tm21"], rig
 
 

@@ -162,5 +162,6 @@ def test_data_has_one_row_per_start(two):
 
 
 def test_a_grid_below_two_is_refused(two):
+    """Basins of attraction on a grid of fewer than 2 x 2 points raise ConfigError."""
     with pytest.raises(ConfigError, match="grid must be 2 or more"):
         basins(two.law, two.rig, rpm=420, grid=1)

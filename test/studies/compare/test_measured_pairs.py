@@ -34,6 +34,11 @@ BEHIND = OFFSET_DEG + 180.0 / COUNTS
 
 @pytest.fixture
 def scene(make_loaded_scene):
+    """Function that returns a scene of a cam at given speeds.
+
+    At each speed it has 12 turns, of which the first 2 are for settling.
+    """
+
     def make(cam="poly345", speeds=(200, 300), **changes):
         settings = {"turns": 12, "transient_turns": 2, "sample_rate": 8000, **changes}
         return make_loaded_scene(cams=[cam], speeds=list(speeds), **settings)

@@ -210,6 +210,7 @@ def gl110(config_dir):
 
 @pytest.fixture(scope="module")
 def gl110_fit(gl110):
+    """Fit of arcs to the readings of the cam GL110."""
     return fit_arcs(gl110, (None, None), 0.010, 0.03)
 
 

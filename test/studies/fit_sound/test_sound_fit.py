@@ -227,6 +227,7 @@ segments:
 
 @pytest.fixture
 def path(tmp_path):
+    """Small rig file with comments, which a test changes."""
     path = tmp_path / "rig.yaml"
     path.write_text(TEXT, encoding="utf-8")
     return path

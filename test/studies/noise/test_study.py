@@ -43,11 +43,13 @@ LIFT = 0.005
 
 @pytest.fixture(scope="module")
 def study():
+    """Set-up of the noise study for the scene of the paper."""
     return NoiseSetup.of(open_scene(config_root() / "scenes" / "tm21_sweep.yaml"))
 
 
 @pytest.fixture(scope="module")
 def methods(study):
+    """Results of the three methods of the noise study."""
     two = (with_two_constants(study, refit=refit) for refit in (False, True))
     return (*two, with_substitution(study))
 
