@@ -140,12 +140,12 @@ def report(
     bounds = (design.goal.bound for design in ours.designs)
     bound = np.array(
         [to_rpm(value) for value in bounds if value is not None]
-    )  # of a jump speed, all
+    )  # all designs for a jump speed have a bound
     designs = np.column_stack([-result, allowed])
-    # The area is limited by the worst values of both fronts.
+    # The reference point of the hypervolume is just beyond the worst values of both fronts.
     worst = np.maximum(designs.max(axis=0), peer.max(axis=0))
     indicator = HV(ref_point=worst + 0.01 * np.abs(worst))
-    indices = np.searchsorted(allowed, peer[:, 1])  # the first of our points with this limit
+    indices = np.searchsorted(allowed, peer[:, 1])  # first design with this limit
     beyond = np.append(bound, np.inf)[indices] < -peer[:, 0]
     volume = indicator(designs), indicator(peer)
     print("| | points | laws evaluated | time | hypervolume |")

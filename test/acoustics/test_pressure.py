@@ -73,10 +73,10 @@ def test_constants_are_those_of_the_rig_file(rig, follower, radiation):
 
 @pytest.mark.parametrize("share", [1e-2, 1e-4])
 def test_landing_energy_is_a_half_sine_through_the_structure(radiation, share):
-    """The energy of a landing equals that of a half-sine pulse through the low-pass.
+    """The energy of a landing is that of a half-sine pulse filtered by the structure.
 
-    The closed-form response of the structure to the pulse is integrated numerically. The limits for
-    a short pulse agree within twice the ratio of contact time to time constant.
+    The formula is the limit for a short pulse. The energy of the closed-form response, integrated
+    numerically, agrees with it within twice the ratio of contact time to time constant.
     """
     # During the pulse the energy tends to (gain ω_c J)² π²/(8 T_c) as ω_c T_c → 0. The structure
     # ends at ω_c J and then adds gain² ω_c³ J²/2, which the microphone receives through q.
