@@ -1,1 +1,1 @@
-"""Benchmarks: cost of the rig, comparison with other solvers, and accuracy."""
+"""Benchmarks of cam_rig: computing time, comparison with other solvers, accuracy."""

@@ -1,4 +1,4 @@
-"""Speed of the profile: contours of 36 000 points, and the checks of every shipped cam.
+"""Computing time of contours with 36 000 points, and of the checks of all cams.
 
 Usage: python -m benchmark.contour
 """
@@ -13,14 +13,14 @@ from cam_rig.profile.cam_checks import check_cam
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
 
-#: Number of contour points, 0.01° apart.
+#: Number of contour points, at distances of 0.01°.
 CONTOUR_POINTS = 36_000
-#: Number of timed runs, of which the median counts.
+#: Number of timed runs, of which the shortest counts.
 REPEATS = 10
 
 
 def best_of(repeats: int, work: Callable[[], object]) -> float:
-    """Return the shortest wall time of several repetitions, s."""
+    """Return the shortest wall time (s) of several repetitions."""
     times = []
     for _ in range(repeats):
         start_time = time.perf_counter()

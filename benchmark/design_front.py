@@ -1,11 +1,12 @@
 """Designs on a front, compared with an evolutionary search of the same class.
 
-Both use the same evaluator: jump speed of one rigid mass against peak |s″|, for laws of 16 pieces
-at the events of poly345. The peer is NSGA-II (pymoo), helped where that is fair. Its genes are
-combinations of the free ordinates that change s'' equally. With the ordinates themselves it does
-not leave the start. The range of the genes is that of all designs, extended by half on either side.
-It starts at the start law and near it, and the lift is its constraint. Prints the table of
-docs/design.md and draws both fronts.
+A design is a law that a search finds, and a front is the set of best compromises of two goals: jump
+speed of one rigid mass, and peak |s″|. Both searches use the same evaluation, for laws of 16 pieces
+at the events of poly345. The evolutionary search is NSGA-II (pymoo). Its variables (genes) are
+combinations of the free ordinates that change s″ by equal amounts. With the ordinates themselves it
+would not leave the start. The range of a gene is that of all designs of cam_rig, extended by half
+on both sides. The search starts at and near the start law, and the lift is its constraint. The
+program prints the table of docs/design.md and draws both fronts.
 
 Usage: OMP_NUM_THREADS=1 python -m benchmark.design_front [--minutes 10] [--plot docs/front.png]
 """
@@ -35,11 +36,11 @@ from cam_rig.studies.design.space import DesignProblem, Space, measured
 from cam_rig.studies.design.study import front
 from cam_rig.units import FloatArray, to_rpm
 
-#: Number of points of the proved front.
+#: Number of points of the front of cam_rig.
 FRONT_POINTS = 25
-#: Number of designs per generation of the peer.
+#: Number of laws per generation of NSGA-II.
 POPULATION = 100
-#: Seed of the peer.
+#: Random seed of NSGA-II.
 SEED = 1
 #: First goal, which is maximised.
 GOAL = parse_goal("jump_speed_rigid")
@@ -47,14 +48,14 @@ GOAL = parse_goal("jump_speed_rigid")
 OTHER = parse_goal("peak_acceleration")
 #: Distances of the first population from the start law, relative to the range of the designs.
 AROUND = (1e-3, 1e-2, 0.1, 0.5)
-#: Relative lift by which a law of the peer may leave its range. The designs of the rig may not.
+#: Relative lift by which a law of NSGA-II may exceed its range. For cam_rig it is zero.
 LIFT = 1e-6
 
 
 class Laws(ElementwiseProblem):
-    """Jump speed (negative, rpm) and peak |s″| (mm/rad²) of a law.
+    """Problem of NSGA-II: negative jump speed (rpm) and peak |s″| (mm/rad²) of a law.
 
-    Its lift is a constraint.
+    The lift of the law is a constraint.
     """
 
     def __init__(
@@ -75,7 +76,7 @@ class Laws(ElementwiseProblem):
 
 
 def ordinates(space: Space, law: Law) -> np.ndarray:
-    """Return the ordinates, in lifts, of the law of the class closest to a law."""
+    """Return the ordinates of the closest law of the class, relative to the lift."""
     angles = np.concatenate(
         [np.linspace(e.start, e.start + e.span, 400)[1:-1] for e in space.events]
     )
@@ -86,7 +87,7 @@ def ordinates(space: Space, law: Law) -> np.ndarray:
 
 
 def even_shapes(space: Space) -> np.ndarray:
-    """Return free ordinates of shapes in columns, whose s'' are orthonormal."""
+    """Return free ordinates, in columns, whose changes of s″ are orthonormal."""
     own = space.law_class.free * len(space.events)
     angles = np.linspace(0.0, 2.0 * np.pi, 4000, endpoint=False)
     unit = np.eye(own)
@@ -133,18 +134,18 @@ def main() -> None:
 def report(
     ours: Front, took: float, laws: Laws, peer: FloatArray, arguments: argparse.Namespace
 ) -> None:
-    """Print the table and draw the figure."""
+    """Print the table of both fronts, and draw the figure."""
     allowed = np.array(ours.allowed) * 1e3
     result = np.array([to_rpm(design.goal.result) for design in ours.designs])
     bounds = (design.goal.bound for design in ours.designs)
     bound = np.array(
         [to_rpm(value) for value in bounds if value is not None]
-    )  # of a jump speed, all
+    )  # all designs for a jump speed have a bound
     designs = np.column_stack([-result, allowed])
-    # points slower than the slowest of both, or steeper than the steepest, do not count
+    # The reference point of the hypervolume is just beyond the worst values of both fronts.
     worst = np.maximum(designs.max(axis=0), peer.max(axis=0))
     indicator = HV(ref_point=worst + 0.01 * np.abs(worst))
-    indices = np.searchsorted(allowed, peer[:, 1])  # the first of our points with this limit
+    indices = np.searchsorted(allowed, peer[:, 1])  # first design with this limit
     beyond = np.append(bound, np.inf)[indices] < -peer[:, 0]
     volume = indicator(designs), indicator(peer)
     print("| | points | laws evaluated | time | hypervolume |")

@@ -1,8 +1,9 @@
-"""Accuracy of cams fitted to readings: the table of docs/accuracy.md.
+"""Accuracy of cams that are fitted to readings: the table of docs/accuracy.md.
 
     .venv/bin/python -m benchmark.fit_cam
 
-Readings of shipped laws have noise, an unknown zero and one outlier. It takes half a minute.
+Readings of the lift of shipped laws get noise, an unknown zero and one outlier. The program runs
+for half a minute.
 """
 
 from __future__ import annotations
@@ -18,25 +19,25 @@ from cam_rig.units import TURN
 CAMS = ("poly345", "cycloidal", "flat", "bezier15", "b_spline")
 #: Numbers of readings per turn.
 COUNTS = (360, 72, 36)
-#: Seeds of the noise of each cam and number of readings.
+#: Random seeds of the noise, for each cam and number of readings.
 SEEDS = range(5000, 5040)
-#: Lift of every cam, m.
+#: Lift of every cam (m).
 LIFT = 0.01
-#: Standard deviation of a reading, m.
+#: Standard deviation of a reading (m).
 NOISE = 2e-6
-#: Zero offset of the gauge, m.
+#: Zero offset of the gauge (m).
 ZERO = 3e-3
-#: Error of one reading, an outlier, m.
+#: Error (m) of the outlier.
 OUTLIER = 4e-4
 #: Cam angles (rad) at which a fit is compared with the cam.
 COMPARED_ANGLES = np.linspace(0.0, TURN, 2000, endpoint=False)
 
 
 def errors(name: str, count: int, seed: int) -> tuple[float, float, float]:
-    """Return relative or absolute errors of a fit.
+    """Return the errors of a fit.
 
-    These are the r.m.s. of the lift (µm), of the acceleration relative to its peak (%), and the
-    error of the peak (%).
+    These are the r.m.s. error of the lift (µm), that of the acceleration relative to its peak (%),
+    and the error of the peak (%).
     """
     rng = np.random.default_rng(seed)
     law = cam_rig.build_law(cam_rig.load_cam(name))
@@ -58,7 +59,7 @@ def errors(name: str, count: int, seed: int) -> tuple[float, float, float]:
 
 
 def main() -> None:
-    """Print the median, the 95th percentile and the largest of each error."""
+    """Print the median, the 95th percentile and the maximum of each error."""
     for count in COUNTS:
         values = np.array([errors(name, count, seed) for name in CAMS for seed in SEEDS])
         cells = [

@@ -24,9 +24,9 @@ from cam_rig.studies.fit_rig.run.fit import fit_run
 from cam_rig.studies.fit_rig.run.result import RigFit
 from cam_rig.units import to_rpm
 
-#: Cams with and without a dwell, smooth and with steps of acceleration.
+#: Cams with and without a dwell, smooth or with steps of acceleration.
 CAMS = ("poly345", "cycloidal", "bezier15", "poly4567", "arcs_convex")
-#: Speeds relative to the rigid follower's jump speed.
+#: Speeds relative to the jump speed of the rigid follower.
 PARTS = (0.35, 0.55, 0.75, 0.95, 1.08)
 #: Largest random change of a relative speed.
 SCATTER = 0.03
@@ -68,7 +68,7 @@ def trial(
 
 
 def main() -> None:
-    """Print one line per parameter: number of estimates and coverage of the intervals."""
+    """Print the number of estimates and the coverage of intervals by parameter."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--first", type=int, default=0, help="seed of the first")

@@ -1,6 +1,7 @@
-"""Cost of a run: wall time against samples and against stiffness.
+"""Computing time of a run against number of samples, and against stiffness.
 
-Writes docs/cost.png. Run it from the project's root: .venv/bin/python -m benchmark.linear_cost
+It writes docs/cost.png. Run it from the root of the repository: .venv/bin/python -m
+benchmark.linear_cost
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from cam_rig.show.tables import typeset_number
 from cam_rig.units import NS
 
 MODELS_SHOWN = ("kinetostatic", "residual")
-#: Cam speed, rpm.
+#: Cam speed (rpm).
 RPM = 300.0
 #: Samples per second.
 SAMPLE_RATE = 48_000
@@ -35,18 +36,18 @@ SAMPLE_RATE = 48_000
 REPEATS = 3
 SPEED = RPM * np.pi / 30.0
 SAMPLES = (10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000, 10_000_000)
-#: Stem stiffnesses, N/m.
+#: Stem stiffnesses (N/m).
 STEMS = tuple(10.0**power for power in range(4, 11))
-#: Stem stiffness (N/m) while the number of samples varies: that of tm21.
+#: Stem stiffness (N/m) for different numbers of samples: that of the rig TM21.
 USUAL_STEM = 3.3e8
-#: Number of samples while the stem stiffness varies.
+#: Number of samples for different stem stiffnesses.
 USUAL_SAMPLES = 1_000_000
-#: Number of samples in one block of a stream.
+#: Number of samples per block.
 BLOCK = 240_000
 
 
 def stream(law: Law, model: str, stem: float, samples: int) -> None:
-    """Compute a run in blocks, each dropped when the next is computed."""
+    """Compute a run in blocks of samples, which are not stored."""
     parameters = FollowerParameters(1.3, 4030.0, 8.642, 12.753, stem)
     state, step = None, NS // SAMPLE_RATE
     for first in range(0, samples, BLOCK):
@@ -57,7 +58,7 @@ def stream(law: Law, model: str, stem: float, samples: int) -> None:
 
 
 def seconds(work: Callable[[], None]) -> float:
-    """Return the median wall time in s, after one run that fills the caches."""
+    """Return the median wall time (s), after a run that fills the caches."""
     work()
     times = []
     for _ in range(REPEATS):
@@ -68,7 +69,7 @@ def seconds(work: Callable[[], None]) -> float:
 
 
 def measure() -> tuple[dict[str, list[float]], dict[str, list[float]]]:
-    """Return the wall times (s) by model: over `SAMPLES`, and over `STEMS`."""
+    """Return the wall times (s) by model, for each of `SAMPLES` and each of `STEMS`."""
     law = law_of("poly345")
     by_samples: dict[str, list[float]] = {}
     by_stem: dict[str, list[float]] = {}
@@ -85,7 +86,7 @@ def measure() -> tuple[dict[str, list[float]], dict[str, list[float]]]:
 
 
 def table(by_samples: dict[str, list[float]], by_stem: dict[str, list[float]]) -> str:
-    """Return both measurements as Markdown, with the rate at each point."""
+    """Return both measurements as Markdown, with millions of samples per second."""
     lines = ["| samples | " + " | ".join(f"{m} | M/s" for m in MODELS_SHOWN) + " |"]
     lines.append("|---:" * (1 + 2 * len(MODELS_SHOWN)) + "|")
     for i, count in enumerate(SAMPLES):
@@ -104,7 +105,7 @@ def _line(head: str, times: list[float], count: int) -> str:
 
 @styled
 def draw(by_samples: dict[str, list[float]], by_stem: dict[str, list[float]], path: Path) -> None:
-    """Draw both measurements, log-log, with a line of slope one in the first plot."""
+    """Draw both measurements with logarithmic axes, and a line of slope 1."""
     figure = empty(3.2)
     left, right = figure.subplots(1, 2)
     for i, model in enumerate(MODELS_SHOWN):

@@ -1,10 +1,10 @@
-"""Speed of a live run relative to real time, with and without a viewer.
+"""Speed of a run with ROS nodes relative to real time, with and without a viewer.
 
     python -m benchmark.live_rate
 
 The time is from the first tick that the drive reports to the last message in the closed bag,
-without the start-up. With a viewer the whole run is sent to a Rerun server that stores it. No page
-is open.
+without the start of the nodes. With a viewer the whole run is sent to a Rerun server, which stores
+it. No page is open.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SCENES = ("tm21_sweep", "tm21_sweep_48khz")
 
 @dataclass(frozen=True)
 class LiveRate:
-    """Speed of a run: sample rate (Hz), viewer, and rig time per wall-clock time."""
+    """Speed of a run: sample rate (Hz), viewer, and rig time relative to wall time."""
 
     scene: str
     rate: float
@@ -38,7 +38,7 @@ class LiveRate:
 
 
 def live_rate(scene: str, viewer: bool, folder: Path) -> LiveRate:
-    """Run a shipped scene through the nodes and measure its speed."""
+    """Run a shipped scene with ROS nodes, and measure its speed."""
     path = Path(__file__).parents[1] / "config" / "scenes" / f"{scene}.yaml"
     loaded = open_scene(path)
     stamps = [state.time_ns / NS for state in cam_states(loaded.scene)]
@@ -58,7 +58,7 @@ def live_rate(scene: str, viewer: bool, folder: Path) -> LiveRate:
 
 
 def live_table() -> DataTable:
-    """Return a table of each scene without and with a viewer."""
+    """Return a table with each scene, without and with a viewer."""
     with TemporaryDirectory() as folder:
         runs = [
             live_rate(name, viewer, Path(folder)) for name in SCENES for viewer in (False, True)

@@ -1,6 +1,7 @@
-"""Cost of a jump search by number of pieces of the law: part of docs/develop/cost.md.
+"""CPU time of a jump search by the number of pieces of the law.
 
-Print it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.long_laws
+It is a part of docs/develop/cost.md. Print it from the root of the repository: OMP_NUM_THREADS=1
+.venv/bin/python -m benchmark.long_laws
 """
 
 from __future__ import annotations
@@ -33,15 +34,15 @@ Solution = TypeVar("Solution")
 
 CAM = "bezier15"
 RIG = "paper_table2"
-#: Duration of a run from rest, s.
+#: Duration (s) of a run from rest.
 FROM_REST = 1.7
 #: Number of timed searches, of which the median counts.
 REPEATS = 7
-#: Standard deviation of the noisy readings, nm.
+#: Standard deviation of the noisy readings (nm).
 NOISE_NM = 10.0
 #: Numbers of pieces of the laws.
 PIECES = (1, 12, 36, 90, 180, 360, 720, 1440)
-#: Number of pieces from which on the slope is fitted. Below it constant costs dominate.
+#: Smallest number of pieces for the fit of the slope. Below it constant costs dominate.
 MANY = 180
 
 SECTION = """\
@@ -60,21 +61,21 @@ From {many} pieces on, the time is proportional to a power of the number of piec
 
 @dataclass(frozen=True)
 class JumpCost:
-    """CPU times (s) of searches on a law, and the speed found from rest, rpm."""
+    """CPU times (s) of jump searches on a law, and the jump speed from rest (rpm)."""
 
     pieces: int
     rpm: float
     rest_s: float
-    noisy_s: float  #: from rest, with noisy readings
+    noisy_s: float  #: from rest, law through noisy readings
     steady_s: float
     rigid_s: float
-    known_s: float  #: of one rigid mass on a law with existing tables
+    known_s: float  #: one rigid mass, on a law with existing tables
 
 
 def through(law: Law, count: int, noise: float = 0.0) -> Law:
-    """Return the spline through evenly spaced readings of a law, with noise in m.
+    """Return the spline through evenly spaced readings of a law.
 
-    A count of 1 returns the law itself.
+    ``noise`` is the standard deviation of the readings (m). A count of 1 returns the law itself.
     """
     if count == 1:
         return law
@@ -85,7 +86,7 @@ def through(law: Law, count: int, noise: float = 0.0) -> Law:
 
 
 def measure() -> list[JumpCost]:
-    """Return the costs of the laws with `PIECES`."""
+    """Return the costs for each number of `PIECES`."""
     with force_backend(COMPILED if find_spec("numba") else PLAIN):
         return _measured()
 
@@ -119,7 +120,7 @@ def _measured() -> list[JumpCost]:
 def _cost(
     law: Law, search: Callable[[Law], Solution], reuse_tables: bool = False
 ) -> tuple[float, Solution]:
-    """Return the median CPU time (s) of a search.
+    """Return the median CPU time (s) of a search, and its result.
 
     Each search uses a new law, or all use the same law with existing tables.
     """
@@ -133,7 +134,7 @@ def _cost(
 
 
 def cost_table(costs: list[JumpCost]) -> DataTable:
-    """Return a table with one row per law."""
+    """Return a table with a row per law."""
     return tabulate(
         "CPU time of a jump speed",
         costs,
@@ -149,7 +150,7 @@ def cost_table(costs: list[JumpCost]) -> DataTable:
 
 
 def section(costs: list[JumpCost]) -> str:
-    """Return the section of the page."""
+    """Return the section of docs/develop/cost.md."""
     many = [cost for cost in costs if cost.pieces >= MANY]
     sizes = np.log([cost.pieces for cost in many])
     slopes = [

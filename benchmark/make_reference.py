@@ -1,6 +1,6 @@
-"""Computation of the study's references with 50 digits: benchmark/speed/*.json.
+"""Compute the references of the comparison with 50 digits: benchmark/speed/*.json.
 
-Run it from the project's root: .venv/bin/python -m benchmark.make_reference [case ...]
+Run it from the root of the repository: .venv/bin/python -m benchmark.make_reference [case ...]
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Wall time from a cam state to each node's answer, at a pace.
+"""Delay from a cam state to the answer of each node, at a pacing.
 
-Prints a table. Run it from the project's root: .venv/bin/python -m benchmark.node_latency [pacing]
-[scene]
+It prints a table. Run it from the root of the repository: .venv/bin/python -m
+benchmark.node_latency [pacing] [scene]
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ANSWERS = {
 
 
 def main(pacing: str = "5x", scene: str = "tm21_sweep_48khz") -> None:
-    """Run the scene and record the times of its messages."""
+    """Run the scene, record the times of its messages and print the delays (ms)."""
     os.environ.update(environment())
     rclpy.init()
     node = rclpy.create_node("listener")

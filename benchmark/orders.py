@@ -1,6 +1,8 @@
-"""Order spectra against an FFT of a million points and against 50 digits: docs/accuracy.md.
+"""Error of order spectra against FFTs and 50 digits, for docs/accuracy.md.
 
-OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.orders
+An order is a multiple of the cam speed.
+
+    OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.orders
 """
 
 from __future__ import annotations
@@ -20,13 +22,13 @@ from cam_rig.studies.orders.steady_force import ForcePiece, SteadyForce, steady_
 from cam_rig.units import RPM, to_rpm
 
 PAGE = Path("docs/accuracy.md")
-#: First line of the section that is written here.
+#: First line of the written section.
 HEADING = "## Orders\n"
 #: Last line of the section.
 LAST_LINE = "Made by `benchmark/orders.py`.\n"
 ORDERS = 100
 COUNTS = (10**5, 10**6)
-#: Cam, rig, model, rpm, and description of the case.
+#: Cases: cam, rig, model, rpm, description.
 CASES = (
     ("bezier15", "tm21", "one_mass", 400, "smooth"),
     ("poly345", "tm21", "one_mass", 400, "steps of jerk"),
@@ -57,7 +59,7 @@ at the same instant as independent.
 
 
 def by_digits(steady: SteadyForce, rates: np.ndarray) -> np.ndarray:
-    """Return c_n of the same pieces, computed with at least 50 digits."""
+    """Return the orders of the same pieces, computed with at least 50 digits."""
     with mpmath.workdps(90):
         amplitudes = []
         for rate in rates:
@@ -71,9 +73,9 @@ def by_digits(steady: SteadyForce, rates: np.ndarray) -> np.ndarray:
 
 
 def _polynomial(piece: ForcePiece, w: mpmath.mpc) -> mpmath.mpc:
-    """Return the integral of a piece by partial integration.
+    """Return the integral of a polynomial piece times e^(−wt), by partial integration.
 
-    Each derivative at both ends is computed from differences of the ordinates.
+    The derivatives at both ends are computed from differences of the ordinates.
     """
     length, ordinates = mpmath.mpf(piece.length), [mpmath.mpf(float(x)) for x in piece.ordinates]
     if w == 0:
@@ -97,7 +99,7 @@ def _vibration(piece: ForcePiece, w: mpmath.mpc) -> mpmath.mpc:
 
 
 def row(cam: str, rig: str, model: str, rpm: float, what: str) -> str:
-    """Return one line of the table."""
+    """Return a line of the table."""
     law = cam_rig.build_law(cam_rig.load_cam(cam))
     steady = steady_force(law, model, cam_rig.load_rig(rig), rpm * RPM)
     steady = dataclasses.replace(steady, landings=())
@@ -117,9 +119,9 @@ def samples(steady: SteadyForce, count: int) -> np.ndarray:
 
 
 def level_differences() -> tuple[list[float], list[float]]:
-    """Return differences of summed orders and sweep levels, dB.
+    """Return the differences (dB) of summed orders and levels of the sweep.
 
-    The first is that with contact, the second that with loss of contact.
+    The first list is for speeds with contact, the second for speeds with loss of contact.
     """
     loaded = cam_rig.load_scene("tm21_sweep")
     in_contact, with_losses = list[float](), list[float]()
@@ -138,7 +140,7 @@ def level_differences() -> tuple[list[float], list[float]]:
 
 
 def main() -> None:
-    """Measure, and write the section."""
+    """Compute all differences, and write the section."""
     rows = []
     for case in CASES:
         rows.append(row(*case))

@@ -1,6 +1,6 @@
 """Speed and error of the sweep by sample rate: first section of docs/accuracy.md.
 
-Run it from the project's root: .venv/bin/python -m benchmark.sample_rate
+Run it from the root of the repository: .venv/bin/python -m benchmark.sample_rate
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def at_rate(loaded: LoadedScene, rate: int) -> LoadedScene:
 
 
 def measure(loaded: LoadedScene) -> tuple[dict[str, dict[float, float]], float, float]:
-    """Return the levels of all steps, the wall time (s), and the rig time (s)."""
+    """Return the levels of all speeds, the wall time (s), and the rig time (s)."""
     start_time = time.perf_counter()
     ticks = list(simulate(loaded))
     took = time.perf_counter() - start_time
@@ -73,7 +73,7 @@ def measure(loaded: LoadedScene) -> tuple[dict[str, dict[float, float]], float, 
 
 
 def difference(first: dict[float, float], second: dict[float, float]) -> float:
-    """Return the largest difference over the speeds, dB."""
+    """Return the largest difference (dB) of two sets of levels."""
     return max(abs(first[speed] - second[speed]) for speed in first)
 
 
@@ -86,7 +86,7 @@ def exact_levels(loaded: LoadedScene, cam: str, speeds: list[float]) -> dict[flo
 
 
 def main() -> None:
-    """Measure and write the page."""
+    """Measure all sample rates and write the section."""
     loaded = open_scene(Path("config/scenes/tm21_sweep.yaml"))
     reference, _, rig_time = measure(at_rate(loaded, REFERENCE_HZ))
     lines = []

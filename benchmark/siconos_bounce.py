@@ -1,10 +1,10 @@
 """Motions of TM21's follower at 50 speeds by Siconos: test/bounce/siconos.csv.
 
-Run it from the project's root: .venv/bin/python -m benchmark.siconos_bounce [PYTHON]
-PYTHON is an interpreter with Siconos, by default /usr/bin/python3: apt-get install python3-siconos.
-The speeds are whole rpm at which the rig's map gives one motion, the same as 1 and 2 rpm on
-either side, without a bifurcation that this map finds within 2 rpm. The results of Siconos do
-not influence the choice.
+Run it from the root of the repository: .venv/bin/python -m benchmark.siconos_bounce [PYTHON] PYTHON
+is an interpreter with Siconos, by default /usr/bin/python3: apt-get install python3-siconos. The
+speeds are whole rpm at which the bounce map of cam_rig gives one type of motion, the same as 1 and
+2 rpm below and above, without a bifurcation within 2 rpm. The results of Siconos do not influence
+the choice.
 """
 
 from __future__ import annotations
@@ -25,32 +25,32 @@ from cam_rig.studies.bounce.result import BounceMap, BounceRow
 from cam_rig.units import TURN, FloatArray
 
 TABLE = Path("test/bounce/siconos.csv")
-#: Restitution, at which the speeds include irregular motions.
+#: Restitution. At this value the speeds include irregular motions.
 RESTITUTION = 0.7
-#: Lowest speed, rpm.
+#: Lowest speed (rpm).
 FIRST_RPM = 300
-#: Highest speed, rpm.
+#: Highest speed (rpm).
 LAST_RPM = 600
-#: Number of neighbouring speeds, 1 rpm apart, that must have the same motion.
+#: Number of neighbouring speeds on each side, 1 rpm apart, that must have the same motion.
 NEIGHBOURS = 2
-#: Number of speeds that are compared.
+#: Number of compared speeds.
 MAX_SPEEDS = 50
-#: Steps per turn. In one the follower moves by at most 6 µm. With 8000 steps two of the irregular
-#: motions fall into cycles of the steps.
+#: Steps per turn. In a step the follower moves by at most 6 µm. With 8000 steps, two of the
+#: irregular motions become periodic because of the steps.
 STEPS_PER_TURN = 32_000
 #: Number of turns.
 TURNS = 130
-#: Number of turns at the end that are classified.
+#: Number of last turns that are classified.
 LAST_TURNS = 30
-#: Largest difference (m) of the gaps of equal turns at cam angle 0. A landing is late by up to a
-#: step, and the next turn may have it a step earlier.
+#: Largest difference (m) of the gaps at cam angle 0 of equal turns. A landing is late by up to a
+#: step, and in the next turn it can be a step earlier.
 GAP_ATOL_M = 2.5e-5
-#: Motions whose gaps (m) all lie within this distance are not compared.
+#: Smallest distance (m) between the gaps of a compared motion.
 MIN_GAP_DIFFERENCE_M = 1e-4
 
 
 def main() -> None:
-    """Choose the speeds, integrate, classify and write the file."""
+    """Choose the speeds, integrate with Siconos, classify the motions, and write them."""
     law, rig = cam_rig.build_law(cam_rig.load_cam("tm21")), cam_rig.load_rig("tm21")
     whole, follower = np.arange(FIRST_RPM, LAST_RPM + 1.0), rig.follower
     find = partial(cam_rig.bounce_map, law, rig, restitution=RESTITUTION)
@@ -82,7 +82,7 @@ def main() -> None:
 
 
 def chosen(own: BounceMap) -> list[float]:
-    """Return the speeds to be compared, away from changes of the motion.
+    """Return the speeds to be compared, without those near a change of the motion.
 
     These are all speeds with irregular motions or periods of several turns, and evenly spaced
     others.
@@ -102,9 +102,9 @@ def chosen(own: BounceMap) -> list[float]:
 
 
 def distinct(row: BounceRow) -> bool:
-    """Return True if the gaps of a period's turns can be told apart by rounding.
+    """Return True if the gaps of the turns of a period differ by more than rounding.
 
-    Irregular turns must differ by more than `MIN_GAP_DIFFERENCE_M`.
+    They must differ by more than `MIN_GAP_DIFFERENCE_M`, as must the range of irregular gaps.
     """
     gaps = row.states[:, 0]
     if row.motion == IRREGULAR:
@@ -113,7 +113,7 @@ def distinct(row: BounceRow) -> bool:
 
 
 def classed(last: FloatArray) -> tuple[str, int | str]:
-    """Return motion and period of the last turns ``(n, 3)``: gap, rate, largest gap."""
+    """Return motion and period of last turns ``(n, 3)``: gap, its rate, largest gap."""
     if not last[:, 2].any():
         return IN_CONTACT, ""
     gaps, half = last[:, 0], LAST_TURNS // 2

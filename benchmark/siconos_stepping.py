@@ -1,8 +1,8 @@
 """Time stepping by Siconos of one mass that bounces on a cam.
 
-It needs Siconos and numpy, but not the rig. It reads JSON from standard input and writes JSON, for
-`siconos_bounce`. The coordinate is the gap x, so that the contact x ≥ 0 does not move. With the
-cam's lift s
+It needs Siconos and numpy, but not cam_rig. It reads JSON from standard input and writes JSON, for
+`siconos_bounce`. The coordinate is the gap x, so that the contact x ≥ 0 is fixed. With the lift s
+of the cam
 m ẍ + c ẋ + k x = −(F₀ + k s + c ṡ + m s̈) + λ.
 """
 
@@ -15,12 +15,15 @@ import siconos.kernel as siconos
 
 
 def states(given: dict[str, Any], rpm: float) -> list[list[float]]:
-    """Return gap (m) and rate (m/s) at each turn's end, and each turn's largest gap."""
+    """Return gap (m), rate (m/s) and largest gap (m) of each turn.
+
+    Gap and rate are those at the end of the turn.
+    """
     lift, slope = np.array(given["lift"]), np.array(given["slope"])
     count, omega = lift.size - 1, rpm * np.pi / 30.0
     step = 2.0 * np.pi / omega / count
     m, c, k = given["mass"], given["damping"], given["stiffness"]
-    # Mean forces of a step: those of the scheme with theta 1/2, and the change of ṡ for s̈.
+    # Mean forces in a step, as in the θ scheme with θ = 1/2. The mean of s̈ is the change of ṡ.
     mean = 0.5 * (lift[1:] + lift[:-1]), np.diff(lift) / step, omega * np.diff(slope) / step
     loads = -(given["preload"] + k * mean[0] + c * mean[1] + m * mean[2])
     mass = siconos.LagrangianLinearTIDS([0.0], [0.0], [[m]])

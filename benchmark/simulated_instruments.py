@@ -1,4 +1,4 @@
-"""Simulated runs as instruments record them: counts, noise, and differing clocks."""
+"""Simulated measurements of a run: encoder counts, noise, and unequal clocks."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from cam_rig.schema.rig import RigConfig
 from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
-#: Number of model samples per sample of a force sensor that vibrates.
+#: Number of samples of the model per sample of a force sensor with a resonance.
 FINER = 16
 
 
 @dataclass(frozen=True)
 class InstrumentErrors:
-    """Errors of a machine's instruments."""
+    """Errors of the instruments of a machine."""
 
-    rate: int = 2000  #: Hz, samples of lift and force
+    rate: int = 2000  #: Hz, sample rate of lift and force
     encoder_rate: int = 1000  #: Hz
     counts: int = 1024  #: counts of the encoder per turn, 0 for an encoder without steps
     offset: float = math.radians(3.0)  #: rad, angle that the encoder shows at θ = 0
     clock: float = 200e-6  #: relative error of the clock of lift and force against the encoder's
-    force_noise: float = 0.01  #: relative to the largest force, or each with ``in_proportion``
+    force_noise: float = 0.01  #: relative to the largest or, with ``in_proportion``, each force
     in_proportion: bool = False
     lift_noise: float = 10e-6  #: m
-    #: m, reading of the lift in a fall less that in a rise
+    #: m, difference of the lift's reading in a fall and in a rise
     backlash: float = 0.0
     sensor_frequency: float = 0.0  #: Hz, resonance of the force sensor, 0 for a rigid sensor
-    sensor_damping: float = 0.02  #: its damping ratio
+    sensor_damping: float = 0.02  #: damping ratio of this resonance
 
 
 def measured_run(
@@ -50,10 +50,10 @@ def measured_run(
     settled_for: int = 20,
     ramp: float = 0.3,
 ) -> MeasuredRun:
-    """Return the recording of a run at several speeds (rpm) in sequence.
+    """Return the simulated measurement of a run at several speeds (rpm) in sequence.
 
-    ``turns`` are recorded at each speed, after ``settled_for`` others. During the ``ramp`` (s)
-    between speeds only the encoder is recorded.
+    At each speed ``turns`` are recorded, after ``settled_for`` turns without a record. During the
+    ``ramp`` (s) between speeds only the encoder is recorded.
     """
     random = np.random.default_rng(seed)
     time, angle, before = 0.0, float(random.uniform(0.0, TURN)), 0.0
@@ -92,9 +92,9 @@ def _settled(
     settled_for: int,
     errors: InstrumentErrors,
 ) -> FloatArray:
-    """Return time (s), lift (m) and force (N) of a steady segment, ``(3, n)``.
+    """Return time (s), lift (m) and force (N) at a constant speed, ``(3, n)``.
 
-    The time is since the start of the segment. ``hold`` is angle, speed and length of the segment.
+    The time starts at zero. ``hold`` is the first angle, the speed and the duration.
     """
     angle, speed, length = hold
     rate = errors.rate * (FINER if errors.sensor_frequency else 1)
@@ -116,9 +116,9 @@ def _settled(
 
 
 def _sensed(rows: FloatArray, rate: int, errors: InstrumentErrors) -> FloatArray:
-    """Return the force that the sensor shows.
+    """Return the force that the sensor indicates.
 
-    A resonance responds to the force and to the impulses of landings.
+    Its resonance responds to the force and to the impulses of landings.
     """
     samples = Samples(rows)
     if not errors.sensor_frequency:
@@ -129,7 +129,7 @@ def _sensed(rows: FloatArray, rate: int, errors: InstrumentErrors) -> FloatArray
 
 
 def _side(velocity: FloatArray) -> FloatArray:
-    """Return 1 after a rise, -1 after a fall: the side on which backlash is taken up."""
+    """Return 1 after a rise and -1 after a fall, the side of the backlash."""
     moving = np.abs(velocity) > 1e-9 * np.abs(velocity).max()
     last = np.maximum.accumulate(np.where(moving, np.arange(velocity.size), 0))
     return np.sign(velocity[last])

@@ -1,9 +1,9 @@
 """Memory of each node over a long run.
 
-Prints a table, and checks growth after the first tenth.
-Run it from the project's root: .venv/bin/python -m benchmark.soak [ticks] [scene] [pacing]
-Exit code 1 if a node grew by more than `MAX_GROWTH` MB after the first tenth of the ticks. The
-bag of 100 000 ticks of the scene `quick` takes 1 GB of the temporary folder during the run.
+It prints a table. Run it from the root of the repository: .venv/bin/python -m benchmark.soak
+[ticks] [scene] [pacing] The exit code is 1 if the memory of a node increases by more than
+`MAX_GROWTH` MB after the first tenth of the ticks. The bag of 100 000 ticks of the scene `quick`
+needs 1 GB of the temporary folder.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from cam_rig.schema import load_scene
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.schedule import tick_count
 
-#: Wall time between two rows, s.
+#: Wall time (s) between two rows.
 EVERY = 15.0
-#: Largest growth of a node after the first tenth, MB. The recorder stores an index of its bag.
+#: Largest growth (MB) of a node after the first tenth. The recorder stores an index of its bag.
 MAX_GROWTH = 20.0
 
 
 def prolonged(folder: Path, scene: str, ticks: int) -> Path:
-    """Return a copy of the configuration whose scene has more turns per speed."""
+    """Copy the configuration with more turns per speed, and return the scene's path."""
     shutil.copytree(config_root(), folder / "config")
     path = folder / "config" / "scenes" / f"{scene}.yaml"
     planned = tick_count(load_scene(path))
@@ -49,7 +49,7 @@ def own_memory(pid: int) -> float:
 
 
 def main(ticks: str = "100000", scene: str = "quick", pacing: str = "free") -> int:
-    """Run the prolonged scene and measure its nodes at intervals."""
+    """Run the prolonged scene, and measure its nodes at intervals."""
     with tempfile.TemporaryDirectory() as folder, reserve_domain():
         path = prolonged(Path(folder), scene, int(ticks))
         total = tick_count(load_scene(path))
@@ -60,7 +60,7 @@ def main(ticks: str = "100000", scene: str = "quick", pacing: str = "free") -> i
             print("wall s", "tick", *graph.processes, sep="\t")
             for report in graph.progress():
                 if int(report["tick"]) == total:
-                    break  # some have ended, or are about to
+                    break  # nodes have ended, or are about to end
                 if (wall := time.monotonic() - start_time) - last_print > EVERY:
                     last_print = wall
                     used = {name: own_memory(p.process.pid) for name, p in graph.processes.items()}

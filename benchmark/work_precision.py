@@ -1,7 +1,7 @@
-"""Error against time of the rig and its peers: docs/accuracy.md (end), docs/develop/cost.md.
+"""Error against time of cam_rig and its peers: the end of docs/accuracy.md.
 
-It draws the plot too.
-Run it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.work_precision
+It also writes docs/develop/cost.md and draws the figure. Run it from the root of the repository:
+OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.work_precision
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from benchmark.speed.study import FULL
 from cam_rig.show.figure import write
 from cam_rig.show.tables import to_markdown
 
-#: Page with the sections of speed against error.
+#: Page with the section on speed against error.
 PAGE = Path("docs/accuracy.md")
 #: Figure of that page.
 PLOT = Path("docs/speed.png")
-#: Page of the times that developers need.
+#: Page on computing times, for developers.
 COST_PAGE = Path("docs/develop/cost.md")
-#: Heading of the part that is written here.
+#: Heading of the written section.
 HEADING = "## Speed against error\n"
 
 TEXT = """
@@ -179,7 +179,7 @@ def samples() -> str:
 
 
 def quickest(points: Iterable[MeasuredPoint]) -> list[MeasuredPoint]:
-    """Return the rig and the peer with the smallest ratio in each case.
+    """Return the points of cam_rig and of the fastest peer in each case.
 
     The figure has all peers.
     """
@@ -195,7 +195,7 @@ def quickest(points: Iterable[MeasuredPoint]) -> list[MeasuredPoint]:
 
 
 def main() -> None:
-    """Measure and write the page."""
+    """Measure, and write the pages and the figure."""
     before, mark, _ = PAGE.read_text(encoding="utf-8").partition(HEADING)
     assert mark, f"{PAGE}: has no line {HEADING!r}"
     comparison = measure(quick=False)

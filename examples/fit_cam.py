@@ -1,4 +1,4 @@
-"""Fit of a cam to gauge readings, which are simulated with noise."""
+"""Fit of a cam to readings of a dial gauge, which are simulated with noise."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ OUT.mkdir(exist_ok=True)
 
 true = cam_rig.build_law(cam_rig.load_cam("poly345"))
 degrees = np.arange(0.0, 360.0, 2.5)
-noise = np.random.default_rng(1).normal(0.0, 3e-6, degrees.size)  # m: a dial gauge
+noise = np.random.default_rng(1).normal(0.0, 3e-6, degrees.size)  # m, noise of a dial gauge
 readings = 1e3 * (true(np.radians(degrees)) + noise)
 head = "angle [deg],lift [mm]"
 np.savetxt(

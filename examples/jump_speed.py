@@ -1,4 +1,7 @@
-"""Map of the jump speed over return spring and preload."""
+"""Map of the jump speed against return spring and preload.
+
+The jump speed is the lowest cam speed at which the follower loses contact.
+"""
 
 from pathlib import Path
 

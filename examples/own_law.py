@@ -1,4 +1,4 @@
-"""User-defined motion law, as a cam file and as numbers, and its follower."""
+"""User-defined motion law, from a cam file and from numbers, and its follower."""
 
 from pathlib import Path
 
@@ -10,19 +10,20 @@ FOLDER = Path(__file__).parent
 OUT = Path("out")
 OUT.mkdir(exist_ok=True)
 
-# From a file: segments around the turn, each a law by name or with its numbers.
+# From a file: segments around the turn, each with a named law or with numbers.
 cam = cam_rig.load_cam(FOLDER / "own_cam.yaml")
 from_file = cam_rig.build_law(cam)
 failed = [check.name for check in cam_rig.contour(cam).checks if not check.passed]
 print(f"{cam.title}: lift {from_file.lift * 1e3:g} mm; checks that fail: {failed or 'none'}")
 
-# From numbers: pieces in Bernstein form, a column of ordinates (m) each. The first and last three
-# are equal, so velocity and acceleration are zero at both ends of the rise and of the fall.
+# From numbers: pieces in Bernstein form, with a column of ordinates (m) each. The first three are
+# equal, as are the last three, so that velocity and acceleration are zero at both ends of rise and
+# fall.
 h = 0.02
 rise = np.array([0.0, 0.0, 0.0, h, h, h])
 pieces = np.stack([rise, np.full(6, h), h - rise, np.zeros(6)], axis=1)
 breaks = np.radians([0.0, 120.0, 180.0, 300.0, 360.0])
-breaks[-1] = 2.0 * np.pi  # to the last digit: the law repeats
+breaks[-1] = 2.0 * np.pi  # exactly a turn, because the law is periodic
 from_numbers = cam_rig.Law("own_law", breaks, pieces)
 
 rig = cam_rig.load_rig("paper_table2")

@@ -1,4 +1,4 @@
-"""User-defined rig of numbers and texts with units, compared with a shipped rig."""
+"""User-defined rig from numbers and texts with units, compared with a shipped rig."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ OUT = Path("out")
 OUT.mkdir(exist_ok=True)
 
 law = cam_rig.build_law(cam_rig.load_cam("cycloidal"))
-paper = cam_rig.load_rig("paper_table2")  # a shipped name, or the path of a file
+paper = cam_rig.load_rig("paper_table2")  # a shipped rig by name, or the path of a file
 light = paper.replace(name="light", mass="800 g", preload=60.0)  # plain numbers are SI: N
 bench = cam_rig.Rig(
     "bench", mass=1.1, spring="3.2 N/mm", preload=50.0, damping=8.0, restitution=0.2
@@ -27,8 +27,8 @@ for rig, model in ((paper, "two_mass"), (light, "two_mass"), (bench, "one_mass")
 
 try:
     paper.replace(preload=-5.0)
-except ValueError as error:  # a cam_rig.CamRigError too
-    print(error)  # the key, its value and the limits
+except ValueError as error:  # it is also a cam_rig.CamRigError
+    print(error)  # the parameter, its value and the limits
 
 bench.save(OUT / "bench.yaml", overwrite=True)
 assert cam_rig.load_rig(OUT / "bench.yaml") == bench

@@ -1,4 +1,4 @@
-"""Record a bench without cam_rig: an encoder, a lift gauge and a load cell."""
+"""Record a test bench without cam_rig: an encoder, a lift gauge and a load cell."""
 
 import shutil
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from benchmark.simulated_instruments import measured_run
 TYPES = get_typestore(Stores.ROS2_KILTED)
 JOINT = "sensor_msgs/msg/JointState"
 WRENCHES = "geometry_msgs/msg/WrenchStamped"
-BEGIN_NS = 1_767_225_600_000_000_000  # the wall's time of the first sample
+BEGIN_NS = 1_767_225_600_000_000_000  # wall-clock time of the first sample
 
 
 def kind(name: str) -> Any:
@@ -31,19 +31,19 @@ def header(stamp: int) -> Any:
 
 
 def position(name: str) -> Callable[[int, float], Any]:
-    """Return a function that makes a JointState of a stamp and a value."""
+    """Return a function that makes a JointState from a stamp and a value."""
     none = np.array([])
     return lambda stamp, value: kind(JOINT)(header(stamp), [name], np.array([value]), none, none)
 
 
 def along_z(stamp: int, value: float) -> Any:
-    """Return a WrenchStamped with a force along z."""
+    """Return a WrenchStamped of a force along z."""
     vector = kind("geometry_msgs/msg/Vector3")
     wrench = kind("geometry_msgs/msg/Wrench")(vector(0.0, 0.0, value), vector(0.0, 0.0, 0.0))
     return kind(WRENCHES)(header(stamp), wrench)
 
 
-# A machine in place of yours: the TM21's follower with 200 g more.
+# Simulated machine in place of yours: the follower of the TM21 with 200 g more mass.
 rig = cam_rig.load_rig("tm21").with_follower(mass=1.5)
 law = cam_rig.build_law(cam_rig.load_cam("tm21"))
 run = measured_run(law, rig, "one_mass", [200.0, 300.0, 350.0, 400.0], turns=10.0)

@@ -9,12 +9,12 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
 
-#: Profile that also receives messages published before the node was discovered.
+#: QoS profile that also receives messages from before the discovery of the node.
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class StopAtLiftOff(Node):
-    """Node that listens to the follower, and calls the drive once.
+    """Node that listens to the follower, and stops the drive once.
 
     It uses the namespace in which it is started.
     """
@@ -27,7 +27,7 @@ class StopAtLiftOff(Node):
         self.create_subscription(DiagnosticArray, "diagnostics", self.on_diagnostics, LATCHED)
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Stop the drive if the follower reports a loss of contact, with its speed."""
+        """Stop the drive if the follower reports a loss of contact, and print its speed."""
         for status in message.status:
             lost = status.name == "follower" and status.level == DiagnosticStatus.WARN
             if lost and self.answer is None:

@@ -1,4 +1,4 @@
-"""Speed sweep of a cam without any file: lift-offs, forces and levels."""
+"""Speed sweep of a cam without a file: lift-offs, forces and sound levels."""
 
 from pathlib import Path
 

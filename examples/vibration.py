@@ -1,4 +1,4 @@
-"""Residual vibration in the dwell by law, and its resonance."""
+"""Residual vibration in the dwell for several laws, and the follower's resonance."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import cam_rig
 OUT = Path("out")
 OUT.mkdir(exist_ok=True)
 
-rig = cam_rig.load_rig("tm21").replace(stem_stiffness="400 N/mm")  # soft: it shows
+rig = cam_rig.load_rig("tm21").replace(stem_stiffness="400 N/mm")  # soft, to see it vibrate
 rpm = np.arange(150.0, 351.0, 10.0)
 result = cam_rig.vibration(["modified_trapezoid", "cycloidal", "poly345", "poly4567"], rig, rpm)
 table = result.to_pandas()
@@ -24,7 +24,7 @@ left.legend()
 
 w = 2.0 * np.pi * np.geomspace(1.0, 1e3, 2000)  # rad/s
 response = rig.frequency_response(w)
-right.loglog(w / (2.0 * np.pi), np.abs(response[0]))  # the follower's lift over the law's
+right.loglog(w / (2.0 * np.pi), np.abs(response[0]))  # lift of the follower / lift of the law
 frequency = w[np.abs(response[0]).argmax()] / (2.0 * np.pi)
 print(f"the follower on its stem: {frequency:.1f} Hz")
 right.set(xlabel="frequency [Hz]", ylabel="displacement of the follower / lift")

@@ -1,4 +1,7 @@
-"""Fixtures of all tests: the shipped cams and rig, and small cams and scenes."""
+"""Fixtures of all tests: the shipped cams and rig, and small cams and scenes.
+
+The hooks of pytest set the order of the tests, their timeouts and the number of workers.
+"""
 
 from __future__ import annotations
 
@@ -28,36 +31,39 @@ from .references import many_digits
 
 __all__ = ["many_digits"]
 CONFIG = Path(__file__).parents[1] / "config"
-#: Recorded run that the repository ships.
+#: Reference recording (bag) in the repository.
 GOLDEN = CONFIG.parent / "bags" / "golden"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
-#: Cams with velocity jumps. No follower can stay on them, so few models accept them.
+#: Cams with velocity jumps. A follower cannot remain on them, so few models accept them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
-#: Wall time (s) after which a test of a kind is stopped, on a busy machine. Others: pyproject.toml.
+#: Timeouts (s) of marked tests, long enough for a busy machine. For others see pyproject.toml.
 TIMEOUTS = {"slow": 600, "ros": 300, "long": 3600}
-#: Largest number of workers. More only use memory.
+#: Largest number of worker processes. More would only need memory.
 MAX_WORKERS = 8
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Return one worker more than cores, because many tests wait for a run."""
+    """Return the number of workers: cores + 1, because many tests wait for a run."""
     usable = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
     return min(len(usable(0)) + 1, MAX_WORKERS)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add ``--references``: stored, computed or written references of many digits."""
+    """Add ``--references``: use stored, compute again or write reference values."""
     choices = ("stored", "compute", "write")
     parser.addoption("--references", choices=choices, default="stored", help="of many digits")
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileScheduling:
-    """Give each file's tests to one worker, so that its fixtures are created once."""
+    """Assign the tests of a file to one worker, so that its fixtures are created once."""
     return LoadFileScheduling(config, log)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Start with the longest tests, and set their timeouts."""
+    """Set timeouts, and run the longest tests first.
+
+    With ``--references`` other than stored, only tests with reference values run.
+    """
     for item in _further_variants(items):
         item.add_marker(pytest.mark.long)
     for item in items:
@@ -71,7 +77,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _further_variants(items: list[pytest.Item]) -> Iterator[pytest.Item]:
-    """Return the cases of tests marked ``variants(n)``, except n evenly spread cases."""
+    """Yield the cases of tests marked ``variants(n)``, except n evenly spread cases.
+
+    The yielded cases run only in a long run.
+    """
     cases: dict[tuple[str, str], list[pytest.Item]] = {}
     for item in items:
         if isinstance(item, pytest.Function) and item.get_closest_marker("variants"):
@@ -87,7 +96,8 @@ def _is_quick(item: pytest.Item) -> bool:
     return not any(map(item.get_closest_marker, ("slow", "long")))
 
 
-# Examples of Hypothesis: the same in every ordinary run, more and random ones in a long run.
+# Hypothesis uses the same examples in every ordinary run, and more and random examples in a long
+# run.
 settings.register_profile(
     "ordinary",
     max_examples=40,
@@ -104,7 +114,7 @@ settings.load_profile("ordinary")
 
 @pytest.fixture
 def hangup_enabled() -> Iterator[None]:
-    """SIGHUP ends commands, even if the tests were started by nohup."""
+    """Default action of SIGHUP, so that it ends commands even under nohup."""
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
     signal.signal(signal.SIGHUP, before)
@@ -112,7 +122,7 @@ def hangup_enabled() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
-    """Browser without a window. The test is skipped if none is installed."""
+    """Browser without a window. Without an installed browser the test is skipped."""
     from tools.docs.browser import open_browser, why_no_browser
 
     if why := why_no_browser():
@@ -123,7 +133,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def figures(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Figures are drawn without a screen, and all are closed at the end."""
+    """Figures without a screen, which are closed at the end of the test."""
     import matplotlib as mpl
 
     monkeypatch.setitem(mpl.rcParams, "backend", "agg")
@@ -139,60 +149,60 @@ def config_dir() -> Path:
 
 @pytest.fixture(scope="session")
 def cams() -> dict[str, CamConfig]:
-    """Every shipped cam file by name."""
+    """All shipped cam files, by name."""
     return {name: load_cam(CONFIG / "cams" / f"{name}.yaml") for name in CAM_NAMES}
 
 
 @pytest.fixture(scope="session")
 def laws(cams: dict[str, CamConfig]) -> dict[str, Law]:
-    """Law of every shipped cam by name."""
+    """Laws of all shipped cams, by name."""
     return {name: build_law(cam) for name, cam in cams.items()}
 
 
 @pytest.fixture(scope="session")
 def followable_laws(laws: dict[str, Law]) -> dict[str, Law]:
-    """Laws that a follower can follow, by name."""
+    """Laws without velocity jumps, which a follower can follow, by name."""
     return {name: law for name, law in laws.items() if name not in VELOCITY_JUMPS}
 
 
 @pytest.fixture(scope="session", params=[name for name in CAM_NAMES if name not in VELOCITY_JUMPS])
 def law(request: pytest.FixtureRequest, laws: dict[str, Law]) -> Law:
-    """Each shipped law that a follower can follow, one after the other."""
+    """Each shipped law that a follower can follow, in turn."""
     return laws[request.param]
 
 
 @pytest.fixture(scope="session")
 def rig() -> RigConfig:
-    """The shipped rig file."""
+    """The shipped rig TM21."""
     return load_rig(CONFIG / "rigs" / "tm21.yaml")
 
 
 @pytest.fixture(scope="session")
 def paper_rig() -> RigConfig:
-    """Rig identified from the jump speeds of Table 2: two masses, and a shaft."""
+    """Rig with two masses and a shaft, identified from the jump speeds of table 2."""
     return load_rig(CONFIG / "rigs" / "paper_table2.yaml")
 
 
 @pytest.fixture(scope="session")
 def two_mass(paper_rig: RigConfig) -> TwoMassParameters:
-    """Two-mass follower of the paper's jump speeds."""
+    """Two-mass follower of the paper's rig."""
     return TwoMassParameters.from_rig(paper_rig)
 
 
 @pytest.fixture(scope="session")
 def follower(rig: RigConfig) -> FollowerParameters:
-    """Follower of the shipped rig."""
+    """Follower of the shipped rig TM21."""
     return FollowerParameters.from_rig(rig)
 
 
 @pytest.fixture
 def radiation(rig: RigConfig) -> RadiationParameters:
-    """Shipped constants with a round corner, so that no test needs a fitted number."""
+    """Constants of radiation with round numbers, independent of the fitted numbers."""
     return dataclasses.replace(RadiationParameters.from_rig(rig), gain=1e-4, corner_frequency=20.0)
 
 
 def assumed(value: Any, unit: str) -> dict[str, Any]:
-    """Return an assumed number in the form of a file."""
+    """Return a quantity of a file whose value is an assumption."""
     return {"assumed": value, "unit": unit}
 
 
@@ -202,13 +212,16 @@ def dwell(span: float) -> dict[str, Any]:
 
 
 def rise(span: float, to: float, law: str = "poly345") -> dict[str, Any]:
-    """Return a rise for `make_cam`, to a level relative to the lift."""
+    """Return a rise for `make_cam`, with its span in degrees.
+
+    It ends at a level relative to the lift.
+    """
     return {"law": law, "span": span, "to": to}
 
 
 @pytest.fixture(scope="session")
 def make_cam() -> Callable[..., CamConfig]:
-    """Make a cam of segments, with spans in degrees."""
+    """Function that returns a cam of given segments, with spans in degrees."""
 
     def make(
         *segments: dict[str, Any],
@@ -240,7 +253,7 @@ def make_cam() -> Callable[..., CamConfig]:
 
 
 def scene_data(**changes: Any) -> dict[str, Any]:
-    """Data of a scene file: two cams, three speeds, three turns each."""
+    """Return the data of a scene file with two cams, and three speeds of three turns."""
     schedule = {
         "speeds": assumed(changes.pop("speeds", [200, 300, 400]), "rpm"),
         "turns": assumed(changes.pop("turns", 3), "turns"),
@@ -263,13 +276,13 @@ def scene_data(**changes: Any) -> dict[str, Any]:
 
 @pytest.fixture(scope="session")
 def make_scene() -> Callable[..., SceneConfig]:
-    """Make a scene, with changes."""
+    """Function that returns this scene with changes."""
     return lambda **changes: SceneConfig.model_validate(scene_data(**changes))
 
 
 @pytest.fixture
 def make_loaded_scene(tmp_path: Path) -> Callable[..., LoadedScene]:
-    """Write a scene file, with changes, and open it with all it names."""
+    """Function that writes and opens this scene with changes."""
 
     def make(**changes: Any) -> LoadedScene:
         path = tmp_path / "scenes" / "small.yaml"
@@ -283,14 +296,17 @@ def make_loaded_scene(tmp_path: Path) -> Callable[..., LoadedScene]:
 
 @pytest.fixture(scope="session")
 def fork_server() -> Iterator[ForkServer]:
-    """Server that forks the nodes of all tests that do not test their start."""
+    """Server that forks the nodes of all tests, except tests of the start of nodes."""
     with ForkServer().begin() as made:
         yield made
 
 
 @pytest.fixture
 def forked(fork_server: ForkServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fork the nodes that are started in this process from the server of all tests."""
+    """Nodes that this process starts are forked by the server of all tests.
+
+    This is faster than a new interpreter for each node.
+    """
 
     def started(command: list[str], network: bool, pipe: int | None, _: object) -> ForkedProcess:
         node = fork_server.start(command, environment(network), pipe)
@@ -298,12 +314,12 @@ def forked(fork_server: ForkServer, monkeypatch: pytest.MonkeyPatch) -> None:
         return node
 
     monkeypatch.setattr("cam_rig.runner.node_process._launch", started)
-    monkeypatch.setattr(ForkServer, "begin", lambda own: own)  # use the same server
+    monkeypatch.setattr(ForkServer, "begin", lambda own: own)  # all rigs use the same server
 
 
 @pytest.fixture(scope="session", autouse=True)
 def isolated_domain() -> Iterator[None]:
-    """Commands run in a ROS domain in which no other rig is active.
+    """ROS domain of all tests, in which no other rig is active.
 
     Otherwise a tested command would fail while a rig runs on this machine.
     """
@@ -314,9 +330,9 @@ def isolated_domain() -> Iterator[None]:
 
 @pytest.fixture
 def ros_domain(request: pytest.FixtureRequest) -> Iterator[int]:
-    """ROS domain for one test, on this machine only.
+    """ROS domain of a test, limited to this machine.
 
-    Nodes of a graph in this process are forked, unless the test is marked ``starts``.
+    Nodes that this process starts are forked, unless the test is marked ``starts``.
     """
     if request.node.get_closest_marker("starts") is None:
         request.getfixturevalue("forked")

@@ -1,4 +1,4 @@
-"""Faults of a figure in print: cut off, overlapping, or too small texts."""
+"""Check of a figure for print: text that is cut off, overlaps or is too small."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-#: Smallest font size of a printed figure, pt.
+#: Smallest font size of a printed figure (pt).
 SMALLEST = 7.0
-#: Largest width of a printed figure, in.
+#: Largest width of a printed figure (in).
 WIDEST = 170.0 / 25.4
-#: Hyphen in place of a minus.
+#: Hyphen in place of a minus sign.
 HYPHEN = re.compile(r"(?<![\w-])-\d")
-#: Exponent that is not typeset.
+#: Exponent that is not typeset as a raised power.
 EXPONENT = re.compile(r"\de[+-]?\d")
-#: Number of pixels by which boxes may overlap. Those of a glyph are rounded up.
+#: Allowed overlap of two boxes of text (px), because boxes are rounded up to pixels.
 TOUCH = 1.0
 
 
 def faults(figure: Figure) -> list[str]:
-    """Return one line per fault. The result is empty for a printable figure."""
+    """Return a line for each fault of a figure, and no line for a printable figure."""
     figure.draw_without_rendering()
     found = [] if figure.get_figwidth() <= WIDEST + 1e-9 else ["wider than 170 mm"]
     texts = [text for text in figure.findobj(Text) if text.get_text().strip()]
@@ -64,7 +64,7 @@ def faults(figure: Figure) -> list[str]:
 
 @pytest.fixture(autouse=True)
 def no_faulty_figure(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Check every figure that is written for faults."""
+    """Check of every figure that a test writes to a file."""
     save = Figure.savefig
 
     def checked(figure: Figure, *given: Any, **more: Any) -> None:

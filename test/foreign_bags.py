@@ -1,4 +1,4 @@
-"""Bags of a test bench without this package: standard messages by rosbags."""
+"""Bags of another test bench: standard messages, written by rosbags."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ TYPES = get_typestore(Stores.ROS2_KILTED)
 TIME, HEADER = (
     TYPES.types[name] for name in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header")
 )
-#: Wall-clock time (ns) at which the run starts.
+#: Wall-clock time (ns) of the start of the run.
 BEGIN = 1_767_225_600_000_000_000
 
 
@@ -41,7 +41,7 @@ def wrench(stamp, value):
 def write_bag(path, topics, plugin=StoragePlugin.MCAP):
     """Write a bag of `topics`: name -> (function for a message, times in s, values).
 
-    Times count from `BEGIN`. The log time is half a millisecond after the stamp, and never
+    Times are relative to `BEGIN`. The log time is half a millisecond after the stamp, and never
     decreases within a topic.
     """
     rows = [
@@ -62,7 +62,7 @@ def write_bag(path, topics, plugin=StoragePlugin.MCAP):
 
 
 def write_rigs(path, bag, *namespaces):
-    """Write the messages of a bag of the rig once per namespace."""
+    """Write a bag with the messages of a bag of cam_rig, once per namespace."""
     with BagWriter(path) as writer:
         for connection, time_ns, data in raw_messages(bag, set(read_counts(bag))):
             for namespace in namespaces:

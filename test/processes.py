@@ -1,11 +1,11 @@
-"""Processes as shown by /proc, and waiting for conditions."""
+"""Helpers of the tests: ended commands, processes in /proc, and waits."""
 
 import subprocess
 import time
 from contextlib import suppress
 from pathlib import Path
 
-#: Wall-clock time (s) after which a condition has failed, also on a busy machine.
+#: Wall-clock time (s) after which a wait fails, long enough for a busy machine.
 WAIT_S = 100.0
 
 
@@ -16,10 +16,10 @@ def ended(*command, **how):
 
 
 def until(condition, said=lambda: "", step=lambda: time.sleep(0.01), wait=WAIT_S):
-    """Wait until a condition of another thread or process is true.
+    """Wait until a condition of a thread or process is true, and return its value.
 
-    Returns the value of the condition. `said` returns a text for the error message after `wait`
-    s.
+    After `wait` seconds the wait fails, with the text that `said` returns. `step` is called between
+    checks of the condition.
     """
     end = time.monotonic() + wait
     while not (result := condition()):
@@ -29,7 +29,7 @@ def until(condition, said=lambda: "", step=lambda: time.sleep(0.01), wait=WAIT_S
 
 
 def text_of(place):
-    """Return the text of a file in /proc, or empty if it does not exist."""
+    """Return the text of a file in /proc, or an empty text if it does not exist."""
     try:
         return Path(place).read_text(encoding="utf-8")
     except OSError:
@@ -45,7 +45,8 @@ def children(pid):
 def takes(pid, number):
     """Return True if a process has installed a handler for a signal.
 
-    `handle_signals` installs the handler of SIGHUP last.
+    `handle_signals` of cam_rig installs the handler of SIGHUP last, so that a handler for SIGHUP
+    means that all are installed.
     """
     caught = text_of(f"/proc/{pid}/status").partition("SigCgt:")[2].split()
     return bool(caught) and bool(int(caught[0], 16) >> (number - 1) & 1)
@@ -58,7 +59,7 @@ def is_running(pid):
 
 
 def sockets(pid, *tables):
-    """Return the rows of tables, such as tcp and udp6, of the sockets of a process."""
+    """Return the rows of a process's sockets in tables of /proc/net, such as tcp."""
     inodes = set()
     for link in Path(f"/proc/{pid}/fd").iterdir():
         with suppress(OSError):  # closed after it was listed

@@ -1,4 +1,4 @@
-"""Reference values of many digits, stored with a fingerprint of their inputs.
+"""Stored reference values with many digits, and a fingerprint of their inputs.
 
 `make references` computes and writes them. `make test-long` computes them again and compares.
 """
@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from benchmark.speed.models import Case, Solution
 
-#: Inputs may differ by the rounding of another machine's functions, and stored and computed values
-#: by what that comes to, of the largest value.
+#: Relative tolerances of inputs and of values. Inputs differ by the rounding of the functions of
+#: another machine, and values by the effect of that rounding, relative to the largest value.
 SAME_INPUTS, SAME = 1e-8, 1e-13
 REMEDY = "run `make references`"
 
@@ -24,8 +24,7 @@ REMEDY = "run `make references`"
 class References:
     """Reference values of one test, numbered in the order of the calls.
 
-    Parameters
-    ----------
+    Parameters ----------
     mode : ``stored``, ``compute`` (and compare with the stored values) or ``write``
     path : JSON file of the test's module
     test : name of the test in the file

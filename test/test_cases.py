@@ -1,7 +1,7 @@
-"""Files of other programs give the expected numbers of each command.
+"""Tests that commands compute the expected numbers from files of other programs.
 
-`cases/expected.csv` has one row per number, with its absolute tolerance in the unit of the row. The
-values come from formulas evaluated outside of the package.
+`cases/expected.csv` has a row for each number, with its absolute tolerance in the unit of the row.
+The values are those of formulas that were evaluated independently of cam_rig.
 """
 
 import csv
@@ -17,7 +17,7 @@ import yaml
 from .cli.conftest import call
 
 CASES = Path(__file__).parent / "cases"
-#: Units of the rows to SI, in which JSON values are.
+#: Factors of the units in the table to SI, the unit system of the JSON.
 SI = {"mm": 1e-3, "um": 1e-6, "mm/rad": 1e-3, "mm/rad^2": 1e-3, "deg": 0.017453292519943295}
 
 
@@ -31,9 +31,9 @@ def commands():
 
 
 def of_spline(data, written, name, _):
-    """Return a number of a fitted cam.
+    """Return a number of a cam that `fit cam` fitted to readings.
 
-    It is a number of the spline, its dwell, its outliers or the written file.
+    It is a number of the spline, its dwell, its outliers or the written cam file.
     """
     if name.startswith("outlier_line"):
         return data["outliers"][int(name.rpartition("_")[2]) - 1]["line"]
@@ -57,7 +57,10 @@ def of_contour(data, written, name, place):
 
 
 def of_comparison(data, _, name, place):
-    """Return a number of the comparison at a speed, or a count of readings."""
+    """Return a number of the comparison of a bag with a simulation at a speed.
+
+    It can also be the number of used or skipped readings.
+    """
     if name.endswith(("_readings", "_skipped")):
         quantity, _, count = name.partition("_")
         return next(row for row in data["readings"] if row["quantity"] == quantity)[count]
@@ -66,13 +69,13 @@ def of_comparison(data, _, name, place):
 
 
 def of_orders(data, _, name, place):
-    """Return the amplitude of the force at an order."""
+    """Return a number of an order (multiple of the cam speed) of the force."""
     order = float(place.removeprefix("order"))
     return next(row for row in data["orders"] if row["order"] == order)[name]
 
 
 def of_run(data, _, name, __):
-    """Return the minimum or maximum of force or torque at the only speed."""
+    """Return the minimum or maximum of force or torque at the only speed of a run."""
     end, what = name.split("_")
     return data["speeds"][0][f"{'peak' if end == 'max' else 'min'}_{what}"]
 
@@ -98,7 +101,10 @@ def number(data, written, quantity):
 def test_a_file_as_people_have_it_gives_the_right_numbers(
     tmp_path, monkeypatch, case, command, rows
 ):
-    """The command of a case succeeds, and its numbers are within their tolerances."""
+    """The command of a case succeeds, and its numbers are within their tolerances.
+
+    The files are as users have them, such as a table of readings in another unit.
+    """
     copytree(CASES / case, tmp_path / case)
     monkeypatch.chdir(tmp_path / case)
     done = call(*shlex.split(command)[1:], "--json", "-")
@@ -133,7 +139,10 @@ def test_a_forgotten_fall_is_refused(tmp_path, cam, command):
 
 
 def test_a_radius_is_refused_for_a_roller(tmp_path):
-    """`fit cam` refuses a column of radii for a roller, and names column and remedy."""
+    """`fit cam` refuses a column of radii for a roller.
+
+    The error contains the column and an option that accepts radii.
+    """
     copytree(CASES / "radius_is_no_lift", tmp_path / "case")
     done = call("fit", "cam", tmp_path / "case" / "radius.csv", "--roller-radius", 8)
     assert done.exit_code == 2
@@ -142,9 +151,9 @@ def test_a_radius_is_refused_for_a_roller(tmp_path):
 
 
 def test_a_rig_without_sound_is_compared_and_reported(tmp_path, monkeypatch):
-    """compare and report accept a rig without radiation, and leave out the level.
+    """`compare` and `report` accept a rig without radiation, and leave out the level.
 
-    Both outputs name the missing key.
+    Both outputs contain the missing key.
     """
     copytree(CASES / "counter_overflows", tmp_path / "case")
     monkeypatch.chdir(tmp_path / "case")

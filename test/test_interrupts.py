@@ -1,4 +1,7 @@
-"""Interrupts: where they are raised, and the exit code that follows from them."""
+"""Tests of interrupts: where a signal is raised, and the resulting exit code.
+
+Each test runs a script in a separate process, which sends the signal to itself.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from cam_rig.interrupts import STOPPING
 from .processes import ended
 
 pytestmark = pytest.mark.usefixtures("hangup_enabled")
-#: Start of every script. `send_signal` sends a signal to the script itself.
+#: Start of each script. `send_signal` sends a signal to the process of the script.
 PRELUDE = """
 import signal, sys, threading, time
 from contextlib import ExitStack, contextmanager
@@ -42,7 +45,7 @@ def run(script: str, folder: Path) -> tuple[int, list[str], str]:
     return done.returncode, done.stdout.splitlines(), done.stderr
 
 
-#: Frame of most scenes: prints the interrupt that its body raises.
+#: Body of most scripts. It prints the interrupt that is raised by the inserted code.
 SCENE = """
 try:
     with raise_signals():
@@ -52,7 +55,7 @@ except Interrupted as error:
     print(error)
 """
 RAISED = "interrupted by SIGTERM"
-#: Promise -> script and the lines that it prints. Each script ends with exit code 143.
+#: Promise: script and lines that it must print. The exit code of each script is 143.
 SCENES = {
     "an import is completed, and its lock released": (
         """
@@ -175,9 +178,9 @@ sys.exit(0)
 
 @pytest.mark.parametrize("name", SCENES)
 def test_where_an_interrupt_is_raised(name: str, tmp_path: Path) -> None:
-    """A script that is interrupted at the named place prints the expected lines.
+    """A script that is interrupted prints the lines of its promise.
 
-    It has no traceback, and its exit code is 128 + signal.
+    It prints no traceback, and its exit code is 128 + number of the signal.
     """
     script, lines = SCENES[name]
     code, printed, errors = run(script, tmp_path)
@@ -189,7 +192,7 @@ def test_where_an_interrupt_is_raised(name: str, tmp_path: Path) -> None:
 def test_a_library_that_never_returns_is_ended(tmp_path: Path) -> None:
     """A signal ends a command whose main thread is blocked within a library.
 
-    Python cannot raise an interrupt there. The exit code is 128 + signal.
+    Python cannot raise an interrupt there. The exit code is 128 + number of the signal.
     """
     script = """
 import ctypes, os
@@ -205,7 +208,7 @@ with raise_signals():
 
 @pytest.mark.parametrize("number", STOPPING)
 def test_a_signal_after_the_end_changes_nothing(number: signal.Signals, tmp_path: Path) -> None:
-    """A signal while the interpreter unloads modules changes no exit code or output."""
+    """A signal while the interpreter shuts down changes neither exit code nor output."""
     script = f"""
 class Last:
     def __del__(self, number={int(number)}, send=signal.raise_signal):
@@ -218,7 +221,7 @@ last = Last()
 
 @pytest.mark.parametrize("number", STOPPING)
 def test_the_code_is_that_of_the_first_signal(number: signal.Signals, tmp_path: Path) -> None:
-    """After several signals the exit code is 128 + the number of the first.
+    """After several signals the exit code is 128 + number of the first signal.
 
     Later signals are ignored.
     """
@@ -228,7 +231,7 @@ def test_the_code_is_that_of_the_first_signal(number: signal.Signals, tmp_path: 
 
 
 def test_an_ignored_hangup_stays_ignored_but_not_an_ignored_interrupt(tmp_path: Path) -> None:
-    """SIGHUP stays ignored, as after nohup. SIGINT is raised although it was ignored."""
+    """SIGHUP remains ignored, as under nohup. SIGINT is raised even if it was ignored."""
     script = """
 for number in (signal.SIGHUP, signal.SIGINT):
     signal.signal(number, signal.SIG_IGN)

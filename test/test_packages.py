@@ -1,4 +1,4 @@
-"""Packaging: declared libraries, extras, version and image, and the code's layout.
+"""Tests of the packaging: libraries, extras, version, Docker image, code layout.
 
 The libraries are declared for pip and rosdep. The image follows the page on installation.
 """
@@ -31,19 +31,19 @@ KEYS = {
     "rosbags": "python3-rosbags-pip",
     "zstandard": "mcap-ros2-support",
 }
-#: Libraries whose import has another name than the package.
+#: Libraries whose module has another name than the package.
 IMPORTED_AS = {"PIL": "pillow", "rerun": "rerun-sdk", "sksundae": "scikit-sundae", "yaml": "pyyaml"}
-#: What only the makers of reference numbers import.
+#: Libraries that only the scripts for reference values import.
 MAKERS = {"mpmath"}
-#: What only a test of somebody else's imports, through `cam_rig.testing`.
+#: Libraries that only the tests of other packages need, which use `cam_rig.testing`.
 TESTS = {"pytest"}
 IMPORTED_AS |= {"mkdocs": "mkdocs-material", "griffe": "mkdocstrings"}
 IMPORTED_AS |= {"pydantic_core": "pydantic", "rerun_cli": "rerun-sdk", "SALib": "salib"}
-#: Extras that `all` leaves out: what measures against others, and what a cluster needs.
+#: Extras that are not part of `all`: comparison with other solvers, and a cluster.
 APART = {"bench", "dask"}
-#: What `make setup` installs beside `all`.
+#: Lists of setup.py that `make setup` installs in addition to `all`.
 INSTALLED = ("CORE", "BENCH", "DASK", "ROS_WHEELS", "TEST")
-#: The ten lines of the README, without the bag; a library outside the core cannot be imported.
+#: Example of the README without the bag. Libraries outside the core cannot be imported.
 TEN_LINES = """
 import sys
 
@@ -78,9 +78,9 @@ def lists_of_setup():
 
 
 def declared():
-    """Return the rosdep keys of package.xml, and the libraries that its comments list.
+    """Return the rosdep keys of package.xml, and the libraries without a key.
 
-    A comment lists libraries without a rosdep key.
+    The latter are in comments of package.xml.
     """
     text = (ROOT / "package.xml").read_text()
     keys = {e.text for e in ElementTree.fromstring(text).iter("exec_depend")}
@@ -89,9 +89,9 @@ def declared():
 
 
 def imported(folder="cam_rig"):
-    """Return the top-level modules that a folder imports.
+    """Return the top-level modules that the code in a folder imports.
 
-    Python's standard library and the modules of the project are left out.
+    The standard library of Python and the modules of the project are left out.
     """
     lines = re.compile(r"^ *(?:from (\w+)[\w.]* )?import (\w+)", re.M)
     texts = [path.read_text(encoding="utf-8") for path in (ROOT / folder).rglob("*.py")]
@@ -102,13 +102,13 @@ def imported(folder="cam_rig"):
 def test_what_is_imported_is_declared():
     """Each library that the package, its benchmark or its tools import is declared.
 
-    Exceptions are optional libraries, and libraries that only tests and reference numbers need.
+    Exceptions are optional libraries, and libraries that only tests and reference values need.
     """
     lists, (keys, _) = lists_of_setup(), declared()
     known = lists["CORE"] | lists["ALL"] | lists["BENCH"] | lists["DASK"] | keys
     found = imported() | imported("benchmark")
     missing = {n for n in found if IMPORTED_AS.get(n, n) not in known}
-    # Siconos is Debian's and run by Debian's Python: no index has it
+    # Siconos is a Debian package for Debian's Python, and is not on PyPI.
     assert missing - {"builtin_interfaces", "siconos", *OPTIONAL} == MAKERS | TESTS <= lists["TEST"]
     assert set(OPTIONAL) <= lists["TEST"]
     of_tools = lists["CORE"] | lists["ALL"] | lists["TEST"] | lists["DOCS"]
@@ -116,9 +116,9 @@ def test_what_is_imported_is_declared():
 
 
 def test_rosdep_and_pip_install_the_same():
-    """Each library of setup.py has a rosdep key, or is listed as one without a key.
+    """Each library of setup.py has a rosdep key, or is listed as a library without.
 
-    package.xml has no key of another library.
+    package.xml has no key of any other library.
     """
     lists, (keys, (no_key, not_tried, *_)) = lists_of_setup(), declared()
     without = no_key | not_tried
@@ -130,7 +130,7 @@ def test_rosdep_and_pip_install_the_same():
 
 
 def names_in(file):
-    """Return the names in a snapshot of ros/rosdistro."""
+    """Return the names in a stored copy of a list of ros/rosdistro."""
     lines = (ROOT / "test" / "rosdep" / file).read_text(encoding="utf-8").splitlines()
     return {line for line in lines if not line.startswith("#")}
 
@@ -139,9 +139,9 @@ def names_in(file):
 def test_rosdep_resolves_every_key(distribution):
     """Each dependency in package.xml is a system key of rosdep or a released package.
 
-    `rosdep install` stops at any other key.
+    `rosdep install` would stop at any other key.
     """
-    # std_srvs is released with common_interfaces, but is not in the selection of the snapshot
+    # std_srvs is released with common_interfaces, but is missing in the stored copy.
     existing = names_in(f"{distribution}_packages.txt") | names_in("system_keys.txt") | {"std_srvs"}
     package = ElementTree.parse(ROOT / "package.xml")
     keys = {element.text for element in package.iter() if element.tag.endswith("_depend")}
@@ -149,7 +149,7 @@ def test_rosdep_resolves_every_key(distribution):
 
 
 def test_libraries_that_are_said_to_have_no_key_have_none():
-    """A library that package.xml lists as one without a rosdep key has no key."""
+    """Each library that package.xml lists as without a rosdep key has no key."""
     text = (ROOT / "package.xml").read_text(encoding="utf-8")
     lists = re.findall(r"No rosdep keys exist for [^:]*: pip install\s([^>]*?)\. -->", text)
     names = {name for words in lists for name in words.split()}
@@ -158,10 +158,10 @@ def test_libraries_that_are_said_to_have_no_key_have_none():
 
 
 def test_each_library_is_of_the_extra_that_its_error_names():
-    """The extra that an import error names contains the missing library.
+    """The extra in the error of a missing library contains that library.
 
-    `all` contains the libraries of all extras except bench and dask. No extra repeats a library
-    of the core.
+    `all` contains the libraries of all extras except bench and dask. No extra repeats a library of
+    the core.
     """
     lists = lists_of_setup()
     by_extra = {}
@@ -188,7 +188,7 @@ def test_the_lock_has_all_extras():
 
 
 def run(code):
-    """Run Python code in the root of the source, and return the ended process."""
+    """Run Python code in the root of the repository, and return the ended process."""
     return ended(sys.executable, "-c", code, cwd=ROOT)
 
 
@@ -198,7 +198,7 @@ def test_the_core_alone_runs_the_ten_lines():
     assert (done.stderr, done.stdout) == ("", "413.44\n")
 
 
-#: What is not installed, a command that needs it, and the end of its line.
+#: Missing library, a command that needs it, and the end of the error line.
 LACKING = {
     "typer": ("--help", "cam_rig[cli]'"),
     "rerun": ("view bags/golden --save out/none.rrd", "cam_rig[view]'"),
@@ -213,9 +213,9 @@ LACKING = {
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("barred", LACKING)
 def test_a_command_names_the_extra_that_it_lacks(barred):
-    """A command without its library ends with code 1 and one line with the remedy.
+    """A command without its library ends with code 1 and an error of one line.
 
-    The remedy is the pip command for the extra of the library.
+    The error contains the pip command for the extra of the library.
     """
     command, remedy = LACKING[barred]
     code = (
@@ -227,7 +227,7 @@ def test_a_command_names_the_extra_that_it_lacks(barred):
 
 
 def test_the_version_stands_once():
-    """The version is that of package.xml, and no other source file contains it."""
+    """The version is defined in package.xml, and no other source file contains it."""
     (stands,) = ElementTree.parse(ROOT / "package.xml").iter("version")
     assert cam_rig.__version__ == version("cam_rig") == stands.text
     for place in ("setup.py", "cam_rig/__init__.py", "pyproject.toml"):
@@ -235,7 +235,7 @@ def test_the_version_stands_once():
 
 
 def test_the_changelog_starts_with_the_version():
-    """CHANGELOG.rst has an entry of the current version in the format of REP 132.
+    """CHANGELOG.rst has an entry of the current version, in the format of REP 132.
 
     The format is version and date, underlined, then a list.
     """
@@ -252,30 +252,30 @@ FROM_UBUNTU = {
     *("ezdxf", "jinja2", "markupsafe", "matplotlib", "numpy", "pyyaml", "rich", "scipy"),
     "shapely",
 }
-#: Debian packages that a step needs beside ROS's own image, and rosdep's keys.
+#: Debian packages that a step needs in addition to the ROS image and the keys of rosdep.
 APT = {"python3-venv"}
 
 
 def pinned(path):
-    """Return the pinned versions in a file of requirements, by name."""
+    """Return the pinned versions in a requirements file, by name."""
     return dict(re.findall(r"^([\w.-]+)==(\S+)", path.read_text(encoding="utf-8"), re.M))
 
 
 def instructions():
-    """Return the instructions of the Dockerfile, each as keyword and arguments."""
+    """Return the instructions of the Dockerfile as pairs of keyword and arguments."""
     text = (DOCKER / "Dockerfile").read_text(encoding="utf-8")
     text = re.sub(r"^#.*\n", "", text, flags=re.M).replace("\\\n", " ")
     return [line.split(maxsplit=1) for line in text.splitlines() if line]
 
 
 def steps():
-    """Return the single shell commands of all RUN instructions of the Dockerfile."""
+    """Return the separate shell commands of all RUN instructions of the Dockerfile."""
     runs = [words for kind, words in instructions() if kind == "RUN"]
     return [re.sub(r"\s+", " ", step).strip() for run in runs for step in run.split("&&")]
 
 
 def copied():
-    """Return the target of each file that the Dockerfile copies, by its source."""
+    """Return the target of each file that the Dockerfile copies, by source."""
     found = {}
     for kind, words in instructions():
         if kind == "COPY":
@@ -285,10 +285,10 @@ def copied():
 
 
 def test_pip_installs_what_ubuntu_has_not_in_the_versions_of_the_lock():
-    """pip installs each library that Ubuntu lacks, in the version of the lock.
+    """pip installs each library that Ubuntu lacks, in the version of the lock file.
 
     The page on installation lists the same versions. numba, pyarrow, rerun-sdk and salib are
-    left out.
+    optional and not installed.
     """
     lists, asked = lists_of_setup(), pinned(ROOT / "requirements-ros.txt")
     lock, said = pinned(ROOT / "requirements.lock"), re.findall(r"([\w-]+)==([\w.]+)", PAGE)
@@ -300,7 +300,7 @@ def test_pip_installs_what_ubuntu_has_not_in_the_versions_of_the_lock():
 
 
 def test_all_that_the_image_copies_is_there():
-    """The Dockerfile copies only existing files, and all that the build needs."""
+    """The Dockerfile copies only existing files, and all files that the build needs."""
     sources = copied()
     assert all((ROOT / source).exists() for source in sources)
     setup = (ROOT / "setup.py").read_text(encoding="utf-8")
@@ -314,7 +314,7 @@ def test_all_that_the_image_copies_is_there():
 
 
 def test_the_image_takes_the_steps_of_the_page():
-    """The image runs the commands of the page on installation."""
+    """The installation commands of the image are on the page on installation."""
     done = [step.replace("apt-get", "apt") for step in steps()]
     for step in ("rosdep install", "python3 -m venv", "venv/bin/python -m"):
         taken = [one for one in done if one.startswith(step)]
@@ -325,7 +325,7 @@ def test_the_image_takes_the_steps_of_the_page():
 
 
 def test_the_image_installs_nothing_unknown():
-    """The image installs only Debian packages and requirements that the page names.
+    """The image installs only Debian packages and requirements that the page lists.
 
     Each key that rosdep skips is a dependency in package.xml.
     """
@@ -345,7 +345,7 @@ def test_the_image_installs_nothing_unknown():
 def test_the_image_starts_a_launch_file_that_there_is():
     """The image is based on ROS 2 Lyrical and starts an existing launch file.
 
-    Its entry point is an executable and valid script.
+    Its entry point is an executable and valid shell script.
     """
     found = dict(instructions())
     assert found["FROM"] == "ros:${DISTRO}-ros-base"
@@ -360,7 +360,7 @@ def test_the_image_starts_a_launch_file_that_there_is():
 
 
 def test_compose_builds_that_image():
-    """compose.yaml builds the image of the Dockerfile from the root of the source.
+    """compose.yaml builds the image of the Dockerfile from the root of the repository.
 
     The volume contains the folder of the recorded bag, and shared memory has 256 MB.
     """
@@ -376,17 +376,17 @@ def test_compose_builds_that_image():
     assert Path(volume.split(":")[1]) in bag.parents
 
 
-# -- the package keeps its layout: a name is defined once, and files and functions stay readable
+# -- layout of the package: unique class names, short files and functions, small folders
 
 
 PACKAGE = {path: path.read_text(encoding="utf-8") for path in (ROOT / "cam_rig").rglob("*.py")}
 MAX_FILE, MAX_FUNCTION = 420, 60
-#: Where a statement has others.
+#: Attributes of a statement that contain nested statements.
 PARTS = ("body", "orelse", "handlers", "finalbody", "cases")
 
 
 def defined(node):
-    """Yield all classes and functions in a module, nested ones included."""
+    """Yield all classes and functions in a module, including nested definitions."""
     for child in (one for part in PARTS for one in getattr(node, part, ())):
         if isinstance(child, ast.ClassDef | ast.FunctionDef):
             yield child
@@ -395,7 +395,7 @@ def defined(node):
 
 @pytest.fixture(scope="module")
 def nodes():
-    """Every class and function of the package, with the path of its file."""
+    """All classes and functions of the package, with the paths of their files."""
     return [(path, node) for path, text in PACKAGE.items() for node in defined(ast.parse(text))]
 
 
@@ -417,7 +417,7 @@ def lines_without_docstrings(node, first, last):
 
 
 def test_no_file_is_too_long_to_read():
-    """Each file of the package has at most 420 lines without its docstrings."""
+    """Each file of the package has at most 420 lines, not counting docstrings."""
     lines = {
         str(path): lines_without_docstrings(ast.parse(text), 1, len(text.splitlines()))
         for path, text in PACKAGE.items()
@@ -426,7 +426,7 @@ def test_no_file_is_too_long_to_read():
 
 
 def test_no_function_is_longer_than_a_screen(nodes):
-    """Each function of the package has at most 60 lines without its docstring."""
+    """Each function of the package has at most 60 lines, not counting its docstring."""
     lines = {
         f"{path}:{node.name}": lines_without_docstrings(node, node.lineno, node.end_lineno)
         for path, node in nodes

@@ -1,4 +1,8 @@
-"""The layouts in config/layouts display topics, fields, frames and types of a bag."""
+"""Tests of the layouts in config/layouts against the golden bag.
+
+A layout is a file of settings for RViz, Foxglove or PlotJuggler. It may only use topics, fields,
+frames and message types of the bag.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ from ruamel.yaml import YAML
 ROOT = Path(__file__).parents[1]
 LAYOUTS = sorted((ROOT / "config" / "layouts").iterdir())
 MARKERS, WRENCH = "visualization_msgs/msg/MarkerArray", "geometry_msgs/msg/WrenchStamped"
-#: The type of message that each of RViz's displays takes.
+#: Message type of each type of display in RViz.
 DISPLAYS = {
     "rviz_default_plugins/MarkerArray": MARKERS,
     "rviz_default_plugins/RobotModel": "std_msgs/msg/String",
@@ -37,7 +41,7 @@ class Use(NamedTuple):
 
 @pytest.fixture(scope="module")
 def golden() -> SimpleNamespace:
-    """Golden bag: type and last message of each topic, and frames of the transforms."""
+    """Golden bag (reference recording): message types, last messages and frames."""
     with AnyReader([ROOT / "bags" / "golden"]) as reader:
         types = {topic: info.msgtype for topic, info in reader.topics.items()}
         found = {
@@ -54,7 +58,7 @@ def golden() -> SimpleNamespace:
 
 
 def rviz(path: Path) -> tuple[list[Use], set[str]]:
-    """Return the topics of RViz's displays and the fixed frame."""
+    """Return the topics of the displays in an RViz file, and the fixed frame."""
     manager = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["Visualization Manager"]
     uses = []
     for display in manager["Displays"]:
@@ -67,7 +71,7 @@ def rviz(path: Path) -> tuple[list[Use], set[str]]:
 
 
 def foxglove(path: Path) -> tuple[list[Use], set[str]]:
-    """Return the topics and fields of Foxglove's panels and the followed frame."""
+    """Return the topics and fields of the panels in a Foxglove file, and the frame."""
     layout = json.loads(path.read_text(encoding="utf-8"))
     panels, uses, frames = layout["configById"], list[Use](), set[str]()
     assert sorted(leaves(layout["layout"])) == sorted(panels), "panels that are not shown"
@@ -90,7 +94,7 @@ def foxglove(path: Path) -> tuple[list[Use], set[str]]:
 
 
 def leaves(node: Any) -> Iterator[str]:
-    """Yield the panels in a layout's tree of splits."""
+    """Yield the panels in the tree of a Foxglove layout."""
     if isinstance(node, str):
         yield node
     else:
@@ -101,10 +105,10 @@ def leaves(node: Any) -> Iterator[str]:
 
 
 def plotjuggler(path: Path) -> tuple[list[Use], set[str]]:
-    """Return PlotJuggler's curves and no frames.
+    """Return the curves of a PlotJuggler file, and no frames.
 
-    A curve is a topic and a field with slashes. A curve of a joint has the name of the joint
-    before the field.
+    A curve is a topic and a field with slashes. For a joint, the name of the joint precedes the
+    field.
     """
     names = {curve.get("name") for curve in ElementTree.parse(path).iter("curve")}
     return [Use(str(name)) for name in sorted(names)], set()
@@ -159,5 +163,5 @@ def test_a_layout_shows_what_a_bag_holds(path: Path, golden: SimpleNamespace) ->
 
 
 def test_there_is_one_for_rviz_and_one_for_foxglove() -> None:
-    """The layouts include a file of RViz and a file of Foxglove."""
+    """The layouts include a file for RViz and a file for Foxglove."""
     assert {".rviz", ".json"} <= {path.suffix for path in LAYOUTS}

@@ -1,4 +1,4 @@
-"""Checks and generators of documentation pictures, run from the project's root.
+"""Checks and generators of documentation, run from the root of the repository.
 
-They are not installed.
+They are not installed with cam_rig.
 """

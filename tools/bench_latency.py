@@ -1,12 +1,14 @@
-"""The bench in a browser without a graphics card: delays, frames, processor time.
+"""Delays of the virtual bench in a browser without a graphics card.
 
     .venv/bin/python -m tools.bench_latency
 
-The delay of the first picture is from the request of the page to the cam's contour. A delay is from
-the event on the page to the readout that shows it, and to the time at which the loudspeaker plays
-the first block of the new speed. That block is recognised by its length and marked. Processor time
-is that of this program's Chromium and of the panel's server, relative to one core, while the cam
-turns at 450 rpm. If other programs load the machine, there are fewer frames, and each takes longer.
+The bench is a page of `cam-rig panel` on which a user turns the cam. The program prints delays,
+drawn frames per second and processor time. The delay of the first picture is from the request of
+the page to the contour of the cam. Another delay is from the event on the page to the readout that
+displays it, and to the time at which the loudspeaker plays the first block of the new speed. That
+block is recognised by its length and marked. Processor time is that of Chromium and of the panel's
+server, relative to one core, while the cam turns at 450 rpm. If other programs use the machine,
+there are fewer frames, and each needs longer.
 """
 
 from __future__ import annotations
@@ -25,11 +27,11 @@ from tools.docs.browser import TIMEOUT_S, new_page, open_browser, until
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-#: Speed of the cam, rpm.
+#: Speed of the cam (rpm).
 RPM = 450
 #: Time (s) over which frames and processor time are counted.
 WATCHED_S = 10.0
-#: Speeds (rpm) to which the knob is turned for its delay.
+#: Speeds (rpm) that are set to measure the delay.
 TURNED = (300, 350, 280, 420, 310, 390, 260)
 
 FRAMES = """(seconds) => new Promise((done) => {
@@ -51,8 +53,8 @@ DELAY = """(rpm) => new Promise((done) => {
   typed.value = rpm;
   typed.dispatchEvent(new Event("change"));
 })"""
-#: Script that marks and detects the first block of sound with a whole number of the new speed's
-#: ticks.
+#: Script that marks and detects the first block of sound whose length is a whole number of ticks
+#: of the new speed.
 TAP = """
   const connect = AudioNode.prototype.connect;
   AudioNode.prototype.connect = function (to) {
@@ -87,7 +89,7 @@ HEARD = """([rpm, ticks]) => new Promise((done) => {
 
 
 def cpu_seconds(pids: set[int]) -> float:
-    """Return the processor time (s) that processes have used."""
+    """Return the processor time (s) of processes."""
     ticks = 0
     for pid in pids:
         fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
@@ -96,7 +98,7 @@ def cpu_seconds(pids: set[int]) -> float:
 
 
 def processes(text: str) -> set[int]:
-    """Return descendant processes whose command line contains a text."""
+    """Return the ids of descendant processes whose command line contains a text."""
     parents, matching = {}, set()
     for path in Path("/proc").glob("[0-9]*"):
         try:
@@ -114,7 +116,7 @@ def processes(text: str) -> set[int]:
 
 
 def first_picture(page: Page, address: str) -> float:
-    """Return the time (s) from the request of the bench to the cam's contour."""
+    """Return the time (s) from the request of the bench to the contour of the cam."""
     begin = time.monotonic()
     page.goto(address, wait_until="commit")
     until(page, RIG_DRAWN)

@@ -52,7 +52,7 @@ schedule:
   transient_turns: {assumed: 1, unit: turns, source: "a case"}
   ticks_per_turn: 2
 """
-#: Wall time (s) that a run waits for a stopped node.
+#: Wall time (s) that a run waits for a node without progress.
 PATIENCE_S = 20.0
 #: Longest wall time (s) of a case.
 MAX_CASE_S = 180.0
@@ -60,7 +60,7 @@ MAX_CASE_S = 180.0
 
 @dataclass
 class Case:
-    """One node, one moment, one signal, and the result."""
+    """Node, time and signal of a case, and its result."""
 
     node: str
     moment: str
@@ -71,14 +71,14 @@ class Case:
     seconds: float = 0.0
 
     def strike(self, processes: dict[str, NodeProcess]) -> None:
-        """Send the signal, once."""
+        """Send the signal to the node, once."""
         if not self.impact and self.node in processes:
             self.impact = True
             with suppress(ProcessLookupError):
                 os.kill(processes[self.node].process.pid, getattr(signal, self.signal))
 
     def run(self, scene: Path, bag: Path) -> None:
-        """Run the scene and send the signal at the moment."""
+        """Run the scene, and send the signal at the time of the case."""
         start_time, stop_all = time.monotonic(), node_process_module.stop_all
         nodes = live_nodes(scene, bag, progress_timeout=PATIENCE_S)
         made = Graph(nodes, log=self.log.append)
@@ -103,7 +103,7 @@ class Case:
         self.seconds = time.monotonic() - start_time
 
     def faults(self, bag: Path, before: set[str]) -> list[str]:
-        """Return the violated promises of the run, empty if there are none."""
+        """Return the promises that the run violated. Without violations the list is empty."""
         faults = [] if self.impact else ["the signal was never sent"]
         if self.seconds > MAX_CASE_S:
             faults.append(f"took {self.seconds:.0f} s")
@@ -132,9 +132,9 @@ class Case:
 
 
 def segments() -> set[str]:
-    """Return Fast DDS's files in shared memory that no process has mapped.
+    """Return the files of Fast DDS in shared memory that no process uses.
 
-    Ports that all processes share are not included.
+    Ports, which all processes share, are not included.
     """
     used: set[str] = set()
     for process in Path("/proc").glob("[0-9]*"):
@@ -148,7 +148,7 @@ def segments() -> set[str]:
 
 @contextmanager
 def busy(loops: int) -> Iterator[None]:
-    """Keep cores busy."""
+    """Load a number of cores with endless loops while the context is open."""
     with ExitStack() as stack:
         for _ in range(loops):
             process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
@@ -158,7 +158,7 @@ def busy(loops: int) -> Iterator[None]:
 
 
 def options() -> argparse.Namespace:
-    """Return the command line options."""
+    """Return the options of the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
@@ -170,7 +170,7 @@ def options() -> argparse.Namespace:
 
 
 def main() -> int:
-    """Run the cases, one line each. Return 1 if a case violates a promise."""
+    """Run the cases, and print a line for each. Return 1 if a case violates a promise."""
     arguments, wrong = options(), 0
     signals = arguments.signal or SIGNALS
     cases = itertools.product(arguments.node or NODES, arguments.moment or MOMENTS, signals)

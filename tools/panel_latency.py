@@ -1,10 +1,11 @@
-"""Drawing board under two pages that drag at once: paints, delays and memory.
+"""Delays and memory of the drawing board while two pages drag ordinates at once.
 
     .venv/bin/python -m tools.panel_latency [MINUTES]
 
-Each page drags a different ordinate up and down by the pointer, in a browser without a window.
-A delay is from a pointer's event to the end of the first frame with the changed curve. Memory is
-the pages' JavaScript heap after a collection, and the resident set of server and worker.
+The drawing board is a page of `cam-rig panel`. Each page drags a different ordinate up and down
+with the pointer, in a browser without a window. A delay is from an event of the pointer to the end
+of the first frame with the changed curve. Memory is the JavaScript heap of the pages after a
+garbage collection, and the resident memory of server and worker.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ if TYPE_CHECKING:
 
 HANDLES = (7, 22)
 
-#: Amplitude of the motion, px.
+#: Amplitude of the motion (px).
 AMPLITUDE_PX = 12.0
-#: Period of the motion, s.
+#: Period of the motion (s).
 PERIOD_S = 2.0
-#: Time between two readings of the memory, s.
+#: Time (s) between two readings of the memory.
 READING_PERIOD_S = 30.0
 #: Bytes per MiB.
 MIB = 2**20
@@ -48,8 +49,8 @@ LISTEN = """() => {
   }).observe(document.querySelector("#chart0 svg"), { subtree: true, attributeFilter: ["d"] });
 }"""
 
-#: Period (ms) of the pointer's moves, as that of a mouse. A driver outside of the page would wait
-#: for each frame.
+#: Period (ms) of the moves of the pointer, as that of a mouse. They are made within the page,
+#: because a driver outside of it would wait for each frame.
 EVERY_MS = 8
 
 MOVE = f"""([handle, y, way, period]) => {{
@@ -74,7 +75,7 @@ def panel() -> Iterator[tuple[subprocess.Popen[str], str]]:
 
 
 def resident(pid: int) -> float:
-    """Return the memory of a process and its children, MiB."""
+    """Return the memory (MiB) of a process and its children."""
     status = Path(f"/proc/{pid}/status").read_text(encoding="utf-8")
     own = int(status.split("VmRSS:")[1].split()[0]) * 1024 / MIB
     children = Path(f"/proc/{pid}/task").glob("*/children")
@@ -82,13 +83,13 @@ def resident(pid: int) -> float:
 
 
 def heap(session: CDPSession) -> float:
-    """Return the JavaScript memory of a page after garbage collection, MiB."""
+    """Return the JavaScript memory (MiB) of a page after a garbage collection."""
     session.send("HeapProfiler.collectGarbage")
     return float(session.send("Runtime.getHeapUsage")["usedSize"]) / MIB
 
 
 def drag(page: Page, address: str, handle: int) -> None:
-    """Open the board, take a handle, and move its pointer from then on."""
+    """Open the drawing board, press an ordinate, and start to move its pointer."""
     page.goto(address)
     page.wait_for_function("() => document.getElementById('jump_rigid').textContent !== '–'")
     page.evaluate(LISTEN)
@@ -101,7 +102,7 @@ def drag(page: Page, address: str, handle: int) -> None:
 
 
 def print_delays(pages: list[Page], seconds: float) -> None:
-    """Print paints and delays since the previous call."""
+    """Print drawn frames and delays since the previous call."""
     for number, page in enumerate(pages, start=1):
         delays = np.array(page.evaluate("() => window.delays.splice(0)"))
         middle, most = np.percentile(delays, (50, 95))
@@ -110,14 +111,14 @@ def print_delays(pages: list[Page], seconds: float) -> None:
 
 
 def main() -> None:
-    """Drag for a number of minutes, 8 by default."""
+    """Drag for a number of minutes, by default 8."""
     minutes = float(sys.argv[1]) if len(sys.argv) > 1 else 8.0
     with panel() as (process, address), open_browser(webgl=False) as browser:
         pages = [new_page(browser) for _ in HANDLES]
         for page, handle in zip(pages, HANDLES, strict=True):
             drag(page, address, handle)
         sessions = [page.context.new_cdp_session(page) for page in pages]
-        pages[0].wait_for_timeout(5e3)  # code is compiled, axes have their range
+        pages[0].wait_for_timeout(5e3)  # code is then compiled, and axes have their range
         for page in pages:
             page.evaluate("() => window.delays.splice(0)")
         start, elapsed = time.monotonic(), 0.0

@@ -52,16 +52,16 @@ COMMANDS = {
     "fit rig": ("fit", "rig", "bags/golden", "bezier15"),
 }
 
-#: Keys that were renamed since the numbers were stored, old: new.
+#: Keys that were renamed after the numbers were stored: old and new name.
 RENAMED: dict[str, str] = {}
-#: Keys that were missing, or had sentences as values, when the numbers were stored.
+#: Keys that were added, or had sentences as values, when the numbers were stored.
 ADDED: set[str] = set()
-#: Reason for ignoring a value under one of these keys.
+#: Reason for ignoring a difference under one of these keys.
 ADDITION = " (added)"
 
 
 def outputs(name: str) -> Any:
-    """Return the JSON of a command. Its exit code may be 1: a check of a cam failed."""
+    """Return the JSON of a command, also if its exit code is 1 (a check failed)."""
     with tempfile.TemporaryDirectory() as folder:
         arguments = [word.format(folder=folder) for word in COMMANDS[name]]
         done = subprocess.run(
@@ -75,7 +75,7 @@ def outputs(name: str) -> Any:
 
 
 def bag() -> dict[str, list[str]]:
-    """Return the digests of each topic's messages and each attachment of a run."""
+    """Return digests of the messages of each topic and of each attachment of a run."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "quick"
         subprocess.run([*CAM_RIG, "run", "quick", "--bag", path], capture_output=True, check=True)
@@ -88,7 +88,7 @@ def bag() -> dict[str, list[str]]:
                     read.setdefault(channel.topic, []).append(digest(times.encode(), message.data))
                 for attached in reader.iter_attachments():
                     read[f"attached {attached.name}"] = [digest(attached.data)]
-    # Several nodes publish on it, in an order that depends on scheduling.
+    # Several nodes publish on this topic, and the order depends on scheduling.
     read["/diagnostics"].sort()
     return read
 
@@ -124,7 +124,7 @@ def reason(path: str, old: Any, new: Any) -> str:
 
 
 def differences(name: str, reference: Any, present: Any) -> int:
-    """Print differences and return their number, without reworded sentences."""
+    """Print differences, and return their number without reworded sentences."""
     before, after = dict(leaves(reference)), dict(leaves(present))
     count = 0
     for path in before | after:
@@ -138,7 +138,7 @@ def differences(name: str, reference: Any, present: Any) -> int:
 
 
 def main() -> None:
-    """Store the numbers, or compare them with the stored ones."""
+    """Store the numbers, or compare them with the stored numbers."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

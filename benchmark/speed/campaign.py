@@ -1,10 +1,10 @@
 """Points per second of a campaign, compared with joblib and SUNDIALS CVODE.
 
-Both find the jump speed of two masses, 1.7 s from rest, of rigs whose spring, preload and mass vary
-by 10 %, in the same number of processes. The peer integrates the equations of motion (Adams, rtol
-1e-8) up to the first root of the contact force, and bisects a bracket down to 0.05 rpm. The
-bracket, 1 % wide, is given: the force is not monotone in speed, and a scan for its first zero would
-take many times as long.
+Both compute the jump speed of two masses, 1.7 s from rest. Spring, preload and mass of the rigs
+vary by 10 %, and the number of processes is equal. The peer (CVODE) integrates the equations of
+motion (Adams, rtol 1e-8) up to the first root of the contact force, and bisects a bracket down to
+0.05 rpm. The bracket, 1 % wide, is given to the peer: the force is not monotone in speed, and a
+scan for its first zero would need many times as long.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SPREAD = {"uniform": 10, "unit": "%"}
 
 FOLLOWER = ("spring_stiffness", "preload", "mass")
 
-#: Study without its number of points.
+#: Campaign without its number of points.
 STUDY: dict[str, Any] = {
     "name": "bench",
     "title": "Jump speed",
@@ -41,16 +41,16 @@ STUDY: dict[str, Any] = {
     "measures": ["jump_speed"],
 }
 
-#: Half width of the peer's bracket relative to the speed.
+#: Half width of the bracket of the peer, relative to the speed.
 BRACKET_FRACTION = 0.005
 #: Width of the bracket (rpm) at which the bisection stops.
 SPEED_ATOL_RPM = 0.05
 
 #: Number of points per batch.
 BATCH = 250
-#: Number of batches per process in a quick and in a full study.
+#: Number of batches per process in a quick and in a full comparison.
 BATCHES = (2, 8)
-#: Number of points of the peer per process in a quick and in a full study.
+#: Number of points of the peer per process in a quick and in a full comparison.
 PEER_POINTS = (2, 10)
 
 
@@ -64,13 +64,12 @@ CAMPAIGN = (
 
 @dataclass(frozen=True)
 class CampaignRate:
-    """Points per second of campaign and peer, and the difference of their speeds.
+    """Points per second of campaign and peer, and the difference of their jump speeds.
 
-    Parameters
-    ----------
+    Parameters ----------
     points, peer_points : numbers of timed points
     gap : median difference of the jump speeds, rpm
-    beyond : number of differences larger than the peer's tolerance
+    beyond : number of differences larger than the tolerance of the peer
     missing : reason for a missing peer, else empty
     """
 
@@ -90,7 +89,10 @@ class CampaignRate:
 
 
 def campaign_rate(processes: int, quick: bool) -> CampaignRate:
-    """Time both in sequence. Without joblib time the campaign only, in this process."""
+    """Time campaign and peer in sequence.
+
+    Without joblib only the campaign is timed, in this process.
+    """
     points = BATCH * BATCHES[not quick] * processes
     plan = {"kind": "latin_hypercube", "points": points}
     campaign = campaign_from({**STUDY, "plan": plan}, Library((config_root(),)))
@@ -125,7 +127,7 @@ def campaign_rate(processes: int, quick: bool) -> CampaignRate:
 
 
 def bisect_jump(p: TwoMassParameters, law: Law, near: float) -> float:
-    """Return the peer's jump speed close to ``near``, both in rpm."""
+    """Return the jump speed of the peer close to ``near``, both in rpm."""
     low, high = near * (1.0 - BRACKET_FRACTION), near * (1.0 + BRACKET_FRACTION)
     while high - low > SPEED_ATOL_RPM:
         middle = 0.5 * (low + high)
@@ -134,7 +136,7 @@ def bisect_jump(p: TwoMassParameters, law: Law, near: float) -> float:
 
 
 def leaves(p: TwoMassParameters, law: Law, speed: float) -> bool:
-    """Return True if the peer's contact force reaches zero from rest.
+    """Return True if the contact force of the peer reaches zero in a run from rest.
 
     ``speed`` is in rad/s.
     """
@@ -164,7 +166,7 @@ def leaves(p: TwoMassParameters, law: Law, speed: float) -> bool:
 
 
 def campaign_records(rate: CampaignRate) -> Records:
-    """Return the records of campaign and peer, or a note on the missing peer."""
+    """Return the rows of campaign and peer, or a note on the missing peer."""
     peer_name = "joblib and CVODE"
     rows = [("campaign", rate.points, rate.points_per_s, 1.0)]
     if rate.peer_per_s is not None and rate.ratio is not None:

@@ -1,4 +1,7 @@
-"""Cases of the study: law, parameters, duration."""
+"""Cases of the comparison, and samples per second of cam_rig.
+
+A case is a law, the parameters of a model, a speed and a duration.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ SPRING = 4030.0
 STEM = 3.3e8
 #: Damping (N·s/m), from Table 1 of the paper.
 DAMPING = 8.642
-#: Weight of the mass, N.
+#: Weight of the mass (N).
 WEIGHT = 12.753
 #: Stem stiffness (N/m) identified from the paper's jump speeds (its Table 2).
 SOFT_STEM = 1.26e6
@@ -44,7 +47,7 @@ ROLLER_SHARE = 0.40
 #: Preload (N) identified from Table 2.
 PRELOAD = 30.6
 
-#: Bounces lower than this fraction of the lift are contact.
+#: Height of the lowest bounce relative to the lift. A lower bounce is contact.
 MIN_BOUNCE = 1e-12
 
 
@@ -54,16 +57,16 @@ def law_of(cam: str) -> Law:
 
 
 def elastic_stem() -> Case:
-    """Return a stiff oscillator with smooth excitation and hardly any damping."""
+    """Return a stiff oscillator with smooth excitation and little damping."""
     model = Oscillator(MASS, DAMPING, SPRING, STEM)
     return _case("elastic_stem", "residual vibration on the stem", "poly345", model, 300, 20, 25)
 
 
 def resonance() -> Case:
-    """Return an undamped follower in resonance with the cam's ninth harmonic.
+    """Return an undamped follower in resonance with the ninth harmonic of the cam.
 
-    Its response grows without limit. The even harmonics of this cam are zero, because its fall is
-    its rise half a turn later.
+    Its response increases without limit. The even harmonics of this cam are zero, because the fall
+    is the rise half a turn later.
     """
     stiffness = MASS * (9.0 * rad_per_s(300)) ** 2
     model = Oscillator(MASS, 0.0, SPRING, stiffness - SPRING)
@@ -71,7 +74,7 @@ def resonance() -> Case:
 
 
 def torsional() -> Case:
-    """Return an elastic camshaft, nonlinear in the twist."""
+    """Return an elastic camshaft. The equation is nonlinear in the twist."""
     model = Twist(0.02, 1e4, MASS, DAMPING, SPRING, WEIGHT)
     return _case("torsional", "torsional vibration", "poly345", model, 400, 4, 50)
 
@@ -83,21 +86,21 @@ def _two_mass(name: str, title: str, stem_stiffness: float, preload: float) -> C
 
 
 def two_mass_soft() -> Case:
-    """Return two masses that leave the cam, with the identified stem stiffness."""
+    """Return two masses that lift off, with the identified stem stiffness."""
     return _two_mass("two_mass_soft", "two masses, stem 1.26e6 N/m", SOFT_STEM, PRELOAD)
 
 
 def two_mass_stem() -> Case:
-    """Return two masses that leave the cam, with the printed stem stiffness.
+    """Return two masses that lift off, with the stem stiffness of the paper.
 
-    They land and chatter. The preload is the follower's weight: with the identified 30.6 N there is
-    no lift-off.
+    They land and bounce many times. The preload is the weight of the follower, because with the
+    identified 30.6 N there is no lift-off.
     """
     return _two_mass("two_mass_stem", "two masses, stem 3.3e8 N/m", STEM, WEIGHT)
 
 
 def one_mass_arc() -> Case:
-    """Return a rigid follower that jumps off an arc cam and bounces."""
+    """Return a rigid follower that lifts off a cam of arcs and bounces."""
     bounce = MIN_BOUNCE * law_of("tm21").lift
     model = OneMass(MASS, DAMPING, SPRING, WEIGHT, 0.8, bounce)
     return _case("one_mass_arc", "one mass, arc cam, restitution 0.8", "tm21", model, 400, 10, 50)
@@ -108,7 +111,7 @@ CASES: dict[str, Callable[[], Case]] = {
     for make in (elastic_stem, resonance, torsional, two_mass_soft, two_mass_stem, one_mass_arc)
 }
 
-#: Turns of the cases that are shortened in a quick study.
+#: Turns of the cases that are shorter in a quick comparison.
 QUICK_TURNS = {"elastic_stem": 2}
 
 
@@ -134,7 +137,7 @@ def _case(
     return Case(name, caption, law_of(cam), model, speed, turns, quick, times)
 
 
-# Samples per second of the rig, compared with a copy of the same bytes.
+# -- samples per second of cam_rig, compared with a copy of the same bytes
 
 CAM = "bezier15"
 #: Samples per second.
@@ -142,19 +145,19 @@ SAMPLE_RATE = 48_000
 
 SAMPLED = ("kinetostatic", "elastic_stem")
 
-#: Speeds at which a turn is 7200 samples, and not a whole number of samples.
+#: Speeds (rpm). At the first a turn has 7200 samples, at the second no whole number of samples.
 SPEEDS_RPM = (400.0, 391.37)
 
-#: Samples per block: 6 MB, which a large cache still contains, and 25 MB.
+#: Samples per block: 6 MB, which fit into a large cache, and 25 MB.
 BLOCKS = (1 << 17, 1 << 19)
 
-#: Number of timed blocks, each paired with a copy.
+#: Number of timed blocks, each followed by a copy.
 REPEATS = 25
 
 
 @dataclass(frozen=True)
 class SampleRate:
-    """Samples of six values per second of a model, and of copies after each block.
+    """Samples of six values per second of a model, and of copies of the same size.
 
     ``ratio`` is the time of a block relative to that of its copy.
     """
@@ -168,7 +171,7 @@ class SampleRate:
 
 
 def rates() -> dict[str, float]:
-    """Return samples per second by model, at the first speed in the shorter blocks."""
+    """Return samples per second by model, at the first speed and for shorter blocks."""
     results = sample_rates(SPEEDS_RPM[:1], BLOCKS[:1])
     return {rate.model: rate.samples_per_s for rate in results}
 
@@ -176,7 +179,7 @@ def rates() -> dict[str, float]:
 def sample_rates(
     speeds_rpm: Iterable[float] = SPEEDS_RPM, blocks: Iterable[int] = BLOCKS
 ) -> list[SampleRate]:
-    """Return the medians for each model, speed and block, interleaved with copies."""
+    """Return the medians for each model, speed and block. Blocks and copies alternate."""
     law = law_of(CAM)
     follower = FollowerParameters(MASS, SPRING, DAMPING, WEIGHT, STEM)
     speeds, results = tuple(speeds_rpm), []
@@ -194,7 +197,7 @@ def sample_rates(
 
 
 def rate_table(rates: Iterable[SampleRate]) -> DataTable:
-    """Return a table with one row per rate."""
+    """Return a table with a row per rate."""
     return tabulate(
         "Samples",
         rates,
@@ -210,7 +213,7 @@ def rate_table(rates: Iterable[SampleRate]) -> DataTable:
 
 
 def _seconds(*works: Callable[[], object]) -> list[tuple[float, ...]]:
-    """Return the wall times of all rounds, interleaved, after a warm-up."""
+    """Return the wall times (s) of the functions in each round, after a warm-up."""
     times = []
     for _ in range(REPEATS + 1):
         took = []

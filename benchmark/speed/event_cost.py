@@ -1,4 +1,4 @@
-"""Cost of a lift-off and its landing: search, whole solution, and a peer's."""
+"""Cost of a lift-off and its landing: search, whole solution, and the peer CVODE."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from benchmark.speed.problem import PeerError
 from cam_rig.dynamics.events.backend import COMPILED, PLAIN, VARIABLE
 from cam_rig.show.tables import DataTable, Header, tabulate
 
-#: Cases with events.
+#: Cases with events (lift-offs and landings).
 NAMES = ("one_mass_arc", "two_mass_soft", "two_mass_stem")
-#: Relative tolerances of the peer. Its most accurate run counts.
+#: Relative tolerances of the peer. The more accurate run counts.
 RTOLS = (1e-12, 3e-14)
-#: Number of turns of long runs, in which the fixed cost of a run is a small part.
+#: Number of turns of long runs, in which the constant cost of a run is small.
 LONG_TURNS = 100
-#: Cases whose long runs the peer finishes in time.
+#: Cases whose long runs the peer completes within the limit.
 PEER_NAMES = ("one_mass_arc", "two_mass_soft")
 WHOLE = "a whole solution"
 
-#: Longest run of the peer, s.
+#: Longest run of the peer (s).
 MAX_PEER_S = 60.0
-#: Number of runs of the rig, of which the median counts.
+#: Number of runs of cam_rig, of which the median counts.
 REPEATS = 21
 
 
 @dataclass(frozen=True)
 class EventCost:
-    """Time (s) of a solver per landing, and the largest error of an event's time (s)."""
+    """Time (s) of a solver per landing, and the largest error (s) of an event."""
 
     case: str
     landings: int
@@ -48,14 +48,15 @@ class EventCost:
 def event_costs(
     names: tuple[str, ...] = NAMES, peer: str = "CVODE", repeats: int = REPEATS
 ) -> list[EventCost]:
-    """Return the costs of each case by the rig, plain and compiled, and by a peer."""
+    """Return the costs of each case: by cam_rig, compiled or not, and by a peer."""
     return [cost for name in names for cost in _of_case(name, peer, repeats)]
 
 
 def event_table(costs: list[EventCost]) -> DataTable:
-    """Return a table with one row per solver.
+    """Return a table with a row per solver.
 
-    The ratio is relative to the compiled search of the rig, which is the usual one.
+    The ratio is relative to the first row of the case, the compiled search of cam_rig, which is the
+    default.
     """
     first = {cost.case: cost for cost in reversed(costs)}
 
@@ -96,9 +97,9 @@ def _of_case(name: str, peer: str, repeats: int) -> Iterator[EventCost]:
 
 
 def _of_long(case: Case, reference: Solution, peer: str, repeats: int) -> Iterator[EventCost]:
-    """Return the costs of the case for `LONG_TURNS`.
+    """Yield the costs of the case for `LONG_TURNS`.
 
-    Errors are those of the turns that the reference has.
+    Errors are those of the turns that the reference contains.
     """
     long, name = case.lasting(LONG_TURNS), f"{case.name}, {LONG_TURNS} turns"
     form = ("compiled", COMPILED) if find_spec("numba") else ("plain Python", PLAIN)
@@ -129,7 +130,7 @@ def _search(case: Case) -> None:
 def _of_peer(
     case: Case, run: Case, reference: Solution, name: str
 ) -> Iterator[tuple[str, float, float, int]]:
-    """Return text, time (s), error (s) and landings of each setting that finished."""
+    """Yield title, time (s), error (s) and landings of each completed setting."""
     for peer in PEERS:
         if peer.name != name or peer.missing() is not None:
             continue
@@ -153,7 +154,7 @@ def _error(case: Case, solution: Solution, reference: Solution) -> float:
 
 
 def median_of(function: Callable[[], object], repeats: int) -> float:
-    """Return the median wall time, s."""
+    """Return the median wall time (s) of several calls."""
     times = []
     for _ in range(repeats):
         start_time = time.perf_counter()
@@ -164,7 +165,7 @@ def median_of(function: Callable[[], object], repeats: int) -> float:
 
 @contextmanager
 def force_backend(form: str) -> Iterator[None]:
-    """Use one form of the search, independent of the environment."""
+    """Use the compiled or the plain search, independent of the environment."""
     before = os.environ.get(VARIABLE)
     os.environ[VARIABLE] = form
     try:

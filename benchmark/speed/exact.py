@@ -1,6 +1,6 @@
-"""Reference: every linear phase in closed form, with 50 digits and more.
+"""Reference solutions: every linear phase in closed form, with at least 50 digits.
 
-It shares no code with the rig's dynamics.
+The code is independent of the models of cam_rig.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
 from cam_rig.units import TURN
 
-# Pieces of a law with 50 digits as power series of time. The law's doubles are taken as exact.
+# -- pieces of a law as power series of time, with 50 digits
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class ExactPiece:
 
 
 def polynomial(coefficients: list[Number], x: Number) -> Number:
-    """Return a polynomial's value by Horner's rule."""
+    """Return the value of a polynomial (Horner's rule)."""
     total = mp.mpf(0)
     for a in reversed(coefficients):
         total = total * x + a
@@ -80,7 +80,7 @@ def powers(ordinates: list[float]) -> list[Number]:
 
 
 def exact_pieces(law: Law, speed: float) -> list[ExactPiece]:
-    """Return the pieces of one turn."""
+    """Return the pieces of a turn."""
     breaks = [mp.mpf(float(x)) for x in law.breaks]
     omega = mp.mpf(speed)
     pieces = []
@@ -100,23 +100,26 @@ def derivative(coefficients: list[Number]) -> list[Number]:
     return [*(j * a for j, a in enumerate(coefficients) if j), mp.mpf(0)]
 
 
-# A phase on one piece of the law in closed form, and the first crossing of its guard.
+# -- a phase on one piece of the law in closed form, and the first zero of its guard
 
-#: Scanned points per period of the fastest mode, and smallest number in a piece.
+#: Scanned points per period of the fastest mode.
 SCAN = 24
 
 FEWEST = 32
 
-#: Relative imaginary part below which a rate is real, except for rounding at 60 digits.
+#: Largest imaginary part, relative, of a rate that is real except for rounding at 60 digits.
 REAL = 1e-40
 
-#: Time (s) after which a guard that rises from zero is positive.
+#: Time (s) after which a guard that rises from zero must be positive.
 MIN_BRACKET = 1e-30
 
 
 @dataclass(frozen=True)
 class Flow:
-    """Phase on one piece from local time ``begin`` and state ``start``."""
+    """Solution of a phase on a piece, from local time ``begin`` and state ``start``.
+
+    The phase ends when its guard, a linear function of state and law, becomes zero.
+    """
 
     phase: BenchPhase
     piece: ExactPiece
@@ -154,9 +157,10 @@ class Flow:
 
 
 def flow(phase: BenchPhase, piece: ExactPiece, begin: Number, start: Vector) -> Flow:
-    """Solve one phase on one piece.
+    """Solve a phase on a piece of the law.
 
-    The series follows (n+1) X_{n+1} = A X_n + F_n from the highest power down.
+    The series of the forced motion follows from (n+1) X_{n+1} = A X_n + F_n, from the highest power
+    down.
     """
     size = phase.size
     if size == 0:
@@ -177,16 +181,16 @@ def flow(phase: BenchPhase, piece: ExactPiece, begin: Number, start: Vector) -> 
     free_part = mp.matrix([x - polynomial(p, begin) for x, p in zip(start, forced, strict=True)])
     weights = mp.lu_solve(vectors, free_part)
     rates = [mp.re(r) if abs(mp.im(r)) < REAL * abs(r) else r for r in rates]
-    indices = [i for i in range(size) if mp.im(rates[i]) >= 0]  # of a conjugate pair one, twice
+    indices = [i for i in range(size) if mp.im(rates[i]) >= 0]  # one of a conjugate pair, twice
     twice = {i: 1 if mp.im(rates[i]) == 0 else 2 for i in indices}
     modes = [[twice[i] * vectors[j, i] * weights[i] for i in indices] for j in range(size)]
     return Flow(phase, piece, begin, forced, [rates[i] for i in indices], modes)
 
 
 def first_crossing(run: Flow, end: Number) -> Number | None:
-    """Return the local time at which the guard first crosses zero from above.
+    """Return the local time of the first zero of the guard, from positive to negative.
 
-    It is None if there is no crossing before ``end``.
+    It is None if there is no such zero before ``end``.
     """
     value, rate = run.guard()
     fastest = max((abs(r) for r in run.rates), default=mp.mpf(0))
@@ -206,9 +210,9 @@ def first_crossing(run: Flow, end: Number) -> Number | None:
 
 
 def _bracket(value: Callable[[Number], Number], low: Number, high: Number) -> tuple[Number, Number]:
-    """Return a time with a positive value, and a later time without one.
+    """Return a time with a positive value, and a later time with a value ≤ 0.
 
-    The value may start at zero and rise.
+    The value may rise from zero at the start.
     """
     begin = low
     while low == begin or value(low) <= 0:
@@ -232,7 +236,7 @@ DIGITS = 60
 
 @dataclass
 class _Course:
-    """Collector of the outputs at the output times, and of the events."""
+    """Run of a case: outputs at the output times so far, and events."""
 
     case: Case
     model: BenchModel
@@ -251,7 +255,7 @@ class _Course:
             self.velocity.append([float(a) for a in v])
 
     def through(self, piece: ExactPiece, start: Number, name: str, q: Vector) -> tuple[str, Vector]:
-        """Solve one piece of one turn, phase after phase, from time ``start`` in s."""
+        """Solve a piece of a turn, phase after phase. It starts at ``start`` (s)."""
         phases, time = self.model.phases(), mp.mpf(0)
         if phases[name].on_cam and phases[name].guard_value(q, piece.motion(time)) < 0:
             name, q = self._switch(name, q, piece, time, start)
@@ -274,7 +278,7 @@ class _Course:
 
 
 def solve(case: Case) -> Solution:
-    """Solve the case to at least 50 digits, and round to doubles at the end."""
+    """Solve the case with at least 50 digits, and round the result to floats."""
     assert isinstance(case.model, BenchModel)
     with mp.workdps(DIGITS):
         course = _Course(case, case.model.typed(mp.mpf))
@@ -289,33 +293,36 @@ def solve(case: Case) -> Solution:
         )
 
 
-# The torsional reference: Taylor series of high order with 45 digits, joint after joint.
+# -- the torsional reference: Taylor series of high order with 45 digits, between joints of the law
 
 TWIST_DIGITS = 45
 
 ORDER = 40
 
-#: Steps per period of the shaft. The last terms are then below the last digit.
+#: Steps per period of the shaft. The last terms of a series are then below the last digit.
 STEPS = 5
 
 Series = list[Number]
 
 
 def _times(first: Series, second: Series, n: int) -> Number:
-    """Return coefficient n of a product."""
+    """Return coefficient n of the product of two series."""
     return mp.fdot((first[i], second[n - i]) for i in range(n + 1))
 
 
 class _Taylor:
-    """Series of θ about one time, with the law's piece as polynomials of θ − low."""
+    """Taylor series of the cam angle θ about a time.
+
+    The piece of the law is a polynomial of the angle since the start of the piece.
+    """
 
     def __init__(self, model: Twist, ramp: Number, laws: list[Series]) -> None:
         self.model, self.ramp, self.laws = model, ramp, laws
 
     def expand(self, angle: Number, speed: Number, twist: Number, rate: Number) -> Series:
-        """Return the series of φ in time.
+        """Return the series of the twist φ in time.
 
-        ``angle`` is θ less the start of the piece, ``speed`` is without φ̇.
+        ``angle`` is θ since the start of the piece, and ``speed`` is that of the flywheel.
         """
         p = self.model
         phi, turn = [twist, rate], [angle, speed + rate]
@@ -348,9 +355,10 @@ class _Taylor:
 
 
 def solve_twist(case: Case, ramp: float = 0.0) -> Solution:
-    """Solve the torsional case to 40 digits, and round to doubles at the end.
+    """Solve the torsional case to 40 digits, and round the result to floats.
 
-    ``ramp`` is α in rad/s². The flywheel starts with the case's speed and gains it evenly.
+    ``ramp`` is the angular acceleration (rad/s²) of the flywheel, which starts with the case's
+    speed.
     """
     assert isinstance(case.model, Twist)
     with mp.workdps(TWIST_DIGITS):
@@ -377,12 +385,12 @@ def _solve(case: Case, model: Twist, ramp: Number) -> Solution:
 def _steps(
     case: Case, model: Twist, ramp: Number
 ) -> Iterator[tuple[Number, Number, Series, Series]]:
-    """Yield start (s), length (s), φ and φ̇ of each step, without crossing a joint."""
+    """Yield start (s), length (s), φ and φ̇ of each step. A step ends at each joint."""
     speed, ends = mp.mpf(case.speed), [mp.mpf(float(x)) for x in case.law.breaks]
     longest = 2 * mp.pi / mp.sqrt(model.shaft_stiffness / model.inertia) / STEPS
     time, twist, rate = mp.mpf(0), mp.mpf(0), mp.mpf(0)
     columns = case.law.ordinates.T.tolist()
-    # One turn more: a twist may bring the last joint before the last output time.
+    # An additional turn, because the twist can move the last joint before the last output time.
     for turn, i in product(range(case.turns + 1), range(len(columns))):
         span = ends[i + 1] - ends[i]
         lift = [a / span**j for j, a in enumerate(powers(columns[i]))]
@@ -404,10 +412,7 @@ def _sum(line: Series, phi: Series) -> Series:
 
 
 def _step(angle: Series, high: Number, longest: Number) -> tuple[Number, bool]:
-    """Return the length of the next step, and True if it ends at θ = ``high``.
-
-    That angle is the joint.
-    """
+    """Return the length of a step, and True if it ends at the joint θ = ``high``."""
     if polynomial(angle, longest) < high:
         return longest, False
     step, speed = longest, derivative(angle)

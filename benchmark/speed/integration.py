@@ -1,4 +1,7 @@
-"""Solution of a case by a peer, interval by interval and phase by phase."""
+"""Solution of a case by a peer, interval by interval and phase by phase.
+
+An interval is a part of the law without a joint, and a phase is contact or flight.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +26,10 @@ from benchmark.speed.problem import (
 )
 from cam_rig.units import FloatArray
 
-#: Number of events above which a peer is taken as failed. No case has as many.
+#: Number of events above which a peer has failed. All cases have fewer.
 MAX_EVENTS = 20_000
 
-#: Weights of s, ṡ, s̈ and 1, one row each.
+#: Weights of s, ṡ, s̈ and 1, one quantity per row.
 MOTION = np.eye(4).tolist()
 
 
@@ -46,7 +49,7 @@ class _Integration:
     def through(
         self, start: float, interval: PeerInterval, name: str, q: Vector
     ) -> tuple[str, Vector]:
-        """Integrate one interval that starts at ``start`` (s)."""
+        """Integrate an interval that starts at ``start`` (s)."""
         local = self.case.times - start
         local = local[(local >= 0.0) & (local < interval.duration)]
         time = 0.0
@@ -76,7 +79,7 @@ class _Integration:
     def _in_contact(
         self, interval: PeerInterval, name: str, time: float, times: FloatArray
     ) -> Arrival:
-        """Find the first sign change of the contact force, without an integration."""
+        """Find the first sign change of the contact force, which needs no integration."""
         force = interval.function(self.phases[name].guard_drive)
         grid = np.linspace(time, interval.duration, 65).tolist()
         for low, high in pairwise(grid):
@@ -88,7 +91,7 @@ class _Integration:
         return Arrival(interval.duration, [], np.empty((0, times.size)), False)
 
     def _scale(self, size: int) -> FloatArray:
-        """Return the usual size of the states: lift, and lift per time of one radian."""
+        """Return the usual size of the states: the lift, and the lift times the speed."""
         positions = np.full(size // 2, self.case.law.lift)
         return np.concatenate([positions, positions * self.case.speed])
 
@@ -124,19 +127,19 @@ def integrate_case(case: Case, integrate: Integrator) -> Solution:
     return Solution(x, v, tuple(run.events))
 
 
-# Solution of the torsional case by a peer. The joints of the law are its events.
+# -- solution of the torsional case by a peer, with the joints of the law as events
 
-#: Usual size of a twist, rad.
+#: Usual size of a twist (rad).
 TWIST = 1e-3
 
-#: Angle (rad) within which the joint is reached, relative to an untwisted cam.
+#: Angle (rad) beyond the joint of an untwisted cam by which a joint is reached.
 REACH = 0.1
 
 
 def joint_problem(model: Twist, interval: PeerInterval, speed: float) -> Problem:
-    """Return the equation of motion on one interval, with its joint as the guard.
+    """Return the equation of motion on an interval. The guard is the next joint.
 
-    ``interval`` is computed for a speed of 1 rad/s, so its time is the cam's angle.
+    ``interval`` is computed for a speed of 1 rad/s, so its time is the cam angle.
     """
     m, c, k, preload = model.mass, model.damping, model.stiffness, model.preload
     inertia, shaft, span = model.inertia, model.shaft_stiffness, interval.duration
@@ -167,7 +170,7 @@ def joint_problem(model: Twist, interval: PeerInterval, speed: float) -> Problem
 
 
 class _LawInAngle:
-    """Law at an angle since the start of the interval, by Horner's rule."""
+    """Law at an angle since the start of the interval (Horner's rule)."""
 
     def __init__(self, interval: PeerInterval) -> None:
         ends = interval.ends.tolist()

@@ -1,7 +1,7 @@
-"""Models of the study as linear phases, with the switches between them.
+"""Models of the comparison as linear phases, with the changes between phases.
 
-In flight the gap g between cam and follower is the state, not the follower's position. It starts at
-exactly zero, so no peer mistakes rounding for a landing.
+In flight the gap g between cam and follower is the state, instead of the follower's position. It
+starts at exactly zero, so that rounding is not a landing for a peer.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from cam_rig.laws import Law
 from cam_rig.units import TURN, FloatArray
 
-# A phase of a model: one linear differential equation, and the guard that ends it.
+# -- phase of a model: a linear differential equation, and the guard that ends it
 
 #: A float, or a number with more digits.
 Number = Any
@@ -25,16 +25,15 @@ Vector = Sequence[Number]
 
 @dataclass(frozen=True)
 class BenchPhase:
-    """Linear phase with m positions and q of length 2m.
+    """Linear phase of m positions. Its state q has length 2m.
 
-    Parameters
-    ----------
+    Parameters ----------
     rows : ``(m, 2m)`` accelerations of the positions by q
     drive : ``(m, 4)`` accelerations by s, ṡ, s̈ and 1
-    show : ``(k, m)`` output displacements by the positions, and output velocities likewise
-    show_lift : ``(k,)`` weight of the lift in them
+    show : ``(k, m)`` output displacements by the positions, also for output velocities
+    show_lift : ``(k,)`` weight of the lift in the outputs
     guard, guard_drive : ``(2m,)`` and ``(4,)``, or None for a phase without an end
-    on_cam : True for contact, which may also end by a jump of the law's acceleration
+    on_cam : True for contact, which can also end by a jump of the law's acceleration
     """
 
     rows: Sequence[Vector]
@@ -56,7 +55,7 @@ class BenchPhase:
         return dot(self.guard, q) + dot(self.guard_drive, motion)
 
     def outputs(self, q: Vector, motion: Vector) -> tuple[list[Number], list[Number]]:
-        """Return the displacements and velocities that are compared."""
+        """Return the compared displacements and velocities."""
         m = self.size // 2
         pairs = list(zip(self.show, self.show_lift, strict=True))
         return (
@@ -66,7 +65,7 @@ class BenchPhase:
 
 
 def dot(first: Vector, second: Vector) -> Number:
-    """Return the scalar product in the type of the numbers."""
+    """Return the scalar product, in the type of the numbers."""
     total: Number = 0
     for a, b in zip(first, second, strict=True):
         total = total + a * b
@@ -78,13 +77,13 @@ FLIGHT = "flight"
 LIFT_OFF = "lift-off"
 LANDING = "landing"
 
-#: Next phase, its state, and the kinds of the events that led there.
+#: Next phase, its state, and the events at the change.
 Switch = tuple[str, Vector, tuple[str, ...]]
 
 
 @dataclass(frozen=True)
 class BenchModel:
-    """Model of linear phases, in SI units."""
+    """Model that consists of linear phases, in SI units."""
 
     def typed(self, number: Callable[[float], Number]) -> Self:
         """Return the model with another type of numbers."""
@@ -99,13 +98,16 @@ class BenchModel:
         raise NotImplementedError
 
     def switch(self, name: str, q: Vector, motion: Vector) -> Switch:
-        """Return the switch at a guard's crossing, at state q and at (s, ṡ, s̈, 1)."""
+        """Return the change of phase at a zero of the guard, at state q and (s, ṡ, s̈, 1)."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class Oscillator(BenchModel):
-    """m ẍ + c ẋ + (k_spring + k_stem) x = k_stem s (eq. 5)."""
+    """Elastic stem in contact: m ẍ + c ẋ + (k_spring + k_stem) x = k_stem s.
+
+    This is eq. 5.
+    """
 
     mass: Number
     damping: Number
@@ -113,7 +115,7 @@ class Oscillator(BenchModel):
     stem_stiffness: Number
 
     def phases(self) -> Mapping[str, BenchPhase]:
-        """Return one phase without an end."""
+        """Return the only phase, which does not end."""
         m = self.mass
         row = (-(self.spring_stiffness + self.stem_stiffness) / m, -self.damping / m)
         return {CONTACT: BenchPhase((row,), ((self.stem_stiffness / m, 0, 0, 0),), ((1,),), (0,))}
@@ -125,11 +127,11 @@ class Oscillator(BenchModel):
 
 @dataclass(frozen=True)
 class TwoMasses(BenchModel):
-    """Roller mass m₁ and stem mass m₂ (eq. 14-19) with plastic re-contact.
+    """Roller mass m₁ and stem mass m₂ (eq. 14-19) with plastic landings.
 
     The outputs are z and y. The preload pulls m₂ towards the cam: m₂ÿ + (c₁+c₂)ẏ + (k₁+k₂)y = c₁ṡ +
-    k₁s − preload in contact, where F = m₁s̈ + c₁(ṡ−ẏ) + k₁(s−y). A landing after which F is
-    negative is followed by a lift-off at the same time.
+    k₁s − preload in contact, where F = m₁s̈ + c₁(ṡ−ẏ) + k₁(s−y). If F is negative after a landing,
+    a lift-off follows at the same time.
     """
 
     roller_mass: Number
@@ -171,7 +173,7 @@ class TwoMasses(BenchModel):
     def switch(self, name: str, q: Vector, motion: Vector) -> Switch:
         """Return a lift-off, or a landing with ż := ṡ.
 
-        If F is then negative, a lift-off follows at once.
+        If F is then negative, a lift-off follows at the same time.
         """
         if name == CONTACT:
             return FLIGHT, (0 * q[0], q[0], 0 * q[0], q[1]), (LIFT_OFF,)
@@ -185,7 +187,7 @@ class TwoMasses(BenchModel):
 class OneMass(BenchModel):
     """One mass on a rigid stem with Newton's restitution.
 
-    A rebound lower than ``least_bounce`` ends a series of bounces, which would be infinite.
+    A rebound lower than ``least_bounce`` is contact. It ends a series of infinitely many bounces.
     """
 
     mass: Number
@@ -196,7 +198,7 @@ class OneMass(BenchModel):
     least_bounce: Number
 
     def phases(self) -> Mapping[str, BenchPhase]:
-        """Return contact without a state (it is the law) and flight with q = (g, ġ)."""
+        """Return contact, which has no state (it is the law), and flight with q = (g, ġ)."""
         m, c, k = self.mass, self.damping, self.stiffness
         force = (k, c, m, self.preload)
         contact = BenchPhase((), (), ((),), (1,), (), force, on_cam=True)
@@ -211,7 +213,7 @@ class OneMass(BenchModel):
     def switch(self, name: str, q: Vector, motion: Vector) -> Switch:
         """Return a lift-off, or a landing with ġ := −e ġ.
 
-        At the end of the bounces ġ := 0.
+        After the last bounce ġ := 0.
         """
         zero = 0 * self.mass
         if name == CONTACT:
@@ -244,20 +246,19 @@ class Twist:
     preload: float
 
 
-# Case of the study, and its solution by any solver.
+# -- case of the comparison, and its solution by any solver
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One model with one law at one speed.
+    """Model with a law at a speed.
 
-    Parameters
-    ----------
+    Parameters ----------
     model : parameters, which determine the equations
     speed : rad/s
     turns : turns of the cam, from angle 0
     times : ``(n,)`` output times in s
-    quick_turns : turns in a quick study
+    quick_turns : turns in a quick comparison
     """
 
     name: str
@@ -271,38 +272,37 @@ class Case:
 
     @property
     def duration(self) -> float:
-        """Length in s."""
+        """Duration (s) of the case."""
         return self.turns * TURN / self.speed
 
     def first_turns(self, turns: int) -> Case:
-        """Return the start of the case, with the output times in it."""
+        """Return the first turns of the case, with their output times."""
         short = replace(self, turns=min(turns, self.turns))
         return replace(short, times=self.times[self.times <= short.duration])
 
     def lasting(self, turns: int) -> Case:
-        """Return the case with another number of turns, with the same outputs in each."""
+        """Return the case with another number of turns, and as many outputs per turn."""
         times = output_times(self.speed, turns, self.times.size // self.turns)
         return replace(self, turns=turns, quick_turns=turns, times=times)
 
     def fresh(self) -> Case:
-        """Return the case with a law without cached results."""
+        """Return the case with a copy of its law that has no cached results."""
         return replace(self, law=Law(self.law.name, self.law.breaks, self.law.ordinates))
 
 
 def output_times(speed: float, turns: int, per_turn: int) -> FloatArray:
-    """Return ``per_turn`` times in each turn, none at its ends."""
+    """Return ``per_turn`` times in each turn, except its start and its end."""
     count = turns * per_turn
     return np.asarray((np.arange(count) + 0.5) * (turns * TURN / speed / count))
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Outputs and events that are compared.
+    """Compared outputs and events of a solver.
 
-    Parameters
-    ----------
-    displacement, velocity : ``(k, n)`` at the case's output times, SI units
-    events : kind and time (s), in order
+    Parameters ----------
+    displacement, velocity : ``(k, n)`` at the output times of the case, SI units
+    events : type and time (s), in order
     """
 
     displacement: FloatArray
@@ -318,10 +318,10 @@ class Solution:
         return max(float(np.abs(x - y).max() / np.abs(y).max()) for x, y in pairs)
 
     def event_error(self, reference: Solution) -> float | None:
-        """Return the largest time (s) between an event and the closest one of its kind.
+        """Return the largest time (s) from an event to the nearest event of the same type.
 
-        Missing and additional events count with their distance. The result is None without events,
-        and infinite if only one solution has a kind.
+        Thus missing and additional events also have an error. The result is None without events,
+        and infinite if only one solution has events of a type.
         """
         kinds = {kind for kind, _ in (*self.events, *reference.events)}
         return max((self._apart(reference, kind) for kind in kinds), default=None)

@@ -1,4 +1,4 @@
-"""Peers by name: solvers and their options."""
+"""Peers of cam_rig: the compared ODE solvers and their options."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from benchmark.speed.problem import Arrival, Floats, Integrator, PeerError, Prob
 from cam_rig.errors import CamRigError
 from cam_rig.units import FloatArray
 
-# Integrators of scipy, used as documented.
+# -- integrators of scipy, with the documented options
 
 SCIPY_OPTIONS = "solve_ivp, atol = 0.001 rtol x usual size, t_eval, terminal event"
 
-#: Absolute tolerance relative to the product of relative tolerance and usual size of a state.
+#: Absolute tolerance, relative to the product of relative tolerance and usual size of a state.
 ABSOLUTE = 1e-3
 
 
 @dataclass(frozen=True)
 class ScipyPeer:
-    """Method of ``solve_ivp`` at one relative tolerance."""
+    """Method of ``solve_ivp`` with a relative tolerance."""
 
     method: str
     rtol: float
@@ -72,21 +72,20 @@ class ScipyPeer:
         return lambda t, q: problem.jacobian(t, q.tolist())
 
 
-# SUNDIALS CVODE through scikit-sundae, with Jacobian and root finding.
+# -- SUNDIALS CVODE through scikit-sundae, with Jacobian and root finding
 
 OPTIONS = "dense Newton with Jacobian, root finding, atol = 0.001 rtol x usual size"
 
-#: Steps to the next output time before CVODE gives up. It is never reached here.
+#: Largest number of steps to an output time, which is never reached here.
 MAX_STEPS = 100_000_000
 
 ROOT_FOUND = 2
 
 
 def cvode_class() -> Any:
-    """Return the solver's class.
+    """Return the class of the solver CVODE.
 
-    Raises
-    ------
+    Raises ------
     CamRigError : scikit-sundae is not installed
     """
     try:
@@ -100,7 +99,7 @@ def cvode_class() -> Any:
 
 @dataclass
 class CvodePeer:
-    """CVODE with one linear multistep method, "BDF" or "Adams", at one tolerance."""
+    """CVODE with a linear multistep method, "BDF" or "Adams", and a tolerance."""
 
     method: str
     rtol: float
@@ -113,9 +112,9 @@ class CvodePeer:
         """Integrate; see `benchmark.speed.problem.Integrator`."""
         if id(problem) not in self._solvers:
             self._solvers[id(problem)] = (problem, self._make(problem))
-        self._begin = begin  # CVODE's time begins at 0: it then has digits for its first steps
+        self._begin = begin  # CVODE starts at time 0, which leaves more digits for small steps
         span = np.array([begin, *times.tolist(), end]) - begin
-        if span.size == 2:  # two times would request every internal step
+        if span.size == 2:  # with two times CVODE returns every internal step
             span = np.insert(span, 1, 0.5 * span[1])
         done = self._solvers[id(problem)][1].solve(span, np.array(state))
         if done.status < 0:
@@ -158,10 +157,10 @@ class CvodePeer:
 
 @dataclass(frozen=True)
 class Peer:
-    """Solver with one method. Several methods may have the same ``name``.
+    """Solver with a method. Several methods can have the same ``name``.
 
-    ``weight`` is its share of the study's time. A ``slow`` peer has loose tolerances in a quick
-    study.
+    ``weight`` is its share of the time of the comparison. A ``slow`` peer has loose tolerances in a
+    quick comparison.
     """
 
     name: str
@@ -177,18 +176,17 @@ class Peer:
         return self.name if self.name == self.method else f"{self.name} {self.method}"
 
     def solve(self, case: Case, rtol: float, seconds: float = math.inf) -> Solution:
-        """Solve the case at one relative tolerance.
+        """Solve the case with a relative tolerance.
 
-        Raises
-        ------
-        PeerError : the peer failed, or took more than ``seconds``
+        Raises ------
+        PeerError : the peer failed, or needed more than ``seconds``
         """
         is_shaft = isinstance(case.model, Twist)
         run = integration.integrate_torsion if is_shaft else integration.integrate_case
         return run(case, _limited(self.make(self.method, rtol), seconds))
 
     def missing(self) -> str | None:
-        """Return the reason why this peer cannot run, with the remedy, or None."""
+        """Return the reason for a missing peer with the remedy, or None."""
         if self.name != "CVODE":
             return None
         try:
@@ -199,7 +197,7 @@ class Peer:
 
 
 def _limited(integrate: Integrator, seconds: float) -> Integrator:
-    """Return an integrator that stops between two intervals at its time limit."""
+    """Return an integrator with a time limit, which is checked between intervals."""
     stop = time.perf_counter() + seconds
 
     def limited(

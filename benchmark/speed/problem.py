@@ -1,6 +1,6 @@
-"""Problem that a peer integrates: smooth right-hand side, Jacobian and guard.
+"""Problem for a peer: smooth right-hand side, Jacobian and guard.
 
-Everything uses Python floats, the fastest type for a few states.
+All numbers are Python floats, which are the fastest type for few states.
 """
 
 from __future__ import annotations
@@ -17,23 +17,22 @@ from benchmark.speed.models import BenchPhase
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import FloatArray
 
-# Law for the peers: intervals between its joints, as fast scalar functions of time.
+# -- law for the peers: intervals between its joints, with fast scalar functions of time
 
 Scalar = Callable[[float], float]
 
-#: Derivatives up to this order are continuous inside a interval ...
+#: Derivatives up to this order are continuous inside an interval, to `SMOOTH`.
 SMOOTH_ORDER = 4
 
-#: ... to this fraction of their largest value.
+#: Jump of a derivative, relative to its largest value, that counts as continuous.
 SMOOTH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class PeerInterval:
-    """Consecutive pieces without a jump between them.
+    """Consecutive pieces of a law without a jump between them.
 
-    Parameters
-    ----------
+    Parameters ----------
     ends : ``(n,)`` end of each piece in s since the start of the interval
     series : ``(n, 4, p + 1)`` s, ṡ, s̈ and 1 of each piece in powers of the time since its middle
     """
@@ -43,11 +42,11 @@ class PeerInterval:
 
     @cached_property
     def duration(self) -> float:
-        """Length in s."""
+        """Duration (s) of the interval."""
         return float(self.ends[-1])
 
     def function(self, weights: object) -> Scalar:
-        """Return a weighted sum of s, ṡ, s̈ and 1 as a function of the time."""
+        """Return a weighted sum of s, ṡ, s̈ and 1 as a function of time."""
         ends = self.ends.tolist()
         starts = [0.0, *ends[:-1]]
         functions = [
@@ -65,7 +64,7 @@ class PeerInterval:
 
 
 def _horner(coefficients: FloatArray, middle: float, width: float) -> Scalar:
-    """Return the polynomial without negligible powers, unrolled up to degree five."""
+    """Return a function for a polynomial without its negligible powers."""
     size = np.abs(coefficients) * (0.5 * width) ** np.arange(coefficients.size)
     needed = np.flatnonzero(size > 1e-18 * size.max())
     terms: list[float] = coefficients[: needed[-1] + 1 if needed.size else 1].tolist()
@@ -110,7 +109,7 @@ def _series(law: Law, piece: int, speed: float) -> FloatArray:
 
 
 def joints(law: Law) -> FloatArray:
-    """Return ``(n,)`` flags, True if a derivative jumps at the start of a piece."""
+    """Return ``(n,)`` flags, True if a derivative jumps at the start of the piece."""
     flags = np.zeros(law.spans.size, dtype=bool)
     for order in range(1, SMOOTH_ORDER + 1):
         size = np.abs(law.derivative_ordinates(order)).max()
@@ -119,9 +118,9 @@ def joints(law: Law) -> FloatArray:
 
 
 def intervals(law: Law, speed: float, turns: int) -> list[tuple[float, PeerInterval]]:
-    """Return start (s) and interval of ``turns`` turns, in order.
+    """Return start (s) and interval for each interval of ``turns`` turns, in order.
 
-    Equal intervals are one object.
+    Intervals that repeat are the same object.
     """
     count, starts = law.spans.size, joints(law)
     runs: list[list[int]] = []
@@ -143,7 +142,7 @@ def intervals(law: Law, speed: float, turns: int) -> list[tuple[float, PeerInter
 
 
 def _merged(ends: FloatArray, series: FloatArray) -> PeerInterval:
-    """Return the pieces with each dwell merged into one."""
+    """Return an interval of the pieces. Dwells are merged into one piece."""
     if np.all(series[:, 1:3] == 0.0) and np.ptp(series[:, 0, 0]) == 0.0:
         return PeerInterval(ends[-1:], series[:1])
     return PeerInterval(ends, series)
@@ -154,10 +153,9 @@ Floats = Sequence[float]
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """q̇ = rate(t, q) while guard(t, q) > 0.
+    """Initial value problem q̇ = rate(t, q) that ends when guard(t, q) becomes zero.
 
-    Parameters
-    ----------
+    Parameters ----------
     jacobian : Jacobian of the rate, ``constant`` if it depends neither on t nor on q
     scale : ``(n,)`` usual size of each state, for the absolute tolerance
     """
@@ -171,10 +169,10 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Arrival:
-    """End of an integration.
+    """End of an integration: time and state.
 
-    ``states`` is ``(n, k)`` at the output times that were reached. ``hit`` is True if the guard
-    ended it.
+    ``states`` is ``(n, k)`` at the output times before the end. ``hit`` is True if the guard ended
+    the integration.
     """
 
     time: float
@@ -184,12 +182,12 @@ class Arrival:
 
 
 class Integrator(Protocol):
-    """Peer with one tolerance."""
+    """Peer with a tolerance."""
 
     def __call__(
         self, problem: Problem, state: Floats, begin: float, end: float, times: FloatArray
     ) -> Arrival:
-        """Integrate from ``begin`` to ``end`` or to the guard.
+        """Integrate from ``begin`` to ``end``, or to a zero of the guard.
 
         ``times`` are output times between them.
         """
@@ -201,7 +199,7 @@ class PeerError(Exception):
 
 
 def linear_problem(phase: BenchPhase, interval: PeerInterval, scale: FloatArray) -> Problem:
-    """Return one phase on one interval."""
+    """Return the problem of a linear phase on an interval."""
     half = phase.size // 2
     jacobian = np.zeros((phase.size, phase.size))
     jacobian[:half, half:] = np.eye(half)

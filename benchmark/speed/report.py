@@ -1,4 +1,4 @@
-"""Result of the study: measured points, campaign, samples per second."""
+"""Result of the comparison: error against time, campaign, samples per second."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
 
 @dataclass(frozen=True)
 class MeasuredPoint:
-    """Solver at one setting in one case. The rig has no tolerance and no ratio.
+    """Error and time of a solver at a setting in a case.
 
-    ``compared`` is True for the setting that is compared. ``only_a_bound`` is True if the peer
-    never reached the rig's accuracy.
+    cam_rig has no tolerance and no ratio. ``compared`` is True for the setting in the table.
+    ``only_a_bound`` is True if the peer never reached the accuracy of cam_rig.
     """
 
     case: str
@@ -44,7 +44,7 @@ class MeasuredPoint:
 
     @property
     def bound(self) -> str | None:
-        """Ratio, marked if it is only a bound."""
+        """Time relative to cam_rig, marked with ">" if it is only a bound."""
         if self.ratio is None:
             return None
         return f"{'> ' * self.only_a_bound}{self.ratio:.{0 if self.ratio >= 10 else 1}f}"
@@ -68,7 +68,7 @@ SAMPLES = (Column("model", of="0"), Column("samples_per_s", "1/s", of="1"))
 
 CONDITIONS = (Column("quick"), Column("cores"), Column("took", "s", of="took_s"))
 
-#: Notes that a reader of the table needs.
+#: Notes for the readers of the table.
 KEY = (
     "Each peer at its fastest setting with an error no larger than the rig's. If no setting "
     "reaches this error, the most accurate setting is used, and the ratio, marked >, is a bound."
@@ -78,7 +78,7 @@ RIG_NAME = "rig"
 
 
 class Comparison(Result):
-    """Study with all points, a campaign and its peer, and samples per second."""
+    """Comparison with all points, a campaign and its peer, and samples per second."""
 
     schema = "cam_rig.speed.1"
     plot_function = "benchmark.speed.report:figure"
@@ -93,7 +93,7 @@ class Comparison(Result):
         self.study = study
 
     def tables(self) -> list[Records]:
-        """Return the points and the campaign. Rates and conditions are data only."""
+        """Return all tables. Samples per second and conditions are not displayed."""
         study = self.study
         rate = min(study.rates.values()) / 1e6
         caption = (
@@ -115,7 +115,7 @@ class Comparison(Result):
 
 
 def measured(study: WorkPrecisionStudy) -> Iterator[MeasuredPoint]:
-    """Return the points by case: first the rig, then each peer's compared setting."""
+    """Yield the points by case: cam_rig, then the settings of each peer."""
     for name, result in study.cases.items():
         yield MeasuredPoint(name, RIG_NAME, result.rig, note=result.missing or "")
         for peer in result.peers:
@@ -150,9 +150,9 @@ def notes(study: WorkPrecisionStudy) -> list[str]:
     return out
 
 
-# Work-precision plot: error against wall time, one panel per case.
+# -- figure of error against wall time, with a panel per case
 
-#: Colours and markers that are distinct in print and for colour-blind readers.
+#: Colours and markers that differ in print and for colour-blind readers.
 STYLES = {
     "DOP853": (web(BLUE), "o"),
     "CVODE Adams": (web(ORANGE), "v"),
@@ -163,13 +163,13 @@ STYLES = {
 
 RIG = (web(BLACK), "*")
 
-#: Smallest plotted error. Rounding errors may be zero.
+#: Smallest plotted error, because an error can be zero.
 MIN_ERROR = 1e-17
 
 
 @styled
 def figure(comparison: Comparison) -> Figure:
-    """Draw error against wall time of every solver and the rig, one panel per case."""
+    """Draw error against wall time of cam_rig and all peers, with a panel per case."""
     study = comparison.study
     count = max(1, len(study.cases))
     columns = min(3, count)
@@ -201,7 +201,7 @@ def _panel(axes: Axes, result: CaseResult) -> None:
     logarithmic(axes.xaxis, axes.yaxis)
 
 
-# python -m benchmark.speed: speed and error of the rig and of other solvers on this machine.
+# -- command python -m benchmark.speed: error and time on this machine
 
 
 @command("json", "csv", "plot")
@@ -226,7 +226,7 @@ def bench(
 
 
 def measure(quick: bool, progress: Progress = NULL_PROGRESS) -> Comparison:
-    """Run the study on all cores."""
+    """Run the comparison. The campaign uses all cores."""
     import os
 
     from benchmark.speed.peers import PEERS

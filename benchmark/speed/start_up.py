@@ -1,4 +1,7 @@
-"""Cost of a start: imports of each node, and whole commands."""
+"""Cost of a start: imports of each node, and whole commands.
+
+A node can start alone, or be forked from a server process that has already imported modules.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +18,15 @@ from cam_rig.show.tables import DataTable, Header, tabulate
 #: Nodes of a run.
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 
-#: Number of starts of each, of which the median counts.
+#: Number of starts, of which the median counts.
 REPEATS = 5
 
-#: Arguments of an interpreter without work, the reference for all starts.
+#: Arguments of an interpreter that does nothing, the reference for all starts.
 BARE = ("-c", "pass")
 
 _IMPORTS = "import cam_rig.nodes.{0}, cam_rig.nodes.process\n"
 
-#: Code that prints CPU seconds and modules of a node that starts alone, and of a forked node.
+#: Code that prints CPU time and modules of the imports of a node: alone, then forked.
 ALONE = _IMPORTS + "import sys, time; print(time.process_time(), len(sys.modules))"
 
 FORKED = (
@@ -43,7 +46,7 @@ if os.fork():
 
 @dataclass(frozen=True)
 class NodeStart:
-    """CPU time (s) and modules of a node's imports, alone and forked from the server."""
+    """CPU time (s) and modules of the imports of a node, alone and forked."""
 
     node: str
     alone_s: float
@@ -54,7 +57,10 @@ class NodeStart:
 
 @dataclass(frozen=True)
 class CommandTime:
-    """Wall time and CPU time (s) of a command with its processes, and of an empty one."""
+    """Wall time and CPU time (s) of a command, and wall time of an empty interpreter.
+
+    The times include child processes.
+    """
 
     command: str
     wall_s: float
@@ -63,16 +69,16 @@ class CommandTime:
 
 
 def node_starts(repeats: int = REPEATS) -> list[NodeStart]:
-    """Return the starts of each node of a run, alone and forked, interleaved."""
+    """Return the starts of each node of a run, alternately alone and forked."""
     return [_node_start(name, repeats) for name in NODES]
 
 
 def command_times(
     commands: Iterable[tuple[str, Sequence[str]]], repeats: int = REPEATS
 ) -> list[CommandTime]:
-    """Return the times of commands, interleaved with an empty interpreter.
+    """Return the times of commands, alternately with an empty interpreter.
 
-    ``commands`` maps titles to arguments of Python.
+    ``commands`` are pairs of title and arguments of Python.
     """
     rows = []
     for command, arguments in commands:
@@ -83,7 +89,7 @@ def command_times(
 
 
 def node_table(starts: Iterable[NodeStart]) -> DataTable:
-    """Return a table with one row per node."""
+    """Return a table with a row per node."""
     return tabulate(
         "Imports of a node",
         starts,
@@ -96,7 +102,7 @@ def node_table(starts: Iterable[NodeStart]) -> DataTable:
 
 
 def command_table(times: Iterable[CommandTime]) -> DataTable:
-    """Return a table with one row per command."""
+    """Return a table with a row per command."""
     return tabulate(
         "Whole commands",
         times,
@@ -128,7 +134,7 @@ def _printed(code: str) -> list[float]:
 
 
 def _timed(arguments: Sequence[str]) -> tuple[float, float]:
-    """Return wall and CPU time (s) of Python with arguments, with its child processes."""
+    """Return wall and CPU time (s) of Python with arguments and its child processes."""
     start_time = time.perf_counter()
     with subprocess.Popen(
         [sys.executable, *arguments],
@@ -144,5 +150,5 @@ def _timed(arguments: Sequence[str]) -> tuple[float, float]:
 
 
 def _alone() -> dict[str, str]:
-    """Return the environment with one thread of BLAS, as the runner sets it for nodes."""
+    """Return the environment with one thread for BLAS, as it is for nodes."""
     return os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}

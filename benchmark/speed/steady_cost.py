@@ -1,8 +1,8 @@
 """Cost of a sweep point: steady turns of TM21's follower, compared with CVODE.
 
-The rig computes all results that a campaign needs from a run: level, forces, torque, lift-offs,
-landings. The peer has less to do. It integrates the flights up to their landings. All samples are
-those in contact, in one call of the rig. It needs neither a transient nor a level.
+cam_rig computes all results of a point of a campaign: level, forces, torque, lift-offs, landings.
+The peer (CVODE) only integrates the flights up to their landings, and computes all samples with one
+call of cam_rig, as in contact. It computes neither a transient nor a level.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from cam_rig.units import NS, TURN
 
 SCENE = "tm21_sweep"
 CAM = "tm21"
-#: Speeds below and above the jump speed, above which the peer has flights to integrate.
+#: Speeds (rpm) below and above the jump speed. Only above it there are flights.
 SPEEDS_RPM = (300.0, 391.37, 450.0)
 #: Number of timed runs, of which the median counts.
 REPEATS = 21
@@ -40,7 +40,7 @@ PEER = next(peer for peer in PEERS if peer.title == "CVODE Adams")
 class SteadyCost:
     """Time (s) of a point at a speed, its samples and landings, and the peer's time.
 
-    The peer's time is None if it is not installed.
+    The time of a peer that is not installed is None.
     """
 
     rpm: float
@@ -53,7 +53,7 @@ class SteadyCost:
 def steady_costs(
     speeds_rpm: Iterable[float] = SPEEDS_RPM, repeats: int = REPEATS
 ) -> list[SteadyCost]:
-    """Return the costs of each speed, over all turns of the scene's program."""
+    """Return the costs for each speed, for all turns of the scene's schedule."""
     loaded = load_scene(SCENE)
     loaded = loaded.with_one_cam(CAM, loaded.laws[CAM])
     with force_backend(COMPILED if find_spec("numba") else PLAIN):
@@ -77,7 +77,7 @@ def _cost(loaded: LoadedScene, rpm: float, repeats: int) -> SteadyCost:
 
 
 def _case(loaded: LoadedScene, speed: float) -> Case:
-    """Return the same follower for the peer."""
+    """Return the case with the same follower, for the peer."""
     law, p, turns = loaded.laws[CAM], loaded.follower, int(loaded.scene.schedule.turns.si)
     numbers = (p.mass, p.damping, p.spring_stiffness, p.preload, p.restitution or 0.0)
     model = OneMass(*numbers, MIN_BOUNCE_RATIO * law.lift)
@@ -85,14 +85,14 @@ def _case(loaded: LoadedScene, speed: float) -> Case:
 
 
 def _by_peer(case: Case, loaded: LoadedScene, rate: int) -> Solution:
-    """Integrate the flights, and compute the samples of all turns in contact."""
+    """Integrate the flights with the peer, and compute the samples of all turns."""
     whole = Interval(0, round(case.turns * TURN / case.speed * NS), 0.0, case.speed)
     contact_samples(case.law, loaded.follower, whole, rate)
     return PEER.solve(case, RTOL)
 
 
 def steady_table(costs: list[SteadyCost]) -> DataTable:
-    """Return a table with one row per speed."""
+    """Return a table with a row per speed."""
     return tabulate(
         "Settled turns",
         costs,

@@ -1,7 +1,7 @@
-"""Study within a time limit: rig and peers in turn, in one process, on one core.
+"""Comparison within a time limit: cam_rig and peers in turn, on one core.
 
-Every sweep goes from loose to tight tolerances and has its share of the remaining time. A setting
-that would exceed the share is left out, and the result reports it.
+The sweep of a peer goes from loose to tight tolerances, and has a share of the remaining time. A
+setting that would exceed the share is left out, and the result reports it.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from cam_rig.errors import CamRigError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, FloatArray
 
-# Results of a study: points of error against time.
+# -- results of a comparison: points of error against time
 
 
 @dataclass(frozen=True)
 class WorkPrecisionPoint:
-    """Setting of a solver: median wall time of ``repeats`` runs, and error."""
+    """Setting of a solver: median wall time (s) of ``repeats`` runs, and error."""
 
     time_s: float
     error: float
@@ -48,7 +48,7 @@ class WorkPrecisionPoint:
 
 @dataclass
 class Sweep:
-    """Peer over its tolerances. ``notes`` report the settings that were left out."""
+    """Points of a peer at its tolerances. ``notes`` report omitted settings."""
 
     peer: Peer
     points: list[WorkPrecisionPoint] = field(default_factory=list)
@@ -57,7 +57,7 @@ class Sweep:
 
 @dataclass
 class CaseResult:
-    """Case with the rig's point, or the reason for a missing point, and all sweeps."""
+    """Results of a case: point of cam_rig or reason for its absence, and sweeps."""
 
     case: Case
     rig: WorkPrecisionPoint | None = None
@@ -65,9 +65,9 @@ class CaseResult:
     sweeps: list[Sweep] = field(default_factory=list)
 
     def best(self, peer: str) -> tuple[Sweep, WorkPrecisionPoint] | None:
-        """Return the peer's cheapest point with at most the rig's error.
+        """Return the fastest point of the peer that is as accurate as cam_rig.
 
-        If there is none, it is the most accurate point.
+        If there is no such point, it is the most accurate point.
         """
         all_points = [(s, p) for s in self.sweeps if s.peer.name == peer for p in s.points]
         if not all_points:
@@ -78,22 +78,22 @@ class CaseResult:
         return min(all_points, key=lambda pair: (pair[1].error, pair[1].time_s))
 
     def as_good(self, point: WorkPrecisionPoint) -> bool:
-        """Return True if a point's error is not larger than the rig's."""
+        """Return True if the error of a point is at most that of cam_rig."""
         return self.rig is not None and point.error <= self.rig.error
 
     def ratio(self, point: WorkPrecisionPoint) -> float | None:
-        """Return the time relative to the rig's."""
+        """Return the time relative to that of cam_rig."""
         return None if self.rig is None else point.time_s / self.rig.time_s
 
     @property
     def peers(self) -> list[str]:
-        """Return the names of the peers in order, each once."""
+        """Names of the peers in order, without repetition."""
         return list(dict.fromkeys(sweep.peer.name for sweep in self.sweeps))
 
 
 @dataclass(frozen=True)
 class WorkPrecisionStudy:
-    """Results by case, sampling rates (1/s) by model, a campaign, and the conditions."""
+    """Results by case, samples per second by model, a campaign, and the conditions."""
 
     cases: dict[str, CaseResult]
     rates: dict[str, float]
@@ -103,17 +103,17 @@ class WorkPrecisionStudy:
     campaign: CampaignRate
 
 
-# Stored references: small JSON files, with the law that they are valid for.
+# -- stored references: small JSON files, with the inputs for which they are valid
 
 FOLDER = Path(__file__).parent
 
-#: Largest relative difference of laws built on different machines. A changed cam file differs by
-#: more.
+#: Largest relative difference of equal laws that are built on different machines. A changed cam
+#: file causes a larger difference.
 LAW_RTOL = 1e-12
 
 
 def write_reference(case: Case, solution: Solution) -> Path:
-    """Store a reference with the parameters that it is valid for."""
+    """Store a reference with the inputs for which it is valid."""
     data = {
         "case": case.name,
         "numbers": _numbers(case),
@@ -127,11 +127,10 @@ def write_reference(case: Case, solution: Solution) -> Path:
 
 
 def read_reference(case: Case) -> Solution:
-    """Return the reference at the case's output times, with its events.
+    """Return the reference at the output times of the case, with its events.
 
-    Raises
-    ------
-    CamRigError : no reference is stored, or it is for other parameters
+    Raises ------
+    CamRigError : no reference is stored, or it is for other inputs
     """
     path = FOLDER / f"{case.name}.json"
     remedy = "run python -m benchmark.make_reference"
@@ -150,7 +149,7 @@ def read_reference(case: Case) -> Solution:
 
 
 def _numbers(case: Case) -> list[float]:
-    """Return everything that the solution depends on, except the number of turns."""
+    """Return all inputs of the solution, except the number of turns."""
     return [
         case.speed,
         *case.law.breaks.tolist(),
@@ -160,14 +159,14 @@ def _numbers(case: Case) -> list[float]:
     ]
 
 
-# Solution of each case by the rig, through the models' public functions.
+# -- solution of each case by cam_rig, through the public functions of the models
 
-#: Stiffness that does not influence the result.
+#: Stiffness (N/m) without an influence on the result.
 ANY_STIFFNESS = 3.3e8
 
 
 def solve(case: Case) -> Solution:
-    """Solve the case with the rig."""
+    """Solve the case with cam_rig."""
     return ADAPTERS[type(case.model)](case)
 
 
@@ -176,8 +175,8 @@ def outputs_at(
 ) -> FloatArray:
     """Return outputs ``(k, m)`` at ascending times (s) after a state.
 
-    The state is that at cam angle ``angle`` (rad). State and law are taken from the same part, even
-    if by rounding a time is past a joint.
+    The state is that at cam angle ``angle`` (rad). State and law use the same piece, even if a time
+    is beyond a joint because of rounding.
     """
     free, local, part_of = model.passes(start, angle, times)
     rows = np.asarray(out.state @ free)
@@ -196,7 +195,7 @@ def stem_motion(
     start: FloatArray,
     times: FloatArray,
 ) -> FloatArray:
-    """Return rows of `elastic_stem.outputs` at ascending times (s).
+    """Return the outputs of `elastic_stem.outputs` at ascending times (s).
 
     The motion starts from (r, ṙ) at ``angle`` (rad).
     """
@@ -284,7 +283,7 @@ ADAPTERS: dict[type, Callable[[Case], Solution]] = {
     Twist: _twist,
 }
 
-#: Cases in the order they run: cheap cases leave time for expensive ones.
+#: Cases in the order of computation. The fastest are first, to leave time for the others.
 ORDER = ("resonance", "torsional", "two_mass_soft", "one_mass_arc", "two_mass_stem", "elastic_stem")
 
 #: Smallest predicted ratio of the times of two consecutive settings.
@@ -294,16 +293,19 @@ MAX_GROWTH = 4.0
 
 #: Largest number of runs of a peer's setting.
 PEER_REPEATS = 3
-#: Fraction of the sweep's time that the repeated runs of a setting may take.
+#: Share of the time of a sweep that the repeated runs of a setting can use.
 REPEAT_SHARE = 0.15
 
-#: Multiple of the remaining time after which a run is stopped.
+#: Multiple of the remaining time after which a run ends with an error.
 OVERRUN = 4.0
 
 
 @dataclass(frozen=True)
 class Effort:
-    """Duration, repetitions and tolerances of a study. ``seconds`` is for all peers."""
+    """Duration, repetitions and tolerances of a comparison.
+
+    ``seconds`` is the time for all peers.
+    """
 
     seconds: float
     rig_repeats: int
@@ -312,7 +314,7 @@ class Effort:
 
 QUICK = Effort(32.0, 7, (1e-9, 1e-12, 1e-13))
 
-#: Tolerances of a slow peer in a quick study.
+#: Tolerances of a slow peer in a quick comparison.
 QUICK_AND_SLOW = (1e-4, 1e-6)
 
 FULL = Effort(235.0, 25, (1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 3e-14))
@@ -321,7 +323,7 @@ FULL = Effort(235.0, 25, (1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 3e
 def run(
     quick: bool, advance: Callable[[str], None], names: tuple[str, ...] = ORDER, cores: int = 1
 ) -> WorkPrecisionStudy:
-    """Run the study. ``advance`` is notified once for each sweep and the campaign."""
+    """Run the comparison. ``advance`` is called for each sweep and the campaign."""
     start_time = time.perf_counter()
     effort = QUICK if quick else FULL
     deadline = start_time + effort.seconds
@@ -346,11 +348,11 @@ def run(
 
 
 def _rig(case: Case, reference: Solution, repeats: int) -> CaseResult:
-    """Return the rig's point. Every run starts with a law without cached results."""
+    """Return the result of cam_rig. Each run starts with a law without cached results."""
     result = CaseResult(case)
     times: list[float] = []
     try:
-        solve(case)  # imports and the tables that do not belong to a law
+        solve(case)  # imports, and tables that are independent of the law
         for _ in range(repeats):
             fresh = case.fresh()
             start_time = time.perf_counter()
@@ -366,7 +368,7 @@ def _rig(case: Case, reference: Solution, repeats: int) -> CaseResult:
 def sweep(
     case: Case, peer: Peer, reference: Solution, rtols: tuple[float, ...], share: float
 ) -> Sweep:
-    """Run one peer from loose to tight tolerances within ``share`` seconds."""
+    """Run a peer from loose to tight tolerances within ``share`` seconds."""
     out = Sweep(peer)
     missing = peer.missing()
     if missing is not None:
@@ -399,8 +401,8 @@ def _measure(
 ) -> WorkPrecisionPoint:
     """Return the median of up to `PEER_REPEATS` runs.
 
-    At least one is run, and more only within ``limit`` seconds. A run that takes much longer than
-    the ``spare`` seconds expected for it is stopped.
+    Further runs than the first are only within ``limit`` seconds. A run that needs much longer than
+    the expected ``spare`` seconds ends with an error.
     """
     times: list[float] = []
     while not times or (len(times) < PEER_REPEATS and sum(times) + times[-1] < limit):

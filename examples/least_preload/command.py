@@ -1,4 +1,4 @@
-"""cam-rig least-preload: the preload that keeps a rigid follower on its cam."""
+"""Command cam-rig least-preload: lowest preload for a rigid follower in contact."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Least preload over speed, one line per cam."""
+"""Figure of the lowest preload against speed, with a line per cam."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .study import PreloadResult
 
 @styled
 def figure(result: PreloadResult) -> Figure:
-    """Draw the least preload of each cam, and the preload of the rig."""
+    """Draw the lowest preload of each cam, and the preload of the rig."""
     out = empty(3.4)
     axes = out.subplots()
     for cam in result.cam_set.laws:

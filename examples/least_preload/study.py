@@ -1,7 +1,8 @@
-"""Least preload at which one rigid mass stays on its cam.
+"""Lowest preload at which one rigid mass remains in contact with its cam.
 
-The contact force m s″ω² + c s′ω + k s + F₀ rises with the preload F₀ alone, so the least preload is
-the rig's less the least force, found on every piece of the law.
+The contact force m s″ω² + c s′ω + k s + F₀ depends on the preload F₀ only by this sum. The lowest
+preload is therefore that of the rig minus the minimum of the force, which is found on every piece
+of the law.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ DEFAULT_RPM = (300.0, 400.0, 500.0)
 
 @dataclass(frozen=True)
 class PreloadRow:
-    """Least preload (N) of a cam at a speed, and the preload of the rig (N)."""
+    """Lowest preload (N) of a cam at a speed, and the preload of the rig (N)."""
 
     cam: str
     rpm: float
@@ -31,13 +32,13 @@ class PreloadRow:
 
     @property
     def lost(self) -> bool:
-        """True if the preload of the rig is not sufficient."""
+        """True if the preload of the rig is too low."""
         return self.rig < self.least
 
 
 @dataclass(frozen=True, repr=False)
 class PreloadResult(Result):
-    """Least preload of every cam at every speed."""
+    """Lowest preload of every cam at every speed."""
 
     schema = "cam_rig.least_preload.1"
     plot_function = f"{__package__}.figures:figure"
@@ -55,14 +56,14 @@ class PreloadResult(Result):
     rows: tuple[PreloadRow, ...]
 
     def tables(self) -> list[Records]:
-        """Return one row per cam and speed."""
+        """Return a table for each speed, with a row per cam."""
         lost = Footnote("The rig's own preload loses contact.", lambda row: row.lost, "*")
         caption = "Least preload that keeps one rigid mass in contact at {rpm:g} rpm"
         return [self.table("preloads", caption, self.rows, lost, group_by="rpm")]
 
 
 def least_preloads(cam_set: CamSet, speeds: list[float], progress: Progress) -> PreloadResult:
-    """Return the least preload of each cam at each speed (rpm)."""
+    """Return the lowest preload of each cam at each speed (rpm)."""
     p = FollowerParameters.from_rig(cam_set.rig)
     cases = [(cam, speed) for speed in speeds for cam in cam_set.laws]
     rows = []

@@ -1,1 +1,4 @@
-"""Experiments that only the paper needs, one script each, and the report that shows them."""
+"""Experiments on the published paper, with a script for each, and their report.
+
+The paper compares cams by jump speed, vibration and noise. docs/theory.md explains the models.
+"""

@@ -1,9 +1,9 @@
-"""A roller on the contour of a point follower that fig. 12 of the paper draws.
+"""A roller on the contour that fig. 12 of the paper draws for a point follower.
 
-The paper plots R_b + s in polar coordinates (`PolarPlot[s + R_b]`). That is the contour of a point
-(profile thesis, eq. 2.19 with R_r = 0 and ε = 0). The contact point of a roller of radius R_r is
-not below its guide: its centre follows not s but the curve at R_r outside of the contour. Base
-radius and roller are assumed, no source prints them.
+The paper plots R_b + s in polar coordinates (`PolarPlot[s + R_b]`), which is the contour for a
+point follower (profile thesis, eq. 2.19 with R_r = 0 and ε = 0). A roller of radius R_r touches
+this contour beside its guide. Its centre therefore follows the curve at distance R_r outside of the
+contour, instead of s. Base radius and roller radius are assumed, because no source states them.
 """
 
 from __future__ import annotations
@@ -25,28 +25,27 @@ from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
 from cam_rig.units import RPM, TURN, FloatArray
 from examples.paper.common import CAMS, RIG, SCENE, Table, parser, publish, titles
 
-#: Cam that the paper cut (fig. 12).
+#: Cam that the paper manufactured (fig. 12).
 CUT = "bezier15"
-#: Base radii over which it is cut here, m.
+#: Base radii for the comparison (m).
 BASES = (0.050, 0.065, 0.100)
-#: Roller radii over which it is cut here, m.
+#: Roller radii for the comparison (m).
 ROLLERS = (0.005, 0.010, 0.020)
-#: Parts of the turn over which a piece of the roller's law extends: of degree 7, it is then known
-#: to rounding.
+#: Number of pieces of the roller's law per turn. With degree 7 the law is then exact to rounding.
 PARTS = 360
-#: Samples of a turn at which the largest difference is taken: 1e-7 of it is missed.
+#: Number of samples per turn for the largest difference, which is then exact to 1e-7.
 SAMPLES = 20_001
 
 
 def roller_centre(rows: FloatArray, roller: float) -> tuple[FloatArray, FloatArray]:
-    """Return the centre of a roller on a polar contour, and its derivatives in the cam angle.
+    """Return the centre of a roller on a polar contour, and its derivatives by θ.
 
-    `rows` `(4, n)` are ρ and its first three derivatives in the polar angle φ, m/radⁱ; `roller` is
-    its radius in m. Return `(4, n)`, the distance d and its first three derivatives in the cam
-    angle θ, m/radⁱ, and `(n,)`, φ − θ in rad.
+    `rows` `(4, n)` are ρ and its first three derivatives by the polar angle φ, in m/radⁱ, and
+    `roller` is the radius of the roller in m. The result is `(4, n)`, the distance d and its first
+    three derivatives by the cam angle θ in m/radⁱ, and `(n,)`, φ − θ in rad.
 
-    With q² = ρ² + ρ'², t = d'/d the tangent of the pressure angle and κ_p = κ/(1 + R_r κ) the
-    curvature of the pitch curve: t = ρρ'/(ρ² + R_r q), d'' = d (1 + 2t²) − κ_p d² (1 + t²)^(3/2).
+    With q² = ρ² + ρ'², the tangent of the pressure angle t = d'/d, and the curvature of the pitch
+    curve κ_p = κ/(1 + R_r κ): t = ρρ'/(ρ² + R_r q), d'' = d (1 + 2t²) − κ_p d² (1 + t²)^(3/2).
     """
     rho, slope, second, third = rows
     q = np.hypot(rho, slope)
@@ -74,14 +73,14 @@ def roller_centre(rows: FloatArray, roller: float) -> tuple[FloatArray, FloatArr
 
 
 def followed_law(law: cam_rig.Law, base: float, roller: float) -> cam_rig.Law:
-    """Return the law of a roller's centre on the contour base + s(φ) of a point; radii in m.
+    """Return the law of a roller's centre on the contour base + s(φ).
 
-    Hermite pieces of degree 7 have its lift and three derivatives at both ends.
+    It is the contour of a point follower. Radii are in m. Hermite pieces of degree 7 have the lift
+    and three derivatives of the centre at both ends.
 
-    Raises
-    ------
+    Raises ------
     ValueError
-        If the contour is hollower than the roller.
+        If the contour is more concave than the roller.
     """
     columns: list[FloatArray] = []
     breaks = [0.0]
@@ -96,7 +95,7 @@ def followed_law(law: cam_rig.Law, base: float, roller: float) -> cam_rig.Law:
         if not (np.diff(angle) > 0.0).all():
             raise ValueError(f"{law.name}: the contour is hollower than the roller")
         centre[0] -= base + roller
-        centre[np.abs(centre) < 1e-15] = 0.0  # rounding in the low dwell
+        centre[np.abs(centre) < 1e-15] = 0.0  # rounding in the low dwell is removed
         hermite = BPoly.from_derivatives(angle, centre.T)
         columns += list(hermite.c.T)
         breaks += angle[1:].tolist()
@@ -106,9 +105,9 @@ def followed_law(law: cam_rig.Law, base: float, roller: float) -> cam_rig.Law:
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """A law with its jump speed (rpm), from rest, and levels (dB) over the scene's speeds.
+    """Law with its jump speed (rpm) from rest, and its sound levels (dB) by speed.
 
-    `lands_from` is the slowest speed (rpm) with a landing in each turn, None for none.
+    `lands_from` is the slowest speed (rpm) with a landing in each turn, or None.
     """
 
     law: cam_rig.Law
@@ -118,7 +117,7 @@ class Driven:
 
 
 def drive(law: cam_rig.Law) -> Driven:
-    """Compute the jump speed on the rig of Table 2, and levels on the rig of the scene."""
+    """Compute the jump speed on the rig of table 2, and the levels on the scene's rig."""
     scene = cam_rig.load_scene(SCENE)
     speeds = scene.scene.schedule.speeds.si_list
     turns = simulate_steady_turns(law, "one_mass", scene.follower, speeds)
@@ -129,7 +128,7 @@ def drive(law: cam_rig.Law) -> Driven:
 
 @dataclass(frozen=True, eq=False)
 class AsCut:
-    """A law, and the law of a roller on the contour that is drawn from it; radii in m."""
+    """Law, and law of a roller on the contour that is drawn from it. Radii are in m."""
 
     cam: str
     drawn: Driven
@@ -139,24 +138,24 @@ class AsCut:
 
     @property
     def above(self) -> tuple[float, float]:
-        """Height (m) by which the roller is above the law, at most, and its cam angle (rad)."""
+        """Largest height (m) of the roller above the law, and its cam angle (rad)."""
         angle = np.linspace(0.0, TURN, SAMPLES)
         height = self.cut.law(angle) - self.drawn.law(angle)
         return float(height.max()), float(angle[height.argmax()])
 
     @property
     def change(self) -> FloatArray:
-        """Change of the level (dB) at each speed."""
+        """Change of the sound level (dB) at each speed."""
         return self.cut.levels - self.drawn.levels
 
 
 def cut_at(cam: str, drawn: Driven, base: float, roller: float) -> AsCut:
-    """Cut a cam as drawn for a point, and drive it with a roller; radii in m."""
+    """Compute a cam with the contour of a point follower and a roller. Radii are in m."""
     return AsCut(cam, drawn, drive(followed_law(drawn.law, base, roller)), base, roller)
 
 
 def study(cams: Sequence[str] = CAMS) -> list[AsCut]:
-    """Cut each cam at the radii of its file."""
+    """Compute each cam with the radii of its file."""
     result = []
     for cam in map(cam_rig.load_cam, cams):
         base, roller = cam.follower.base_radius.si, cam.follower.roller
@@ -165,12 +164,12 @@ def study(cams: Sequence[str] = CAMS) -> list[AsCut]:
 
 
 def over_sizes(result: AsCut) -> list[AsCut]:
-    """Cut the same cam over `BASES` and `ROLLERS`, the rollers of one base circle together."""
+    """Compute the same cam with all `BASES` and `ROLLERS`."""
     return [cut_at(result.cam, result.drawn, *size) for size in product(BASES, ROLLERS)]
 
 
 def table(rows: Sequence[AsCut], caption: str) -> Table:
-    """Return one row per cam and pair of radii."""
+    """Return a table with a row per cam and pair of radii."""
     names = titles(dict.fromkeys(row.cam for row in rows))
     return Table(
         caption,
@@ -201,13 +200,13 @@ def table(rows: Sequence[AsCut], caption: str) -> Table:
 
 
 def _least_second(law: cam_rig.Law) -> float:
-    """Return the smallest s'' (m/rad²) of the turn, by samples."""
+    """Return the smallest s'' (m/rad²) of the samples of a turn."""
     return float(law(np.linspace(0.0, TURN, SAMPLES), 2).min())
 
 
 @styled
 def figure(result: AsCut) -> Figure:
-    """Draw the polar plot of a cam, and the roller's lift and acceleration compared with s."""
+    """Draw the polar plot of a cam, and lift and acceleration of the roller and of s."""
     angle = np.linspace(0.0, TURN, 1441)
     degrees, drawn, cut = np.degrees(angle), result.drawn.law, result.cut.law
     out = empty(4.0)
@@ -236,7 +235,7 @@ def figure(result: AsCut) -> Figure:
 
 
 def _contours(axes: PolarAxes, result: AsCut, angle: FloatArray) -> None:
-    """Draw the contour of fig. 12, and the contour that gives s with the roller, radius in mm."""
+    """Draw the contour of fig. 12, and the contour that gives s with the roller (mm)."""
     drawn = 1e3 * (result.base + result.drawn.law(angle))
     axes.plot(angle, drawn, lw=2.0, label="s + $R_b$, as fig. 12", **series(0))
     axes.fill(angle, drawn, color=series(0)["color"], alpha=0.10, lw=0.0)
@@ -250,7 +249,7 @@ def _contours(axes: PolarAxes, result: AsCut, angle: FloatArray) -> None:
 
 
 def summary(result: AsCut) -> str:
-    """Return the errors of lift and noise, and the jump speeds, of a cam."""
+    """Return the errors of lift and noise, and the jump speeds, of a cam as text."""
     return (
         f"{result.cam}: {1e3 * result.above[0]:.3f} mm too high, noise within "
         f"{np.abs(result.change).max():.3f} dB, jump speed {result.cut.jump:.2f} instead of "
@@ -259,7 +258,7 @@ def summary(result: AsCut) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the experiment."""
+    """Run the experiment, print its tables and write its figure."""
     out = parser(__doc__).parse_args(argv).out
     result = study()
     first = result[CAMS.index(CUT)]

@@ -17,7 +17,7 @@ from cam_rig.show.figure import CAM_SPEED, LEVEL, empty, line, styled
 from cam_rig.studies.fit_sound.study import SoundFit
 from examples.paper.common import SCENE, Table, parser, publish
 
-#: Cam whose published regression calibrates the rig.
+#: Cam whose published regression of the level is used for the calibration.
 CAM = "poly345"
 
 
@@ -29,7 +29,7 @@ def study() -> SoundFit:
 
 
 def table(result: SoundFit) -> Table:
-    """Return published and fitted level by speed."""
+    """Return a table of published and fitted level by speed."""
     return Table(
         f"Published noise of {result.scene.titles[result.cam]}, and the rig fitted to it",
         "cam speed [rpm] :g | published [dB] :.2f | fitted [dB] :.2f | difference [dB] :+.2f",
@@ -39,7 +39,7 @@ def table(result: SoundFit) -> Table:
 
 @styled
 def figure(result: SoundFit) -> Figure:
-    """Draw published and fitted level over the speed."""
+    """Draw published and fitted level against speed."""
     out = empty(3.3)
     axes = out.subplots()
     rpm = [row.rpm for row in result.levels]
@@ -52,7 +52,7 @@ def figure(result: SoundFit) -> Figure:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the experiment; with --write the numbers go into the rig file of the scene."""
+    """Run the experiment. With --write the rig file of the scene is updated."""
     command = parser(__doc__)
     command.add_argument("--write", action="store_true", help="write into the rig file")
     chosen = command.parse_args(argv)

@@ -1,4 +1,4 @@
-"""Cams, tables, figures and command line that the scripts of the paper's experiments share."""
+"""Cams, tables, figures and command line that the experiments of the paper share."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ import cam_rig
 from cam_rig.show.figure import write
 from cam_rig.show.tables import DataTable, Header
 
-#: Cams of the paper's Table 2, in the order in which it prints them.
+#: Cams of table 2 of the paper, in its order.
 CAMS = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
-#: Rig identified from the jump speeds of Table 2.
+#: Rig identified from the jump speeds of table 2.
 RIG = "paper_table2"
-#: Rig with the stem that Table 1 prints.
+#: Rig with the stem stiffness of table 1.
 STIFF_RIG = "tm21"
 #: Scene of the paper's noise measurements.
 SCENE = "tm21_sweep"
@@ -30,9 +30,9 @@ SCENE = "tm21_sweep"
 class Table:
     """Table of an experiment.
 
-    `columns` has the headings between bars, each with its unit in brackets and, for numbers, their
-    format after a colon: "cam | jump speed [rpm] :.1f". None and NaN are empty cells. `notes` has
-    one footnote per line.
+    `columns` has the headings, separated by bars. A heading can have a unit in brackets and, for
+    numbers, a format after a colon: "cam | jump speed [rpm] :.1f". None and NaN are empty cells.
+    `notes` has a footnote per line.
     """
 
     caption: str
@@ -49,12 +49,12 @@ class Table:
 
     @property
     def frame(self) -> pd.DataFrame:
-        """The numbers, unrounded, by heading and unit."""
+        """Data frame of the numbers, unrounded, by heading and unit."""
         return pd.DataFrame(list(self.rows), columns=[header.title for header in self.headers])
 
     @property
     def for_report(self) -> DataTable:
-        """The table as the document builder takes it."""
+        """Table in the form of the report."""
         notes = tuple(filter(None, self.notes.split("\n")))
         cells = self.frame.astype(object).where(self.frame.notna(), None)
         rows = tuple(cells.itertuples(index=False, name=None))
@@ -67,17 +67,17 @@ class Table:
 
 
 def load_laws(cams: Iterable[str] = CAMS) -> dict[str, cam_rig.Law]:
-    """Return the laws of shipped cams by name."""
+    """Return the laws of shipped cams, by name."""
     return {cam: cam_rig.build_law(cam_rig.load_cam(cam)) for cam in cams}
 
 
 def titles(cams: Iterable[str] = CAMS) -> dict[str, str]:
-    """Return the titles of shipped cams by name."""
+    """Return the titles of shipped cams, by name."""
     return {cam: cam_rig.load_cam(cam).title for cam in cams}
 
 
 def parser(description: str | None) -> argparse.ArgumentParser:
-    """Return the command line of a script, with the folder of its figures."""
+    """Return the command line parser of an experiment, with the folder of its figures."""
     options = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -96,7 +96,7 @@ def _folder(text: str) -> Path:
 def publish(
     out: Path, tables: Iterable[Table], figures: Mapping[str, Figure], summary: Iterable[str]
 ) -> None:
-    """Print tables and summary, and write each figure into `out` under its name."""
+    """Print tables and summary, and write each figure into the folder `out`."""
     for table in tables:
         print(table)
     print(*summary, sep="\n")

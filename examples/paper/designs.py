@@ -1,4 +1,7 @@
-"""Distance of the paper's laws from the best of their class."""
+"""Comparison of the paper's laws with the best laws of their class.
+
+A class is a set of laws of the same form. A design is the best law of a class for a goal.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +14,19 @@ from cam_rig.studies.design.result import LawDesign
 from cam_rig.studies.design.study import search_design
 from examples.paper.common import Table, titles
 
-#: Class of one Bézier curve, as the paper's.
+#: Class of a single Bézier curve, as in the paper.
 CURVE = LawClass(1, 3, 15)
 #: Class of B-splines with few pieces.
 SPLINE = LawClass(8, 3)
 #: Class of B-splines with more pieces.
 FINE_SPLINE = LawClass(16, 3)
-#: Sound level over all speeds of the paper's figures.
+#: Goal: sound level over all speeds of the figures of the paper.
 SOUND = "sound_level_rigid@200-400rpm"
-#: Residual vibration over all speeds of the paper's figures.
+#: Goal: residual vibration over all speeds of the figures of the paper.
 VIBRATION = "residual_vibration@200-400rpm"
-#: No law has a higher peak acceleration than its start.
+#: Limit: the peak acceleration is not higher than that of the start.
 LIMITS = ("peak_acceleration<=start",)
-#: Cams that are designed, with the goals.
+#: Cams from which a design starts, with goals and classes.
 REQUESTS = (
     ("bezier15", DesignRequest.of(maximise="jump_speed", limits=LIMITS, law_class=CURVE)),
     ("bezier15", DesignRequest.of(minimise=SOUND, limits=LIMITS, law_class=CURVE)),
@@ -36,7 +39,7 @@ REQUESTS = (
 def paper_designs(cam_set: CamSet) -> list[LawDesign]:
     """Return the best laws for the cams of the set.
 
-    The result is empty if the extra `design` is missing.
+    The result is empty if the libraries of the extra `design` are not installed.
     """
     if find_spec("clarabel") is None:
         return []
@@ -45,7 +48,7 @@ def paper_designs(cam_set: CamSet) -> list[LawDesign]:
 
 
 def table(designs: Sequence[LawDesign]) -> Table:
-    """Return one row per law: the start, the result, and the bound of its class."""
+    """Return a table with a row per design: start, result, and bound of the class."""
     rows, names = [], titles(design.start.name for design in designs)
     for design in designs:
         goal, class_text = design.goal, design.request.law_class.words

@@ -1,10 +1,11 @@
-"""Open question of the paper: continuity of the law, or its gentler slopes.
+"""Factorial study of a question of the paper: continuity of a law, or its slopes.
 
-Laws of every class of continuity are built over the same event angles, so that smoother laws are
-also sharper. Then each is built over the angles at which all have the same acceleration, so that
-only continuity differs. Each result y is split into its mean, the effects of the law and of the
-angle, and the remainder: y_ij = μ + α_i + β_j + γ_ij. Last, the cam of the paper is studied: the
-part of its advantage that a rigid follower has too, and the advantage if its event is compressed.
+In the first design, laws of several continuity classes have the same event angles, so that smoother
+laws also have higher accelerations. In the second design their event angles give the same peak
+acceleration, so that only the continuity differs. Each result y is split into its mean, the effects
+of law and angle, and the remainder: y_ij = μ + α_i + β_j + γ_ij. Finally the cam that the paper
+proposes is compared with the others: the part of its advantage that a rigid follower also has, and
+the advantage if its event is compressed.
 """
 
 from __future__ import annotations
@@ -31,49 +32,52 @@ from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
 from cam_rig.units import RPM, TURN, FloatArray, rms
 from examples.paper.common import CAMS, RIG, STIFF_RIG, Table, load_laws, parser, publish, titles
 
-#: The paper's proposed cam.
+#: Cam that the paper proposes.
 PROPOSED = "bezier15"
-#: Spans (°) into which its turn is compressed: 360 as in the paper, 297.5 as the other laws take
-#: from rise to fall.
+#: Spans (°) into which its turn is compressed: 360 as in the paper, 297.5 as the other laws need
+#: from the start of the rise to the end of the fall.
 SPANS = (360.0, 330.0, 297.5, 270.0, 240.0)
-#: Lift in m (paper, Table 1).
+#: Lift in m (table 1 of the paper).
 LIFT = 0.05
-#: Laws of classes C1, C2, C2, C3, C4.
+#: Rises of continuity classes C1, C2, C2, C3 and C4.
 RISES = ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9")
-#: Event angles (°), about the 117.5° identified from Table 2; dwells share the rest of the turn.
+#: Event angles (°) around the 117.5° identified from table 2. Dwells share the rest of the turn.
 EVENTS = (90.0, 105.0, 120.0, 135.0, 150.0, 165.0)
-#: Law whose acceleration all laws have in the second design.
+#: Law whose peak acceleration all laws have in the second design.
 REFERENCE = "poly345"
-#: Event angles (°) of that law. The sharpest law then takes 178° at most.
+#: Event angles (°) of this law. The law with the highest peak then needs at most 178°.
 GENTLE = (90.0, 100.0, 110.0, 120.0, 130.0, 140.0)
-#: Duration of each run from rest in s, as for the jump speeds of Table 2.
+#: Duration (s) of each run from rest, as for the jump speeds of table 2.
 RUN = 1.7
-#: Speeds of the peak acceleration, rpm.
+#: Speeds (rpm) for the peak acceleration.
 ACCELERATED = (200.0, 250.0, 300.0)
-#: Speeds of the residual vibration, rpm: the paper's range, so that no single resonance decides.
+#: Speeds (rpm) for the residual vibration: the range of the paper, so that no resonance dominates.
 RESIDUAL = tuple(np.arange(200.0, 401.0, 10.0).tolist())
-#: Speeds of the noise, rpm.
+#: Speeds (rpm) for the noise.
 NOISE = tuple(np.arange(200.0, 401.0, 20.0).tolist())
-#: Speed of the noise in contact, rpm: the paper's lowest.
+#: Speed (rpm) for the noise in contact: the lowest of the paper.
 NOISE_IN_CONTACT = 200.0
-#: Lowest class in which the acceleration is continuous.
+#: Lowest continuity class with a continuous acceleration.
 SMOOTH = 2
 
 
 @cache
 def catalogue() -> pd.DataFrame:
-    """Return peaks and continuity of the named rises."""
+    """Return the peaks and the continuity of the named rises."""
     return cam_rig.list_laws().to_pandas().set_index("law")
 
 
 def as_gentle(rise: str, event: float) -> float:
-    """Return the event angle over which a rise accelerates as the reference does over `event`."""
+    """Return the event angle of a rise with the peak acceleration of the reference.
+
+    `event` is the event angle of the reference.
+    """
     peaks = catalogue().peak_acceleration
     return event * math.sqrt(peaks[rise] / peaks[REFERENCE])
 
 
 def squeezed(law: cam_rig.Law, span: float) -> cam_rig.Law:
-    """Return a cam's turn compressed into `span` rad, followed by rest.
+    """Return the law of a cam compressed into `span` rad, followed by a dwell.
 
     A span of 360° returns the law itself.
     """
@@ -86,13 +90,13 @@ def squeezed(law: cam_rig.Law, span: float) -> cam_rig.Law:
 
 
 class Measures(NamedTuple):
-    """Results of one law.
+    """Results of a law.
 
-    Jump speeds (rpm) from rest, of the elastic and of a rigid follower. `acceleration` (m/s²) is
-    the geometric mean over the speeds of the largest |ẍ| in steady state, `own_acceleration` that
-    of the law. `residual` (m) is the r.m.s. over the speeds of the vibration in the low dwell.
-    `noise` (dB) is the mean over the speeds on the rigid follower, landings included,
-    `noise_in_contact` (dB) the level at one speed on the elastic one.
+    Jump speeds (rpm) from rest are those of the elastic and of a rigid follower. `acceleration`
+    (m/s²) is the geometric mean over the speeds of the largest |ẍ| in steady state, and
+    `own_acceleration` that of the law. `residual` (m) is the r.m.s. over the speeds of the
+    vibration in the low dwell. `noise` (dB) is the mean over the speeds for the rigid follower,
+    including landings, and `noise_in_contact` (dB) the level at one speed for the elastic follower.
     """
 
     jump: float
@@ -105,7 +109,7 @@ class Measures(NamedTuple):
 
 
 def measure(law: cam_rig.Law) -> Measures:
-    """Compute all results of one law."""
+    """Compute all results of a law."""
     rig, stiff = cam_rig.load_rig(RIG), cam_rig.load_rig(STIFF_RIG)
     follower, speeds = FollowerParameters.from_rig(rig), RPM * np.array(ACCELERATED)
     peaks = [np.abs(steady_turn(law, follower, v).acceleration).max() for v in speeds.tolist()]
@@ -129,10 +133,10 @@ def measure(law: cam_rig.Law) -> Measures:
 
 
 class Effect(NamedTuple):
-    """A result that is analysed: name and unit, factor to that unit.
+    """Name, unit and factor to that unit of an analysed result.
 
-    `decibels` is True if effects multiply, so that 20 lg of them add. `fastest` is the highest
-    speed (rpm) at which contact is assumed, 0 if the follower may leave the cam.
+    `decibels` is True if effects multiply, so that their 20 lg is analysed. `fastest` is the
+    highest speed (rpm) at which the result assumes contact, or 0 if it includes loss of contact.
     """
 
     name: str
@@ -152,10 +156,10 @@ EFFECTS = {
 
 
 class Shares(NamedTuple):
-    """Shares of the sum of squares `total` (dB²) of a table with one value per cell.
+    """Shares of the sum of squares of a table, which is `total` (dB²).
 
-    `classes` is the part of `law` between classes of continuity. A model has no scatter, so there
-    is no test of significance.
+    `classes` is the part of `law` between continuity classes. There is no test of significance,
+    because a model has no random scatter.
     """
 
     law: float
@@ -166,7 +170,10 @@ class Shares(NamedTuple):
 
 
 def shares_of(values: FloatArray, classes: Sequence[int]) -> Shares:
-    """Analyse a table `(a, b)` of laws of these classes against angles."""
+    """Return the shares of a table `(a, b)` of laws and angles.
+
+    `classes` are those of the laws.
+    """
     left = values - values.mean()
     row, column, order = left.mean(axis=1), left.mean(axis=0), np.array(classes)
     between = sum((order == k).sum() * row[order == k].mean() ** 2 for k in set(classes))
@@ -180,7 +187,7 @@ def shares_of(values: FloatArray, classes: Sequence[int]) -> Shares:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A table of laws (rows) against event angles in ° (columns)."""
+    """Table of laws (rows) against event angles in ° (columns)."""
 
     name: str
     rises: tuple[str, ...]
@@ -189,24 +196,24 @@ class Design:
 
     @property
     def classes(self) -> list[int]:
-        """Class of continuity of each law against its dwells."""
+        """Continuity class of each law at the joints with its dwells."""
         return [int(catalogue().continuity[rise]) for rise in self.rises]
 
     def values(self, key: str) -> FloatArray:
-        """Return one result of the cells, `(a, b)`."""
+        """Return a result of all cells, `(a, b)`."""
         return np.array([[getattr(cell, key) for cell in row] for row in self.cells])
 
     def shares(self, key: str) -> Shares:
-        """Analyse one result in dB: of amplitudes 20 lg."""
+        """Return the shares of a result, in dB if its effects multiply."""
         values = EFFECTS[key].factor * self.values(key)
         return shares_of(20.0 * np.log10(values) if EFFECTS[key].decibels else values, self.classes)
 
     def lost(self, key: str) -> NDArray[np.bool_]:
-        """Return the cells that leave the cam below the effect's fastest speed, `(a, b)`."""
+        """Return flags `(a, b)` of the cells with loss of contact at the result's speeds."""
         return np.asarray(self.values("jump") < EFFECTS[key].fastest)
 
     def part(self, name: str, rows: Sequence[int], columns: Sequence[int]) -> Design | None:
-        """Return some laws and angles, or None if fewer than two of either are left."""
+        """Return the design of some laws and angles, or None for fewer than two of either."""
         if min(len(rows), len(columns)) < 2:
             return None
         cells = [[self.cells[i][j] for j in columns] for i in rows]
@@ -215,14 +222,14 @@ class Design:
 
     @property
     def smooth(self) -> Design | None:
-        """The laws of C2 and above."""
+        """Design of the laws of class C2 and above."""
         rows = [i for i, order in enumerate(self.classes) if order >= SMOOTH]
         return self.part(f"C{SMOOTH} and above", rows, range(len(self.angles)))
 
     def in_contact(self, key: str) -> Design | None:
-        """Return the laws and angles whose cells all keep contact.
+        """Return the laws and angles whose cells all remain in contact.
 
-        Laws and angles are dropped one after the other, first those that most cells leave.
+        Laws and angles are removed in turn, those with most losses of contact first.
         """
         lost = self.lost(key)
         rows, columns = (list(range(n)) for n in lost.shape)
@@ -236,7 +243,7 @@ class Design:
 
 
 class Study(NamedTuple):
-    """Both designs, the cams of Table 2 by name, and the proposed cam by span in °."""
+    """Both designs, the cams of table 2 by name, and the proposed cam by span in °."""
 
     same_angles: Design
     same_acceleration: Design
@@ -245,7 +252,7 @@ class Study(NamedTuple):
 
 
 def study(run: Callable[..., Iterator[Measures]] = map) -> Study:
-    """Measure every cell of both designs, the cams, and the compressed proposed cam.
+    """Compute every cell of both designs, the cams, and the compressed proposed cam.
 
     `run` is `map`, or the `map` of an executor.
     """
@@ -270,10 +277,10 @@ def study(run: Callable[..., Iterator[Measures]] = map) -> Study:
 
 
 class Advantage(NamedTuple):
-    """Advantage of the proposed cam over `cam`, as factors, of the noise in dB.
+    """Advantage of the proposed cam over `cam` as factors, and of the noise in dB.
 
-    Shares of the slopes are those of logarithms: the part that a rigid follower has too. The
-    remainder is vibration.
+    Shares are those of logarithms: the part of the advantage that a rigid follower also has,
+    because of the slopes of the law. The remainder is due to vibration.
     """
 
     cam: str
@@ -300,7 +307,7 @@ def advantages(result: Study) -> list[Advantage]:
 
 
 def tables(result: Study) -> list[Table]:
-    """Return the analysis of variance by design, jump speeds by law, advantages, compressed cam."""
+    """Return tables of variance, jump speeds by law, advantages and compressed cam."""
     same, alike, names = result.same_angles, result.same_acceleration, titles(result.cams)
     wholes = [same, alike]
     designs = [part for whole in wholes for part in (whole, whole.smooth) if part is not None]
@@ -348,7 +355,7 @@ def tables(result: Study) -> list[Table]:
 
 
 def variance_table(design: Design) -> Table:
-    """Return each effect, and below it its part in contact if cells leave the cam."""
+    """Return the shares of each result, and of its part in contact if contact is lost."""
     rows: list[tuple[object, ...]] = []
     for key, effect in EFFECTS.items():
         lost = int(design.lost(key).sum())
@@ -386,7 +393,7 @@ def summary(result: Study) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the experiment: some 20 s on two cores."""
+    """Run the experiment, which needs about 20 s on two cores."""
     from examples.paper import factorial_figure
 
     out = parser(__doc__).parse_args(argv).out

@@ -1,4 +1,4 @@
-"""Figure of the factorial study: effects against the event angle, and shares of the variance."""
+"""Figure of the factorial study: effects by event angle, shares of the variance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from examples.paper.factorial import EFFECTS, PROPOSED, REFERENCE, RISES, Design
 
 @styled
 def figure(result: Study) -> Figure:
-    """Draw each effect against the event angle by law, and below the shares of its variance."""
+    """Draw each effect against the event angle by law, and the shares of its variance."""
     out = empty(9.6)
     parts = out.subfigures(2, 1, height_ratios=[2.6, 1.0], squeeze=False)
     _effects(parts[0, 0], result)
@@ -23,7 +23,7 @@ def figure(result: Study) -> Figure:
 
 
 def _effects(out: FigureBase, result: Study) -> None:
-    """Draw the curves of both designs, a hollow marker where contact is lost."""
+    """Draw the curves of both designs, with a hollow marker where contact is lost."""
     keys = [key for key in EFFECTS if key != "noise_in_contact"]
     panels = out.subplots(len(keys), 2, sharey="row")
     for row, key in zip(panels, keys, strict=True):
@@ -67,7 +67,7 @@ def _shares(out: FigureBase, result: Study) -> None:
 
 
 def _bars(axes: Axes, design: Design) -> None:
-    """Draw one bar per effect, with the shares above 9 % as numbers."""
+    """Draw a bar per effect, with the numbers of shares above 9 %."""
     parts = {
         "law, between continuity classes": (BLUE, ""),
         "law, within a class": (SKY_BLUE, "//"),

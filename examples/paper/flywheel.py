@@ -1,8 +1,8 @@
 """Speed fluctuation of a flywheel of finite inertia, compared with eq. 10.
 
-Eq. 10 of the paper keeps the speed of the flywheel constant, as if its inertia I_v were infinite,
-and omits the preload. Here a constant torque, the mean of the load, drives a flywheel of inertia
-I_v through the shaft.
+In eq. 10 of the paper the speed of the flywheel is constant, which corresponds to an infinite
+inertia I_v, and there is no preload. Here a constant torque, the mean of the load, drives a
+flywheel of inertia I_v, which drives the cam through the shaft.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from cam_rig.show.figure import colour, empty, line, logarithmic, styled
 from cam_rig.units import RPM
 from examples.paper.common import CAMS, RIG, Table, load_laws, parser, publish, titles
 
-#: Inertias of the flywheel in kg·m². Infinity is eq. 10.
+#: Inertias (kg·m²) of the flywheel. Infinity corresponds to eq. 10.
 INERTIAS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 20.0, math.inf)
-#: Inertia (kg·m²) at which all cams are compared: assumed, a steel disc of 300 mm.
+#: Inertia (kg·m²) for the comparison of all cams: assumed, a steel disc of 300 mm.
 SHOWN = 0.2
-#: Speed in rpm, below every jump speed of Table 2.
+#: Speed (rpm), which is below all jump speeds of table 2.
 SPEED_RPM = 300.0
-#: Cam whose rows over the inertia are listed.
+#: Cam whose results are listed for all inertias.
 SHOWN_CAM = "poly345"
 
 
 @dataclass(frozen=True)
 class Flywheels:
-    """Turns of each cam behind each flywheel, and the twist of eq. 10 as printed.
+    """Steady turns for each cam and flywheel, and the twist of eq. 10 without preload.
 
-    `turns` is indexed by cam and inertia (kg·m²). `without_preload` is by cam, in rad peak to peak
-    at constant speed.
+    `turns` is by cam and inertia (kg·m²). `without_preload` is the peak-to-peak twist (rad) by cam
+    at constant speed, as eq. 10 is printed.
     """
 
     turns: dict[tuple[str, float], FlywheelTurn]
@@ -44,7 +44,7 @@ class Flywheels:
 
 
 def study(cams: Sequence[str] = CAMS) -> Flywheels:
-    """Compute the steady turn of every cam behind every flywheel, at `SPEED_RPM`."""
+    """Compute the steady turn of every cam with every flywheel, at `SPEED_RPM`."""
     rig, laws, speed = cam_rig.load_rig(RIG), load_laws(cams), SPEED_RPM * RPM
     shaft, slack = from_rig(rig), from_rig(rig.with_follower(preload=0.0))
     return Flywheels(
@@ -58,7 +58,7 @@ def study(cams: Sequence[str] = CAMS) -> Flywheels:
 
 
 def tables(result: Flywheels) -> list[Table]:
-    """Return one cam over the inertia, and all cams behind one flywheel."""
+    """Return a table of one cam for all inertias, and of all cams with one flywheel."""
     names = titles(result.without_preload)
     over_inertia = [
         (
@@ -106,7 +106,7 @@ def tables(result: Flywheels) -> list[Table]:
 
 @styled
 def figure(result: Flywheels) -> Figure:
-    """Draw fluctuation of the speed and twist of the shaft over the inertia of the flywheel."""
+    """Draw fluctuation of the speed and twist of the shaft against the inertia."""
     out = empty(3.3)
     left, right = out.subplots(1, 2)
     for cam, title in titles(result.without_preload).items():
@@ -129,7 +129,7 @@ def figure(result: Flywheels) -> Figure:
 
 
 def summary(result: Flywheels) -> list[str]:
-    """Return fluctuation and twist of `SHOWN_CAM`."""
+    """Return fluctuation and twist of `SHOWN_CAM` as text."""
     turn, held = result.turns[SHOWN_CAM, SHOWN], result.turns[SHOWN_CAM, math.inf]
     bare = result.without_preload[SHOWN_CAM]
     return [
@@ -141,7 +141,7 @@ def summary(result: Flywheels) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the experiment."""
+    """Run the experiment, print its tables and write its figure."""
     out = parser(__doc__).parse_args(argv).out
     result = study()
     publish(out, tables(result), {"flywheel": figure(result)}, summary(result))

@@ -1,8 +1,9 @@
-"""The TM21's cam, identified from its published noise: lift, event and nose angle.
+"""Identification of the TM21's cam from its published noise: lift and angles.
 
-No source prints a dimension of that cam. A search over cams of tangent circular arcs finds the cam
-whose simulated level is closest to eq. 20 of the paper. The acoustic constants stay as they were
-calibrated on another cam. The result is a cam that sounds like the published cam, not its drawing.
+No source states a dimension of that cam. A search over cams of tangent circular arcs finds the cam
+whose simulated level is closest to eq. 20 of the paper. The acoustic constants are those of the
+calibration with another cam. The found cam has the sound of the published cam, but can have other
+dimensions.
 """
 
 from __future__ import annotations
@@ -23,20 +24,20 @@ from examples.paper.common import SCENE, Table, parser, publish
 
 #: Cam that is identified.
 CAM = "tm21"
-#: Its rig.
+#: Rig of this cam.
 RIG = "tm21"
 #: Limits of lift (m), event span (°) and nose span as a fraction of the event span.
 LIMITS = Bounds([0.002, 60.0, 0.05], [0.05, 300.0, 0.95])
-#: Largest pitch radius (m) of a flank that is visibly concave, as the paper calls the cam.
+#: Largest pitch radius (m) of a visibly concave flank, as the paper describes the cam.
 MAX_FLANK = 0.5
-#: Difference given to a geometry that cannot exist, dB.
+#: Difference (dB) of a geometry that is impossible.
 IMPOSSIBLE = 50.0
-#: Sample rate (Hz) and turns of a trial: levels are within 0.01 dB of those of the scene.
+#: Sample rate (Hz) and turns of a trial. Its levels agree with those of the scene to 0.01 dB.
 TRIAL: dict[str, Any] = {"sample_rate": 8000, "turns": 3, "transient_turns": 1}
 
 
 class Geometry(NamedTuple):
-    """Lift in mm, event and nose span in °, the r.m.s. difference in dB, and number of trials."""
+    """Lift (mm), event and nose span (°), r.m.s. difference (dB) and number of trials."""
 
     lift: float
     event: float
@@ -46,7 +47,10 @@ class Geometry(NamedTuple):
 
 
 def with_geometry(cam: cam_rig.Cam, lift: float, event: float, nose: float) -> cam_rig.Cam:
-    """Return the arc cam with another lift (m), event and nose span (°), dwells alike."""
+    """Return the arc cam with another lift (m), event span and nose span (°).
+
+    The dwells are equal.
+    """
     dwell = {"law": "dwell", "span": f"{180.0 - 0.5 * event!r} deg"}
     arcs = {"law": "tangent_arcs", "span": f"{event!r} deg", "nose_span": f"{nose!r} deg"}
     return cam.replace(lift=lift, segments=[dwell, arcs, dwell])
@@ -58,13 +62,13 @@ def levels(cam: cam_rig.Cam, rpm: FloatArray) -> FloatArray:
 
 
 def study(seed: int = 1, generations: int = 30) -> Geometry:
-    """Search by differential evolution, then locally from its best; a few minutes."""
+    """Search by differential evolution, then locally, for a few minutes."""
     scene = cam_rig.load_scene(SCENE)
     rpm = np.array(scene.scene.schedule.speeds.numbers)
     published, cam, trials = scene.published_levels(CAM, rpm), scene.cams[CAM], 0
 
     def difference(x: Any) -> float:
-        """Return the r.m.s. difference (dB) at lift (m), event (°), nose fraction."""
+        """Return the r.m.s. difference (dB) for lift (m), event (°) and nose fraction."""
         nonlocal trials
         trials += 1
         lift, event, fraction = x.tolist()
@@ -89,7 +93,8 @@ def study(seed: int = 1, generations: int = 30) -> Geometry:
         method="Nelder-Mead",
         options={"xatol": 1e-5, "fatol": 1e-5, "maxfev": 200},
     ).x.tolist()
-    # Rounded to the fewest digits that keep the geometry possible: the residual supports no more.
+    # Rounded to the fewest digits of a possible geometry, because the remaining difference is
+    # large.
     for digits in (2, 3, 4, 6):
         numbers = round(lift, digits + 4), round(event, digits), round(event * fraction, digits)
         left = difference(np.array([numbers[0], numbers[1], numbers[2] / numbers[1]]))
@@ -99,7 +104,7 @@ def study(seed: int = 1, generations: int = 30) -> Geometry:
 
 
 def table(result: Geometry) -> Table:
-    """Return the identified numbers."""
+    """Return a table of the identified numbers."""
     return Table(
         f"Geometry of {CAM}, identified from its published noise",
         "lift [mm] :.3f | event [°] :.2f | nose [°] :.2f | r.m.s. [dB] :.2f | trials :d",
@@ -110,7 +115,7 @@ def table(result: Geometry) -> Table:
 
 @styled
 def figure(result: Geometry) -> Figure:
-    """Draw published and simulated level over the speed."""
+    """Draw published and simulated level against speed."""
     scene = cam_rig.load_scene(SCENE)
     rpm = np.array(scene.scene.schedule.speeds.numbers)
     cam = with_geometry(scene.cams[CAM], 1e-3 * result.lift, result.event, result.nose)
@@ -124,7 +129,7 @@ def figure(result: Geometry) -> Figure:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the experiment."""
+    """Run the experiment, print its table and write its figure."""
     command = parser(__doc__)
     command.add_argument("--seed", type=int, default=1, help="of the search (%(default)s)")
     chosen = command.parse_args(argv)

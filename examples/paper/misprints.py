@@ -1,4 +1,4 @@
-"""Misprints of the paper and of the works that it builds on."""
+"""Misprints of the paper and of the works on which it is based."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from examples.paper.common import Table
 
 
 class Misprint(NamedTuple):
-    """Misprint: its source and place, the printed text, and the correct text."""
+    """Misprint: source, place, printed text and correct text."""
 
     source: str
     where: str
@@ -64,5 +64,5 @@ MISPRINTS = (
 
 
 def table() -> Table:
-    """Return all misprints, by source."""
+    """Return a table of all misprints, by source."""
     return Table("Misprints in the sources", "source | where | printed | correct", MISPRINTS)

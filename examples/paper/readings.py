@@ -1,9 +1,10 @@
-"""Readings of the paper's Table 2: rigs that give its speeds and times.
+"""Readings of table 2 of the paper: rigs that reproduce its speeds and times.
 
-The table prints speeds in steps of 5 rpm, so each cam runs from rest at every such speed. The first
-speed with a loss of contact is what the table would print, and the time of the loss is its time.
-The information in that time depends on the number of speeds near the printed speed that give it.
-There are hardly any if the forces of all turns are nearly equal. The readings are in readings.yaml.
+The table has speeds in steps of 5 rpm, so each cam runs from rest at every such speed. The first
+speed with a loss of contact is compared with the printed speed, and the time of the loss with the
+printed time. The printed time is informative only if few speeds near the printed speed reproduce
+it. If the forces of all turns are nearly equal, hardly any speed does. The parameters are in
+readings.yaml.
 """
 
 from __future__ import annotations
@@ -31,35 +32,37 @@ from examples.paper.refit import with_event
 from examples.paper.turns import Rigs, ShapeTable, turn_minima
 
 FILE = Path(__file__).with_name("readings.yaml")
-#: Step of the speeds of Table 2 in rpm.
+#: Step (rpm) of the speeds of table 2.
 GRID_RPM = 5.0
-#: Table 2: jump speed (rpm) and time (s) of each cam.
+#: Jump speed (rpm) and time (s) of each cam in table 2.
 TABLE_2 = {
     cam: (row.rpm, row.time_s) for cam, row in load_tables(tables_path()).table_2_jump.items()
 }
-#: First speed of the grid, rpm.
+#: First speed of the grid (rpm).
 FIRST_RPM = 200.0
 #: Last speed of the grid, relative to the printed speed.
 LAST_SPEED_RATIO = 1.3
-#: Number of speeds within one step of the printed one at which the time is computed.
+#: Number of speeds within a step of the printed speed at which the time is computed.
 SPEEDS = 501
-#: Number of points per turn there: 16 per period up to 3 kHz at 600 rpm.
+#: Number of points per turn at these speeds: 16 per period up to 3 kHz at 600 rpm.
 TURN_SAMPLES = 4800
-#: Number of speeds computed at once.
+#: Number of speeds that are computed together.
 BATCH = 16
-#: Relative distance from the jump speed of the first time above it: the error of a solver of
-#: differential equations.
+#: Relative distance of the first time's speed above the jump speed, the error of an ODE solver.
 SOLVER = 1e-6
-#: Relative distance from the jump speed of the second time above it.
+#: Relative distance of the second time's speed above the jump speed.
 BEYOND = 1e-3
-#: Speed relative to the printed speed below which a loss of contact is far too early.
+#: Speed relative to the printed speed below which a loss of contact is considered too early.
 EARLY_SPEED_RATIO = 0.9
-#: Numbers of the follower besides its two masses.
+#: Parameters of the follower in addition to its two masses.
 FOLLOWER = ("stem_stiffness", "spring_stiffness", "stem_damping", "damping", "preload")
 
 
 class Reading(BaseModel):
-    """A two-mass follower and the angles of rise and high dwell, with the origin of each number."""
+    """Interpretation of table 2: two-mass follower, angles of rise and high dwell.
+
+    Each number has its origin.
+    """
 
     title: str
     mass: Quantity
@@ -80,7 +83,7 @@ class Reading(BaseModel):
 
     @property
     def follower(self) -> TwoMassParameters:
-        """The follower, with plastic landings."""
+        """Two-mass follower with plastic landings."""
         roller = self.mass.si * self.roller_share.si
         numbers = (getattr(self, key).si for key in FOLLOWER)
         return TwoMassParameters(roller, self.mass.si - roller, *numbers)
@@ -99,12 +102,13 @@ def load_readings() -> tuple[dict[str, Reading], float]:
 
 
 class Row(NamedTuple):
-    """Results of one cam on the rig of a reading.
+    """Results of a cam on the rig of a reading.
 
-    `rpm` is the first speed of the grid with loss of contact, `time` (s) that of the loss. Both are
-    NaN without a loss. `jump` (rpm) is the jump speed at any speed, `at_jump` and `beyond` (s) the
-    times `SOLVER` and `BEYOND` above it. `window` (rpm) is the range of speeds that give the
-    printed time, `force` (N) the least force of a run at the printed speed.
+    `rpm` is the first speed of the grid with loss of contact, and `time` (s) that of the loss. Both
+    are NaN without a loss. `jump` (rpm) is the jump speed without a grid. `at_jump` and `beyond`
+    (s) are the times of the loss at speeds `SOLVER` and `BEYOND` above it, relative. `window` (rpm)
+    is the range of speeds that give the printed time, and `force` (N) the minimum in a run at the
+    printed speed.
     """
 
     cam: str
@@ -130,7 +134,7 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class Read:
-    """A reading and its results on every cam."""
+    """Reading with its results for every cam."""
 
     name: str
     reading: Reading
@@ -153,12 +157,12 @@ class Read:
 
     @property
     def hidden(self) -> list[Row]:
-        """Rows with a jump between slower speeds of the grid, which misses it."""
+        """Rows whose jump speed is between slower speeds of the grid, and thus not found."""
         return [row for row in self.rows if row.jump < row.rpm - GRID_RPM]
 
     @property
     def early(self) -> list[Row]:
-        """Rows with loss of contact far below the printed speed, on the grid."""
+        """Rows with loss of contact on the grid far below the printed speed."""
         return [row for row in self.rows if row.rpm < EARLY_SPEED_RATIO * TABLE_2[row.cam][0]]
 
 
@@ -174,7 +178,7 @@ def first_on_grid(
 def window(
     law: cam_rig.Law, follower: TwoMassParameters, printed: tuple[float, float], run: float
 ) -> float:
-    """Return the range (rpm) of speeds near the printed one that give the printed time."""
+    """Return the range (rpm) of speeds around the printed speed with the printed time."""
     shape, agree, (rpm, time) = ShapeTable.of(law, TURN_SAMPLES), [], printed
     speeds = RPM * np.linspace(rpm - GRID_RPM, rpm + GRID_RPM, SPEEDS)
     for batch in np.array_split(speeds, SPEEDS // BATCH):
@@ -221,12 +225,12 @@ def read(
 
 
 def study() -> list[Read]:
-    """Compute every reading on every cam."""
+    """Compute every reading with every cam."""
     readings, run = load_readings()
     return [read(name, reading, run) for name, reading in readings.items()]
 
 
-#: Numbers of a reading that are listed, with unit, heading and format.
+#: Listed numbers of a reading: name, heading with unit, format.
 LISTED = (
     ("event", "event angle [°]", ".1f"),
     ("high_dwell", "high dwell [°]", ".1f"),
@@ -239,10 +243,7 @@ LISTED = (
 
 
 def tables(result: Sequence[Read]) -> list[Table]:
-    """Return the parameters of all readings, and each reading on every cam.
-
-    The first table also reports the agreement.
-    """
+    """Return a table of all readings with their agreement, and a table per reading."""
     names = titles(TABLE_2)
     numbers = []
     for solution in result:
@@ -290,7 +291,7 @@ def tables(result: Sequence[Read]) -> list[Table]:
 
 
 def summary(result: Sequence[Read]) -> list[str]:
-    """Return the agreement of each reading, the nearest one, and the widest window."""
+    """Return the agreement of each reading, the closest one, and the widest window."""
     nearest = min(result, key=lambda solution: solution.rms)
     widest = max(row.window for solution in result for row in solution.rows)
     return [
@@ -305,7 +306,7 @@ def summary(result: Sequence[Read]) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the experiment: some 20 s."""
+    """Run the experiment, which needs about 20 s."""
     out = parser(__doc__).parse_args(argv).out
     result = study()
     publish(out, tables(result), {}, summary(result))

@@ -1,9 +1,10 @@
-"""Search for the identified numbers of a reading of the paper's Table 2.
+"""Search for the identified numbers of a reading of table 2 of the paper.
 
-A trial misses a cam by a distance in speed (rpm): contact must be lost at the printed speed, and
-not 5 rpm and more below it. If times count, it must be lost first in the turn of the printed time.
-The distance follows from the forces of the turns and their change over 5 rpm, so the search has a
-slope to descend. It is global (differential evolution), all trials of a generation at once.
+The miss of a trial is a distance in speed (rpm) for each cam: contact must be lost at the printed
+speed, and not at 5 rpm or more below it. With the printed times, it must be lost for the first time
+in the turn of the printed time. The miss follows from the forces of the turns and their change over
+5 rpm, so that it decreases towards a solution. The search is global (differential evolution), and
+all trials of a generation are computed together.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from examples.paper.readings import (
 from examples.paper.refit import with_event
 from examples.paper.turns import Rigs, ShapeTable, turn_minima
 
-#: Bounds of the free parameters in SI units, in the order of a trial.
+#: Bounds of the free parameters in SI units, in the order of the search.
 BOUNDS = {
     "event": (math.radians(95.0), math.radians(140.0)),
     "high_dwell": (math.radians(20.0), math.radians(160.0)),
@@ -43,21 +44,21 @@ BOUNDS = {
     "damping": (0.01, 30.0),
     "preload": (0.0, 60.0),
 }
-#: Parameters that are searched by their logarithm.
+#: Parameters whose logarithm is searched.
 LOGARITHMIC = frozenset({"stem_stiffness", "stem_damping", "damping"})
-#: Points per turn at the slower speeds, at which the envelope of the vibration is sufficient.
+#: Points per turn at slower speeds, where the envelope of the vibration is sufficient.
 OUTLINE_POINTS = 160
-#: Largest miss of a trial that counts, rpm.
+#: Upper limit (rpm) of the miss of a trial.
 MAX_MISS = 50.0
-#: Least window of a printed time, rpm.
+#: Smallest accepted window (rpm) of a printed time.
 MIN_WINDOW = 0.02
-#: Miss (rpm) added if no speed has the printed turn as the first.
+#: Miss (rpm) that is added if contact is first lost in the printed turn at no speed.
 NO_WINDOW = 2.0
-#: Least change of the force in N/rpm, so that a miss is finite.
+#: Smallest change of the force (N/rpm), so that a miss is finite.
 MIN_SLOPE = 0.2
-#: Least width of the low dwell, rad.
+#: Smallest width of the low dwell (rad).
 MIN_LOW_DWELL = math.radians(5.0)
-#: Differential evolution: 40 trials per parameter, a whole generation at once, all generations.
+#: Options of the differential evolution: 40 trials per parameter, computed together, no early end.
 EVOLUTION: dict[str, Any] = {
     "popsize": 40,
     "vectorized": True,
@@ -73,9 +74,9 @@ EVOLUTION: dict[str, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """One cam of the table, on many trial rigs.
+    """Cam of the table, for many trial rigs.
 
-    The spans of its pieces (rad) are row 0 of `spans` `(3, n)`, plus the event angle times row 1,
+    The spans (rad) of its pieces are row 0 of `spans` `(3, n)`, plus the event angle times row 1,
     plus the high dwell times row 2. `printed` is its speed (rpm) and time (s).
     """
 
@@ -88,7 +89,7 @@ class Trials:
     def of(cls, cam: str, printed: tuple[float, float]) -> Trials:
         """Prepare a shipped cam for any event angle and high dwell.
 
-        A law in u has no high dwell.
+        A cam that moves during the whole turn does not depend on them.
         """
         event, high, step = BOUNDS["event"][0], BOUNDS["high_dwell"][0], 0.25
         config = cam_rig.load_cam(cam)
@@ -105,10 +106,10 @@ class Trials:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the distances (rpm) of each trial from printed speed and time.
 
-        The shape is `(b,)` each. Below the next slower speed of the grid, the envelope of the
-        vibration must keep contact. `nearby` omits this. The miss of the time is the distance of
-        the printed speed from a speed at which the force is zero first in the turn nearest to the
-        printed time.
+        The shape of both is `(b,)`. Up to the next slower speed of the grid the envelope of the
+        vibration must be in contact, which `nearby` omits. The miss of the time is the distance of
+        the printed speed from a speed at which the force is zero for the first time in the turn
+        nearest to the printed time.
         """
         event, high = numbers["event"], numbers["high_dwell"]
         spans = self.spans[0] + np.outer(event, self.spans[1]) + np.outer(high, self.spans[2])
@@ -131,9 +132,9 @@ class Trials:
 
 
 def _time_miss(force: FloatArray, first: NDArray[np.intp], slope: FloatArray) -> FloatArray:
-    """Return the distance (rpm) from a loss of contact first in turn `first`.
+    """Return the distance (rpm) from a first loss of contact in turn `first`.
 
-    The window of the turn must be `MIN_WINDOW` rpm.
+    The window of the turn must be at least `MIN_WINDOW` rpm.
     """
     lowest, rows = np.minimum.accumulate(force, axis=1), np.arange(force.shape[0])
     at_first, before = lowest[rows, first] / slope, lowest[rows, first - 1] / slope
@@ -143,7 +144,7 @@ def _time_miss(force: FloatArray, first: NDArray[np.intp], slope: FloatArray) ->
 
 
 class Best(NamedTuple):
-    """Best trial: its free parameters in SI units, its miss in rpm, and the number of trials."""
+    """Best trial: free parameters in SI units, miss (rpm), and number of trials."""
 
     numbers: dict[str, float]
     miss: float
@@ -161,22 +162,22 @@ def search(
     seed: int = 1,
     table: Mapping[str, tuple[float, float]] = TABLE_2,
 ) -> Best:
-    """Search for the `free` parameters, keys of `BOUNDS`, of least total miss of all cams.
+    """Search for the `free` parameters with the smallest sum of misses of all cams.
 
-    `fixed` parameters are in SI units, `run` is the duration (s) of each run from rest. The
-    printed times count if `use_times`.
+    `free` are keys of `BOUNDS`. `fixed` parameters are in SI units, and `run` is the duration (s)
+    of each run from rest. With `use_times` the printed times are included.
     """
     trials, count = [Trials.of(cam, printed) for cam, printed in table.items()], 0
 
     def numbers_at(x: FloatArray) -> dict[str, FloatArray]:
-        """Return all parameters at positions `(free, b)` of the search, `(b,)` each."""
+        """Return all parameters, `(b,)` each, at positions `(free, b)` of the search."""
         numbers = {key: np.full(x.shape[1], value) for key, value in fixed.items()}
         for key, row in zip(free, x, strict=True):
             numbers[key] = np.exp(row) if key in LOGARITHMIC else row
         longest = TURN - 2.0 * numbers["event"] - MIN_LOW_DWELL
         return numbers | {"high_dwell": np.minimum(numbers["high_dwell"], longest)}
 
-    def miss(x: FloatArray) -> Any:  # the type stubs know one trial at a time
+    def miss(x: FloatArray) -> Any:  # the type stubs allow only one trial per call
         numbers = numbers_at(x)
         parts = [trial.misses(numbers, run, nearby) for trial in trials]
         speeds, times = (
@@ -199,7 +200,7 @@ def search(
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Search, and print the best trial by the exact model, in a minute or more."""
+    """Search for a minute or more, and print the results of the best trial."""
     readings, run = load_readings()
     command = parser(__doc__)
     command.add_argument("name", choices=sorted(readings), help="reading to search again")

@@ -1,9 +1,9 @@
 """Parameters of the two-mass rig, fitted to the jump speeds of the paper.
 
-The paper does not print them. Event angle of every rise and fall, stem stiffness, share of the
-roller in the mass, and preload are fitted to the four laws of Table 2 that the paper defines. Four
-numbers fitted to four speeds are an identification, not a proof: the fifth law and the times, which
-were not fitted, are the test.
+The paper does not state them. Event angle of every rise and fall, stem stiffness, mass share of the
+roller, and preload are fitted to the four laws of table 2 that the paper defines. Four numbers that
+are fitted to four speeds are not verified by these speeds. The fifth law and the times, which are
+not fitted, are the test.
 """
 
 from __future__ import annotations
@@ -38,11 +38,12 @@ def event_of(cams: Iterable[CamConfig]) -> float:
 
 
 def with_event(cam: CamConfig, event: float, high_dwell: float | None = None) -> CamConfig:
-    """Return a cam with every rise and fall over ``event`` rad.
+    """Return a cam whose rises and falls each extend over ``event`` rad.
 
-    A cam that moves over a whole turn is returned as it is. Parts of a rise share its angle in the
-    same proportion as before. The high dwell takes ``high_dwell`` rad, and the low dwells the
-    remainder. Without it all dwells share the remainder in the same proportion as before.
+    A cam that moves during the whole turn is returned unchanged. Segments of a rise share its angle
+    in the same proportion as before. The high dwell extends over ``high_dwell`` rad, and the low
+    dwells over the rest. Without ``high_dwell`` all dwells share the rest in the same proportion as
+    before.
     """
     if all(s.law != "dwell" for s in cam.segments):
         return cam
@@ -63,7 +64,7 @@ def with_event(cam: CamConfig, event: float, high_dwell: float | None = None) ->
 
 
 def _kinds(cam: CamConfig) -> list[str]:
-    """Return the kind of each segment: event, low dwell, or high dwell.
+    """Return the type of each segment: event, low dwell, or high dwell.
 
     A high dwell is above half the lift.
     """
@@ -75,29 +76,29 @@ def _kinds(cam: CamConfig) -> list[str]:
     return kinds
 
 
-#: Largest factor by which a search may leave its start, in either direction.
+#: Largest factor between a parameter and its start value.
 MAX_FACTOR = 3.0
-#: Step of a numerical derivative.
+#: Step of numerical derivatives in the search.
 DERIVATIVE_STEP = 1e-3
-#: Relative step on either side for the standard errors of the parameters.
+#: Relative step on both sides for the standard errors of the parameters.
 ERROR_STEP = 0.02
-#: Number of starts. The first is the rig of the file.
+#: Number of starts. The first is at the parameters of the rig file.
 STARTS = 3
 #: Standard deviations of the logarithms of the other starts.
 SCATTER = np.array([0.02, 0.4, 0.15, 0.3])
-#: Seed of the random starts.
+#: Random seed of the other starts.
 SEED = 1
-#: Largest number of steps of one search.
+#: Largest number of steps per search.
 MAX_STEPS = 20
-#: Start of a search for a jump speed, relative to the published speed.
+#: First speed of a search for a jump speed, relative to the published speed.
 START_RATIO = 0.6
-#: Step of the speeds in Table 2, rpm.
+#: Step (rpm) of the speeds in table 2.
 ROUNDED_TO = 5.0
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """Event angle (rad), stem stiffness (N/m), roller's mass share, preload (N)."""
+    """Event angle (rad), stem stiffness (N/m), mass share of the roller, preload (N)."""
 
     event: float
     stem_stiffness: float
@@ -105,13 +106,13 @@ class Numbers:
     preload: float
 
     def times(self, x: FloatArray) -> Numbers:
-        """Return the parameters, each multiplied by e^x."""
+        """Return the parameters multiplied by e^x."""
         return Numbers(*(np.array(astuple(self)) * np.exp(x)).tolist())
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Parameters, name of their start, and r.m.s. of the relative differences."""
+    """Parameters, name of the start, and r.m.s. of the relative differences."""
 
     start: str
     numbers: Numbers
@@ -120,11 +121,12 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """Solutions, relative differences by cam, and standard deviations.
+    """Result of the fit: solutions, relative differences, and standard deviations.
 
-    ``deviation`` is the relative standard deviation of event, stem, share and preload that the
-    rounding of the published speeds alone causes, near the best solution. ``rounding`` is that of
-    the speeds. ``solutions`` are those of each start, the best first.
+    ``before`` and ``after`` are relative differences by cam. ``deviation`` is the relative standard
+    deviation of event, stem, share and preload that the rounding of the published speeds causes
+    near the best solution. ``rounding`` is that of the speeds. ``solutions`` has the result of each
+    start, the best first.
     """
 
     start: Numbers
@@ -141,7 +143,7 @@ class Refit:
 
     @property
     def rms(self) -> tuple[float, float]:
-        """R.m.s. of the relative differences before and after."""
+        """R.m.s. of the relative differences before and after the fit."""
         return rms(list(self.before.values())), rms(list(self.after.values()))
 
 
@@ -154,7 +156,7 @@ def refit(
 ) -> Refit:
     """Search for the four parameters, from those of the rig and from random starts.
 
-    ``published`` are speeds in rpm.
+    ``published`` are jump speeds in rpm.
     """
     event = event_of(cams[cam] for cam in published)
     share = parameters.roller_mass / (parameters.roller_mass + parameters.end_mass)
@@ -200,7 +202,7 @@ def refit(
 def refitted(
     cams: dict[str, CamConfig], parameters: TwoMassParameters, numbers: Numbers
 ) -> tuple[dict[str, Law], TwoMassParameters]:
-    """Return the laws and the follower with these parameters."""
+    """Return the laws and the follower with the fitted parameters."""
     total = parameters.roller_mass + parameters.end_mass
     follower = replace(
         parameters,
@@ -216,7 +218,10 @@ def refitted(
 def _solutions(
     differences: Callable[[FloatArray], FloatArray], start: Numbers
 ) -> list[OptimizeResult]:
-    """Return the results of all starts, the best first. One start is the rig itself."""
+    """Return the results of all starts, the best first.
+
+    The first start is at the parameters of the rig.
+    """
     generator = np.random.default_rng(SEED)
     most = np.log([1.15, MAX_FACTOR, min(MAX_FACTOR, 0.95 / start.roller_share), MAX_FACTOR])
     options = dict[str, Any](
@@ -232,15 +237,15 @@ def _solutions(
 def _slopes(differences: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
     """Return the derivatives of the differences by the parameters, ``(4, 4)``.
 
-    The step is `ERROR_STEP` on either side. A speed has a step if another resonance is the first to
-    lift. A wide difference averages over it.
+    The step is `ERROR_STEP` on both sides. It averages over steps of the jump speed, which occur
+    where contact is first lost at another resonance.
     """
     sides = [(differences(x + step), differences(x - step)) for step in ERROR_STEP * np.eye(4)]
     return np.stack([(up - down) / (2.0 * ERROR_STEP) for up, down in sides], axis=1)
 
 
 def tables(result: Refit) -> list[Table]:
-    """Return the solutions, the rig as it is first, and the standard errors near the best one."""
+    """Return a table of the rig and of all solutions, and a table of standard errors."""
     rows = [Solution("as it is", result.start, result.rms[0]), *result.solutions]
     return [
         Table(
@@ -269,7 +274,7 @@ def tables(result: Refit) -> list[Table]:
 
 
 def jumps(result: Refit, duration: float) -> Table:
-    """Return the jump speeds of all cams of Table 2 on the refitted rig."""
+    """Return a table of the jump speeds of all cams of table 2 on the fitted rig."""
     best, rig = result.numbers, cam_rig.load_rig(RIG)
     rig = rig.with_follower(
         stem_stiffness=best.stem_stiffness, roller_share=best.roller_share, preload=best.preload
@@ -285,7 +290,7 @@ def jumps(result: Refit, duration: float) -> Table:
 
 
 def summary(result: Refit) -> list[str]:
-    """Return the r.m.s. differences before and after, and that of the rounding alone."""
+    """Return the r.m.s. differences before and after, and that of rounding, as text."""
     before, after = result.rms
     return [
         f"rig as it is: {100 * before:.2f} % r.m.s.; refitted: {100 * after:.2f} % r.m.s.; "
@@ -294,7 +299,7 @@ def summary(result: Refit) -> list[str]:
 
 
 def study(duration: float = REST_DURATION_S, describe: Callable[[str], object] = print) -> Refit:
-    """Fit the four numbers of the shipped rig to the laws of Table 2 that the paper defines."""
+    """Fit the four parameters of the shipped rig to the laws that the paper defines."""
     published = load_tables(tables_path())
     speeds = {cam: published.table_2_jump[cam].rpm for cam in published.table_2_defined}
     cams = {cam: cam_rig.load_cam(cam) for cam in speeds}
@@ -302,9 +307,9 @@ def study(duration: float = REST_DURATION_S, describe: Callable[[str], object] =
     return refit(cams, speeds, parameters, duration, describe)
 
 
-# Degree of the paper's fifth law, which is not printed.
+# -- degree of the fifth law of the paper, which the paper does not state
 
-#: The paper's fifth law.
+#: Cam with the fifth law of the paper.
 BY_SEGMENTS = "bezier_segments"
 #: Degrees of the available half-rises (laws thesis, eq. 3.4-3.9).
 DEGREES = (4, 6, 8)
@@ -332,7 +337,7 @@ def jump_by_degree(
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the experiment, which takes a minute."""
+    """Run the experiment, which needs a minute."""
     arguments = parser(__doc__)
     arguments.add_argument(
         "--from-rest", type=float, default=REST_DURATION_S, help="length of a run, s (%(default)s)"

@@ -16,7 +16,7 @@ from examples.paper.sections import SECTIONS
 from examples.paper.shared import Paper
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"
-#: Random numbers of the page.
+#: Random seeds of the report.
 SEEDS = (
     f"{methods.SEED} (bootstrap of the noise study, {methods.DRAWS} draws), "
     f"{calibration.SEED} (starts of its transfer functions, {calibration.STARTS})"
@@ -24,7 +24,7 @@ SEEDS = (
 
 
 class Printed(Progress):
-    """Progress as lines: the section that is being computed."""
+    """Progress that is printed, a line per section."""
 
     def describe(self, text: str) -> None:
         """Print the title of a section."""
@@ -32,9 +32,9 @@ class Printed(Progress):
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Build the page: about a minute on two cores.
+    """Write the report in about a minute on two cores.
 
-    A page that ends in .md has no figures, and a date only if SOURCE_DATE_EPOCH is set.
+    A report in Markdown (.md) has no figures, and a date only if SOURCE_DATE_EPOCH is set.
     """
     command = parser(__doc__)
     command.set_defaults(out=Path("out/paper.html"))

@@ -1,4 +1,4 @@
-"""Sections of the paper's report, in the order in which they are read."""
+"""Sections of the report on the paper, in their order."""
 
 from __future__ import annotations
 
@@ -43,29 +43,29 @@ from examples.paper import (
 from examples.paper.common import CAMS, RIG, SCENE, Table
 from examples.paper.shared import PROPOSED, Paper, jump_claims, summary_table
 
-#: Cams of the contact section besides the paper's: other kinds of follower.
+#: Cams with other types of follower in the section on contact stress.
 CONTACT_CAMS = ("flat", "oscillating_flat", "point")
-#: Cams that move their follower both ways.
+#: Cams that guide their follower on both sides.
 FORM_CLOSED = ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate")
-#: Speed of the contact section, rpm.
+#: Speed (rpm) of the section on contact stress.
 CONTACT_RPM = 300.0
-#: Roller and least radius of the nomogram, in lifts.
+#: Roller radius and smallest radius of the nomogram, relative to the lift.
 SHARPEST = 2.0
-#: Highest order in the Campbell diagrams, whose rays stay apart on paper.
+#: Highest order in the Campbell diagrams, whose rays can still be distinguished in print.
 SHOWN_ORDERS = 40
-#: Dots per inch of their thousands of strokes, which are pixels within the SVG.
+#: Dots per inch of these diagrams, whose thousands of lines are an image within the SVG.
 ORDERS_DPI = 130
-#: First and last speed of the bounce map, rpm.
+#: First and last speed (rpm) of the bounce map.
 BOUNCE_RPM = (300.0, 600.0)
 #: Number of speeds of the bounce map.
 BOUNCE_SPEEDS = 151
-#: Restitution of the bounce map, which no source prints.
+#: Restitution of the bounce map, which is assumed.
 RESTITUTION = 0.7
-#: Speed of the figures below every jump speed, rpm.
+#: Speed (rpm) of figures below all jump speeds.
 STEADY_RPM = 300.0
-#: Speed of the figures above all jump speeds but that of Bézier 15, rpm.
+#: Speed (rpm) of figures above all jump speeds except that of Bézier 15.
 TAKEOFF_RPM = 460.0
-#: The follower's numbers in Table 1: key there, attribute, heading.
+#: Parameters of the follower in table 1: key, attribute of the rig, heading.
 FOLLOWER = (
     ("spring_stiffness_N_per_m", "spring_stiffness", "return spring [N/m]"),
     ("stem_stiffness_N_per_m", "stem_stiffness", "follower stem [N/m]"),
@@ -79,7 +79,7 @@ def _summary(paper: Paper) -> Content:
 
 
 def table_1(paper: Paper) -> Table:
-    """Return the paper's Table 1 and the numbers of both rigs."""
+    """Return table 1 of the paper, with the parameters of both rigs."""
     elastic, stiff = paper.cam_set.rig, paper.stiff
     lift, printed = paper.cam_set.cams[PROPOSED].lift.si, paper.printed.table_1
     rows = [
@@ -165,7 +165,10 @@ def _jump(paper: Paper) -> Content:
 
 
 def _bounce(paper: Paper) -> Content:
-    """Return the bounces of one mass on the TM21's cam, with an assumed restitution."""
+    """Return the section on bounces of one mass on the TM21's cam.
+
+    The restitution is assumed.
+    """
     law, rpm = paper.scene.laws[paper.arcs], np.linspace(*BOUNCE_RPM, BOUNCE_SPEEDS)
     result = cam_rig.bounce_map(law, paper.scene.rig, rpm=rpm, restitution=RESTITUTION, turns=100)
     irregular = [row for row in result.rows if row.motion == IRREGULAR]
@@ -257,7 +260,11 @@ def _noise(paper: Paper) -> Content:
 
 
 def _orders(paper: Paper) -> Content:
-    """Return orders at the lowest speed, where all keep contact, the figures', and the highest."""
+    """Return the section on orders, at three speeds.
+
+    They are the lowest speed, at which all cams are in contact, the speed of the figures, and the
+    highest speed.
+    """
     result = cam_rig.order_spectrum(SCENE, paper.scene.scene.schedule.speeds.numbers).studies
     rpm = [spectrum.rpm for spectrum in result[0].spectra]
     shown_orders = OrdersResult(tuple(study.only(rpm[0], STEADY_RPM, rpm[-1]) for study in result))

@@ -1,4 +1,4 @@
-"""Results that sections of the paper's report share, and the report in short."""
+"""Results that sections of the paper's report share, and its summary table."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from cam_rig.studies.vibration.study import HIGHER, LOWER, Claim
 from examples.paper import factorial, readings
 from examples.paper.common import CAMS, RIG, SCENE, STIFF_RIG, Table
 
-#: Proposed cam of the paper.
+#: Cam that the paper proposes.
 PROPOSED = "bezier15"
 
 
 class Paper:
-    """Results that several sections share, each computed once.
+    """Results that several sections share, each computed only once.
 
-    `factorial` is given, as it is computed in other processes.
+    The result `factorial` is given as a function, because it is computed in other processes.
     """
 
     def __init__(self, factorial_study: Callable[[], factorial.Study]) -> None:
@@ -35,19 +35,19 @@ class Paper:
         self.cam_set = resolve_cams(list(CAMS), RIG)
         self.stiff = cam_rig.load_rig(STIFF_RIG)
         self.readings_by_name, self.readings_run = readings.load_readings()
-        #: Cam in place of the TM21's cam, with a geometry identified from its noise.
+        #: Cam in place of the TM21's cam, whose geometry is identified from the published noise.
         self.arcs = next(
             cam for cam in self.scene.cams if self.scene.fitted_origin(cam) == "identified"
         )
 
     @cached_property
     def jumps(self) -> Any:
-        """Jump speeds compared with Table 2."""
+        """Jump speeds compared with table 2."""
         return cam_rig.jump_speeds(list(CAMS), RIG)
 
     @cached_property
     def readings(self) -> list[readings.Read]:
-        """Every reading of Table 2."""
+        """All readings of table 2, with their results."""
         return readings.study()
 
     @cached_property
@@ -57,28 +57,28 @@ class Paper:
 
     @cached_property
     def stiff_vibration(self) -> Any:
-        """Residual vibration with the stem of Table 1."""
+        """Residual vibration with the stem of table 1."""
         return cam_rig.vibration(list(CAMS), STIFF_RIG)
 
     @cached_property
     def noise(self) -> Any:
-        """The noise study."""
+        """Result of the noise study."""
         return cam_rig.noise_study(SCENE, RIG)
 
     @cached_property
     def factorial(self) -> factorial.Study:
-        """Continuity or slopes."""
+        """Result of the factorial study: continuity or slopes."""
         return self._factorial()
 
     @property
     def stems(self) -> list[float]:
-        """Stiffness (N/m) of the stem on the rig of the jump speeds, and of Table 1."""
+        """Stem stiffness (N/m) of the rig of the jump speeds, and of table 1."""
         rigs = self.cam_set.rig, self.stiff
         return [rig.need("stem_stiffness", "the report").si for rig in rigs]
 
     @property
     def proposed(self) -> str:
-        """Title of the paper's proposed cam."""
+        """Title of the cam that the paper proposes."""
         return self.cam_set.titles[PROPOSED]
 
     @property
@@ -90,7 +90,7 @@ class Paper:
 
 
 def summary_table(paper: Paper) -> Table:
-    """Return the statements of the paper and the results here, number by number."""
+    """Return a table of the paper's statements and the results of cam_rig."""
     return Table("The report in short", "question | paper | here", list(_summary_rows(paper)))
 
 
@@ -166,7 +166,7 @@ def _summary_rows(paper: Paper) -> list[tuple[str, str, str]]:
 
 
 def jump_claims(speeds: Mapping[str, float], rig: str) -> list[Claim]:
-    """Return the paper's claims about the jump speeds (rpm) of its cams, tested on a rig."""
+    """Return the paper's claims on jump speeds, tested with those (rpm) of a rig."""
     is_highest = max(speeds, key=lambda cam: speeds[cam]) == PROPOSED
     claim = "the polynomial of higher degree has the lower jump speed"
     is_lower = speeds[HIGHER] < speeds[LOWER]

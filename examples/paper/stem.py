@@ -1,8 +1,8 @@
-"""A stem of more and more masses, and the bar that is their limit, compared with two masses.
+"""Stem of n elements, and a bar as their limit, compared with two masses.
 
-The two-mass follower (eq. 14 to 19 of the paper) has half of the stem's mass at either end. Here
-the stem is cut into n elements, each with half of its mass at either end, a spring n k₁ and a
-damper n c₁. n = 1 is the two-mass follower, n → ∞ a bar in closed form. Mass, static stiffness and
+The two-mass follower (eq. 14 to 19 of the paper) has half of the stem's mass at each end. Here the
+stem is divided into n elements, each with half of its mass at each end, a spring n k₁ and a damper
+n c₁. n = 1 is the two-mass follower, and n → ∞ a bar in closed form. Mass, static stiffness and
 preload are the same for all n. In contact the foot of the stem is on the cam.
 """
 
@@ -27,58 +27,64 @@ from cam_rig.show.figure import CAM_SPEED, empty, logarithmic, series, series_ma
 from cam_rig.units import RPM, TURN, ComplexArray, FloatArray
 from examples.paper.common import CAMS, RIG, STIFF_RIG, Table, load_laws, parser, publish
 
-#: Number of elements of a bar, and of the stems that are compared.
+#: Number of elements of a bar, and of the compared stems.
 BAR = math.inf
 ELEMENTS = (1.0, 2.0, 3.0, 5.0, 9.0, BAR)
-#: Speed of vibration and level, rpm.
+#: Speed (rpm) for vibration and level.
 SPEED_RPM = 300.0
-#: Cam whose rows over the elements are listed.
+#: Cam whose results are listed for all numbers of elements.
 SHOWN_CAM = "poly345"
-#: Lowest speed at which two masses are compared with the bar, rpm.
+#: Lowest speed (rpm) at which two masses are compared with the bar.
 SLOWEST_RPM = 100.0
-#: Step of these speeds up to the jump, rpm.
+#: Step (rpm) of these speeds, up to the jump speed.
 STEP_RPM = 5.0
-#: Two masses are sufficient if the difference of their least force from the bar's is at most this,
+#: Two masses are sufficient if their smallest force differs from that of the bar by at most this,
 #: relative to the preload.
 SUFFICIENT = 0.1
-#: The series has harmonics up to this multiple of the stem's frequency.
+#: Highest frequency of the series, as a multiple of the frequency of the stem.
 HARMONICS_PER_STEM = 8.0
-#: Least number of harmonics of the series.
+#: Smallest number of harmonics of the series.
 MIN_HARMONICS = 2048
 #: Samples of the law per sample of the series, against aliasing.
 OVERSAMPLING = 4
-#: Number of resonances below the rigid jump speed from which on the jump is searched.
+#: Number of resonances below the jump speed of a rigid follower at which the search starts.
 RESONANCES = 8.0
-#: Number of steps per resonance. Three of them sample a minimum of the least force.
+#: Number of speeds per resonance. Three of them locate a minimum of the smallest force.
 STEPS = 8.0
-#: Highest speed of the search, relative to the rigid jump speed.
+#: Highest speed of the search, relative to the jump speed of a rigid follower.
 HIGHEST = 1.5
 
 
 @dataclass(frozen=True)
 class Stem:
-    """A stem with the largest mass that the split allows, in `elements` parts; `BAR` for a bar."""
+    """Stem of the largest mass that the two masses allow, in `elements` parts.
+
+    `BAR` elements are a bar.
+    """
 
     follower: TwoMassParameters
     elements: float
 
     @property
     def mass(self) -> float:
-        """Mass of the stem in kg."""
+        """Mass (kg) of the stem."""
         return 2.0 * min(self.follower.roller_mass, self.follower.end_mass)
 
     @property
     def foot_mass(self) -> float:
-        """Mass at the roller besides the stem, in kg."""
+        """Mass (kg) at the roller in addition to the stem."""
         return self.follower.roller_mass - 0.5 * self.mass
 
     @property
     def head_mass(self) -> float:
-        """Mass at the return spring besides the stem, in kg."""
+        """Mass (kg) at the return spring in addition to the stem."""
         return self.follower.end_mass - 0.5 * self.mass
 
     def transfer(self, rates: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return contact force (N/m) and head (1) per lift e^{pt}, for rates p ≠ 0 in 1/s."""
+        """Return contact force (N/m) and motion of the head (1) per lift e^{pt}.
+
+        The rates p ≠ 0 are in 1/s.
+        """
         f, p = self.follower, np.asarray(rates)
         head = self.head_mass * p**2 + f.damping * p + f.spring_stiffness
         elastic = f.stem_stiffness + f.stem_damping * p
@@ -97,7 +103,7 @@ class Stem:
         return load - 0.5 * inertia + self.foot_mass * p**2, moved
 
     def frequencies(self, count: int) -> FloatArray:
-        """Return the lowest undamped natural frequencies in rad/s, with a fixed foot.
+        """Return the lowest undamped natural frequencies (rad/s) with a fixed foot.
 
         There are at most `count`.
         """
@@ -124,10 +130,10 @@ class Stem:
 
 
 class Turn(NamedTuple):
-    """One steady turn: cam angle (rad), force (N) and head (m), `(n,)` each.
+    """Steady turn: cam angle (rad), contact force (N) and head (m), `(n,)` each.
 
-    `head` is relative to its static share of the lift. `harmonics` are those of the force but the
-    mean, in N, `rates` their i n ω in 1/s.
+    `head` is relative to its static part of the lift. `harmonics` (N) are those of the force
+    without the mean, and `rates` are i n ω in 1/s.
     """
 
     angle: FloatArray
@@ -138,7 +144,7 @@ class Turn(NamedTuple):
 
 
 def stem_turn(law: cam_rig.Law, stem: Stem, speed: float) -> Turn:
-    """Return the steady turn at `speed` (rad/s), exact in each harmonic of the lift."""
+    """Return the steady turn at `speed` (rad/s), exact for each harmonic of the lift."""
     f = stem.follower
     own = math.sqrt(f.stem_stiffness / f.end_mass)
     count = 2 ** math.ceil(math.log2(max(float(MIN_HARMONICS), HARMONICS_PER_STEM * own / speed)))
@@ -146,7 +152,7 @@ def stem_turn(law: cam_rig.Law, stem: Stem, speed: float) -> Turn:
     force, head = stem.transfer(rates)
     static = f.share * f.spring_stiffness * lift[0].real + f.share * f.preload
     forces = np.concatenate([[static], force * lift[1:]])
-    # The mass on the cam takes s'' itself: its series would end too early at the corners of s''.
+    # The force of the mass on the cam is computed from s'', because its series converges slowly.
     on_cam = stem.foot_mass + 0.5 * stem.mass / stem.elements
     free_force = forces - on_cam * np.concatenate([[0.0], rates**2]) * lift
     heads = np.concatenate([[0.0], (head - f.share) * lift[1:]])
@@ -157,13 +163,13 @@ def stem_turn(law: cam_rig.Law, stem: Stem, speed: float) -> Turn:
 
 @lru_cache(maxsize=64)
 def _harmonics(law: cam_rig.Law, count: int) -> ComplexArray:
-    """Return the harmonics of the lift from the mean to the last, `(count + 1,)` in m."""
+    """Return the harmonics (m) of the lift, from the mean to the last, `(count + 1,)`."""
     size = 2 * count * OVERSAMPLING
     return np.asarray(np.fft.rfft(law(np.arange(float(size)) * (TURN / size)))[: count + 1] / size)
 
 
 def level(turn: Turn, radiation: RadiationParameters) -> float:
-    """Return the sound pressure level (dB) of contact and background."""
+    """Return the sound pressure level (dB) of contact force and background."""
     corner, speed = radiation.corner_rate, float(turn.rates[0].imag)
     passed = corner * turn.rates / (turn.rates + corner) * turn.harmonics
     power = radiation.gain**2 * float(2.0 * np.sum(np.abs(passed) ** 2))
@@ -171,18 +177,18 @@ def level(turn: Turn, radiation: RadiationParameters) -> float:
 
 
 def stem_jump(law: cam_rig.Law, stem: Stem, rig: cam_rig.Rig) -> float:
-    """Return the lowest speed (rpm) at which the least force of the steady turn is zero."""
+    """Return the lowest speed (rpm) with a smallest force of zero in the steady turn."""
 
     def least(speed: float) -> float:
         return float(stem_turn(law, stem, speed).force.min())
 
     rigid = cam_rig.jump_speed(law, rig.replace(roller_share=None, stem_damping=None)).speed
-    spacing = rigid / float(stem.frequencies(1)[0])  # of two resonances, relative
+    spacing = rigid / float(stem.frequencies(1)[0])  # relative distance of two resonances
     speeds, values = [rigid * max(0.3, 1.0 - RESONANCES * spacing)], list[float]()
     while speeds[-1] < HIGHEST * rigid:
         values.append(least(speeds[-1]))
         left, middle, right = values[-3:] if len(values) > 2 else (0.0,) * 3
-        # A minimum low enough to hide two sign changes between its neighbours.
+        # A minimum that is low enough for two sign changes between its neighbours.
         if 0.0 < middle <= min(left, right) and middle < left - 2.0 * middle + right:
             near = minimize_scalar(least, bounds=(speeds[-3], speeds[-1]), method="bounded")
             if near.fun <= 0.0:
@@ -194,7 +200,7 @@ def stem_jump(law: cam_rig.Law, stem: Stem, rig: cam_rig.Rig) -> float:
 
 
 def matched_stiffness(follower: TwoMassParameters) -> float:
-    """Return the stiffness (N/m) of the bar with the first natural frequency of two masses."""
+    """Return the stiffness (N/m) of a bar with the first frequency of the two masses."""
     wanted, most = Stem(follower, 1.0).frequencies(1)[0], follower.stem_stiffness
 
     def difference(stiffness: float) -> float:
@@ -205,7 +211,7 @@ def matched_stiffness(follower: TwoMassParameters) -> float:
 
 
 class StemTables(NamedTuple):
-    """Results on a stem of `stiffness` (N/m): one cam over the elements, and all cams.
+    """Results for a stem of `stiffness` (N/m): one cam for all elements, and all cams.
 
     `matched` is the stiffness (N/m) of the bar with the first natural frequency of the two masses.
     """
@@ -217,7 +223,7 @@ class StemTables(NamedTuple):
 
 
 def study_stem(rig: cam_rig.Rig, laws: Mapping[str, cam_rig.Law]) -> StemTables:
-    """Compare stems of the rig's stiffness in more and more elements, and two masses with a bar."""
+    """Compare stems with increasing numbers of elements, and two masses with a bar."""
     follower, radiation = TwoMassParameters.from_rig(rig), RadiationParameters.from_rig(rig)
     two, bar, soft = Stem(follower, 1.0), Stem(follower, BAR), matched_stiffness(follower)
     softer, first = Stem(replace(follower, stem_stiffness=soft), BAR), float(bar.frequencies(1)[0])
@@ -270,7 +276,7 @@ def study_stem(rig: cam_rig.Rig, laws: Mapping[str, cam_rig.Law]) -> StemTables:
 
 
 def study(cams: Sequence[str] = CAMS) -> list[StemTables]:
-    """Compare stems of the stiffnesses identified from Table 2 and given in Table 1."""
+    """Compare stems with the stiffness from table 2 and with that of table 1."""
     rig, printed = cam_rig.load_rig(RIG), cam_rig.load_rig(STIFF_RIG).follower.stem_stiffness
     assert printed is not None
     rigs = rig, rig.with_follower(stem_stiffness=printed.si)
@@ -279,7 +285,7 @@ def study(cams: Sequence[str] = CAMS) -> list[StemTables]:
 
 @styled
 def figure() -> Figure:
-    """Draw errors of the natural frequencies over the elements, and least force over speed."""
+    """Draw errors of natural frequencies by elements, and the smallest force by speed."""
     law, follower = (
         load_laws([SHOWN_CAM])[SHOWN_CAM],
         TwoMassParameters.from_rig(cam_rig.load_rig(RIG)),
@@ -312,11 +318,11 @@ def figure() -> Figure:
 
 
 class Errors(NamedTuple):
-    """Largest errors of two masses on a stem.
+    """Largest errors of the two-mass model of a stem.
 
-    `jump` is the relative error of the jump speed in % and its cam, `level` (dB) that of the level
-    up to the jump. `insufficient` is the cam and the speed (rpm) from which two masses are not
-    sufficient, None if they are up to the jump.
+    `jump` is the cam and the relative error of its jump speed in %, and `level` the error (dB) of
+    the level up to the jump speed. `insufficient` is the cam and the speed (rpm) from which two
+    masses are not sufficient, or None if they are sufficient up to the jump speed.
     """
 
     jump: tuple[str, float]
@@ -325,7 +331,7 @@ class Errors(NamedTuple):
 
 
 def errors(result: StemTables) -> Errors:
-    """Return the largest errors of two masses on a stem."""
+    """Return the largest errors of the two-mass model of a stem."""
     rows = result.over_cams.frame.set_index("law")
     off, level_off = rows["two masses off [%]"], rows["level off [dB]"]
     speeds = rows["force off from [rpm]"].replace("never", "inf").astype(float)
@@ -335,13 +341,13 @@ def errors(result: StemTables) -> Errors:
 
 
 def matched_error(result: StemTables) -> float:
-    """Return the largest error in % of the two masses, compared with the softer bar."""
+    """Return the largest error (%) of two masses compared with the softer bar."""
     rows = result.over_cams.frame
     return float((100.0 * (rows["two masses [rpm]"] / rows["softer bar [rpm]"] - 1.0)).abs().max())
 
 
 def summary(result: StemTables) -> str:
-    """Return the largest errors of two masses on a stem as text."""
+    """Return the largest errors of the two-mass model of a stem as text."""
     (cam, off), level_off, _ = errors(result)
     return (
         f"stem of {result.stiffness:.3g} N/m: jump speed of two masses off by at most "
@@ -350,7 +356,7 @@ def summary(result: StemTables) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the experiment: some 15 s."""
+    """Run the experiment, which needs about 15 s."""
     out = parser(__doc__).parse_args(argv).out
     result = study()
     tables = [

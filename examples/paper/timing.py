@@ -1,8 +1,9 @@
-"""Timing of the events of the paper's Bézier curve of degree 15: its caveat.
+"""Timing of the events of the paper's Bézier curve of degree 15.
 
-An event is the cam angle θ_p at which a fraction p of the lift h is passed. It moves with an
-ordinate a_j of weight B_j by ∂θ_p/∂a_j = −h B_j(θ_p)/s'(θ_p), exact by implicit differentiation.
-The curve is compared with a B-spline of the same lift and events, which has local control.
+An event is the cam angle θ_p at which the lift passes a fraction p of its maximum h. A change of an
+ordinate a_j with basis function B_j moves it by ∂θ_p/∂a_j = −h B_j(θ_p)/s'(θ_p), which is exact
+(implicit differentiation). The curve is compared with a B-spline of the same lift and events, whose
+ordinates have a local effect.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from cam_rig.show.figure import (
 from cam_rig.units import TURN, FloatArray
 from examples.paper.common import CAMS, Table, parser, publish
 
-#: Cam whose timing is studied, and the timed passages, named as in `cam_rig.law_summary`.
+#: Cam whose timing is studied, and its events with the names of `cam_rig.law_summary`.
 CAM = "bezier15"
 EVENTS = {
     "up_1": "1 % up",
@@ -40,28 +41,31 @@ EVENTS = {
     "down_50": "50 % down",
     "down_1": "1 % down",
 }
-#: Relative change of s at which an angle is within the reach of an ordinate, per change of the
+#: Relative change of s, per change of an ordinate, above which an angle is in reach of the
 #: ordinate.
 REACHED = 1e-3
 #: Degree of the B-spline.
 DEGREE = 5
-#: Number of its pieces, of 15° each.
+#: Number of pieces of the B-spline, of 15° each.
 PIECES = 24
-#: Cam angles (rad) at which reaches are sampled, to 0.005°, and at which curves are compared.
+#: Cam angles (rad) at which reaches are sampled, every 0.005°, and at which curves are compared.
 SAMPLES = (np.arange(72_000) + 0.5) * (TURN / 72_000)
 COMPARED = np.linspace(0.0, TURN, 720)
 
 
 def basis(degree: int, knots: FloatArray) -> BSpline:
-    """Return all basis functions over the turn, one per column; `knots` in rad, ends repeated."""
+    """Return all basis functions over the turn, in columns.
+
+    `knots` are in rad, and those at both ends are repeated.
+    """
     return BSpline(knots, np.eye(knots.size - degree - 1), degree)
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A law over the whole turn, s = h Σ a_j B_j.
+    """Law over the whole turn, s = h Σ a_j B_j.
 
-    `basis` gives B `(n, m)` at cam angles in rad; `ordinates` `(m,)` are in fractions of the lift.
+    `basis` gives B `(n, m)` at cam angles in rad. `ordinates` `(m,)` are relative to the lift.
     """
 
     cam: cam_rig.Cam
@@ -70,44 +74,50 @@ class Curve:
 
     @cached_property
     def law(self) -> cam_rig.Law:
-        """The law of the cam."""
+        """Law of the cam."""
         return cam_rig.build_law(self.cam)
 
     @cached_property
     def angles(self) -> FloatArray:
-        """Cam angles of `EVENTS` in rad."""
+        """Cam angles (rad) of `EVENTS`."""
         heights = cam_rig.law_summary(self.cam).to_pandas("heights")
         return np.asarray(heights[list(EVENTS)].iloc[0], dtype=float)
 
     @cached_property
     def shifts(self) -> FloatArray:
-        """∂θ_p/∂a_j, `(6, m)` in rad per ordinate of one lift."""
+        """Derivatives ∂θ_p/∂a_j, `(6, m)` in rad per change of an ordinate by the lift."""
         slope = self.law(self.angles, 1)[:, None]
         return np.asarray(-self.cam.lift.si * self.basis(self.angles) / slope)
 
     @property
     def free(self) -> FloatArray:
-        """Mask `(m,)` of the ordinates that the ends at rest leave free: all that are not equal."""
+        """Mask `(m,)` of the free ordinates.
+
+        The equal ordinates at both ends are not free, because the ends are at rest.
+        """
         moved = np.flatnonzero(self.ordinates != self.ordinates[0])
         index = np.arange(self.ordinates.size)
         return np.asarray((index >= moved[0]) & (index <= moved[-1]))
 
     def reach(self, change: FloatArray, above: float) -> FloatArray:
-        """Return the part of the turn (°) with |Σ c_j B_j| > `above`, per column c of `change`."""
+        """Return the part of the turn (°) with |Σ c_j B_j| > `above`.
+
+        Each column c of `change` gives a value.
+        """
         return np.asarray(360.0 * (np.abs(self.basis(SAMPLES) @ change) > above).mean(axis=0))
 
     @cached_property
     def reaches(self) -> FloatArray:
-        """Reach of each ordinate in °, `(m,)`."""
+        """Reach (°) of each ordinate, `(m,)`."""
         return self.reach(np.eye(self.ordinates.size), REACHED)
 
     @cached_property
     def alone(self) -> list[tuple[float, float]]:
-        """Changes that move one event alone by 1°, to first order, for each of six events.
+        """Smallest changes that move a single event by 1°, to first order, for each event.
 
-        These are the changes of the free ordinates with the least sum of squares: the largest
-        ordinate (fraction of the lift), and the part of the turn (°) over which s changes by
-        `REACHED` of its largest change.
+        They are the changes of the free ordinates with the smallest sum of squares. Each pair is
+        the largest ordinate (relative to the lift), and the part of the turn (°) in which s changes
+        by `REACHED` of its largest change.
         """
         changes = np.zeros((self.ordinates.size, len(EVENTS)))
         changes[self.free] = np.radians(1.0) * np.linalg.pinv(self.shifts[:, self.free])
@@ -119,7 +129,7 @@ class Curve:
 
 
 def bezier() -> Curve:
-    """Return the paper's curve: a B-spline of one piece."""
+    """Return the curve of the paper as a B-spline with a single piece."""
     cam = cam_rig.load_cam(CAM)
     values = np.array(cam.segments[0].ordinates.numbers)  # type: ignore[union-attr]
     knots = np.repeat([0.0, TURN], values.size)
@@ -127,9 +137,9 @@ def bezier() -> Curve:
 
 
 def spline_with_same_events(curve: Curve) -> Curve:
-    """Return the nearest B-spline with the curve's lift, events and ends at rest.
+    """Return the closest B-spline with equal lift and events, and ends at rest.
 
-    Ordinates of least squares under these conditions, by Lagrange's multipliers.
+    Its ordinates are those of least squares under these conditions (Lagrange multipliers).
     """
     lift, law = curve.cam.lift.si, curve.law
     inner = np.concatenate(
@@ -151,7 +161,7 @@ def spline_with_same_events(curve: Curve) -> Curve:
     system = np.block([[rows.T @ rows, matrix.T], [matrix, np.zeros((count, count))]])
     right = np.concatenate([rows.T @ (law(COMPARED) / lift), values])
     ordinates = np.linalg.solve(system, right)[:size]
-    ordinates[np.r_[:held, size - held : size]] = 0.0  # without their rounding
+    ordinates[np.r_[:held, size - held : size]] = 0.0  # rounding is removed
     segment = {"law": "b_spline", "span": "360 deg", "degree": DEGREE}
     segment |= {"knots": inner.tolist(), "ordinates": ordinates.tolist()}
     title = f"B-spline with the events of {curve.cam.title}"
@@ -160,13 +170,13 @@ def spline_with_same_events(curve: Curve) -> Curve:
 
 
 def study() -> tuple[Curve, Curve]:
-    """Return the curve and the B-spline."""
+    """Return the curve of the paper and the B-spline."""
     curve = bezier()
     return curve, spline_with_same_events(curve)
 
 
 def events_table(cams: Sequence[str] = CAMS) -> Table:
-    """Return the cam angles of the events of shipped cams."""
+    """Return a table of the cam angles of the events of shipped cams."""
     heights = cam_rig.law_summary(list(cams)).to_pandas("heights").set_index("cam")
     angles = np.degrees(heights[list(EVENTS)])
     return Table(
@@ -178,9 +188,9 @@ def events_table(cams: Sequence[str] = CAMS) -> Table:
 
 
 def ordinates_table(curve: Curve) -> Table:
-    """Return the reach of each ordinate, and its shifts of the events.
+    """Return a table of the reach of each ordinate, and of its shifts of the events.
 
-    Cells beyond its reach are empty.
+    Cells of events beyond its reach are empty.
     """
     reached = curve.basis(curve.angles) > REACHED
     shifts = np.where(reached, 0.01 * np.degrees(curve.shifts), np.nan).T
@@ -204,7 +214,7 @@ def ordinates_table(curve: Curve) -> Table:
 
 
 def control_table(curves: Sequence[Curve]) -> Table:
-    """Return how the free ordinates of each curve control its events on the rising side."""
+    """Return a table of the control of events of the rise by the free ordinates."""
     alone = (
         f"{name} alone, ordinate [%/°] :.2f | {name} alone, s changes over [°] :.0f"
         for name in ("1 %", "50 %", "99 %")
@@ -236,7 +246,7 @@ def events_in_reach(curve: Curve) -> float:
 
 @styled
 def figure(curves: Sequence[Curve]) -> Figure:
-    """Draw, per curve, the basis functions and the shifts of the events on the rising side."""
+    """Draw the basis functions of each curve, and the shifts of events of the rise."""
     free, held = {"color": series(0)["color"], "lw": 1.1}, {"color": "0.75", "lw": 1.1}
     event = {"color": "0.3", "ls": ":", "lw": 1.0}
     out = empty(4.8)
@@ -266,7 +276,7 @@ def figure(curves: Sequence[Curve]) -> Figure:
 
 
 def summary(curves: Sequence[Curve]) -> list[str]:
-    """Return the effort to move the 1 % event alone by one degree."""
+    """Return the change that moves the 1 % event alone by one degree, as text."""
     return [
         f"{curve.cam.title}: the 1 % event alone by 1° takes ordinates changed by "
         f"{100.0 * curve.alone[0][0]:.1f} % of the lift, over {curve.alone[0][1]:.0f}° of the turn"
@@ -275,7 +285,7 @@ def summary(curves: Sequence[Curve]) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the experiment."""
+    """Run the experiment, print its tables and write its figure."""
     out = parser(__doc__).parse_args(argv).out
     result = study()
     tables = [events_table(), ordinates_table(result[0]), control_table(result)]

@@ -1,6 +1,7 @@
-"""Least contact force of each turn from rest, for many two-mass rigs at once, sampled.
+"""Smallest contact force of each turn from rest, for many two-mass rigs together.
 
-The readings of the paper's Table 2 need it at hundreds of speeds and for thousands of trial rigs.
+The readings of table 2 need it at hundreds of speeds and for thousands of trial rigs. The force is
+sampled.
 """
 
 from __future__ import annotations
@@ -16,20 +17,23 @@ from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws import bernstein
 from cam_rig.units import TURN, ComplexArray, FloatArray
 
-#: Derivatives of the law that are kept, sufficient for ten periods of the vibration per turn.
+#: Number of stored derivatives of a law, sufficient for ten periods of the vibration per turn.
 DERIVATIVES = 14
 #: Number of points per turn.
 TURN_POINTS = 640
-#: Number of points that a period of the vibration requires. With fewer its envelope is used.
+#: Number of points per period of the vibration below which its envelope is used.
 PER_PERIOD = 16
 #: Size of two successive terms of a series, relative to the largest term, at which it ends. The
-#: remainder is rounding.
+#: rest is smaller than rounding.
 SERIES_RTOL = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
 class Rigs:
-    """Two-mass followers, each number `(b,)` in SI units, damped below critical."""
+    """Two-mass followers with subcritical damping.
+
+    Each parameter is `(b,)` in SI units.
+    """
 
     roller_mass: FloatArray
     end_mass: FloatArray
@@ -41,25 +45,26 @@ class Rigs:
 
     @classmethod
     def of(cls, follower: TwoMassParameters, count: int) -> Rigs:
-        """Repeat one follower `count` times."""
+        """Return a follower repeated `count` times."""
         numbers = (getattr(follower, field.name) for field in fields(cls))
         return cls(*(np.full(count, number) for number in numbers))
 
     @cached_property
     def stiffness(self) -> FloatArray:
-        """k₁ + k₂, N/m."""
+        """Sum of the stiffnesses k₁ + k₂ (N/m)."""
         return self.stem_stiffness + self.spring_stiffness
 
     @cached_property
     def rate(self) -> ComplexArray:
-        """Eigenvalue λ of the end mass in contact in 1/s, with positive imaginary part."""
+        """Eigenvalue λ (1/s) of the end mass in contact, with positive imaginary part."""
         half = 0.5 * (self.stem_damping + self.damping) / self.end_mass
         return np.asarray(-half + 1j * np.sqrt(self.stiffness / self.end_mass - half**2))
 
     def end_series(self, count: int) -> FloatArray:
-        """Return the weight of each derivative of s in the end mass's position, `(b, count)`.
+        """Return the weight of each derivative of s in the position of the end mass.
 
-        Taylor coefficients of (k₁ + c₁ D)/(k₁ + k₂ + (c₁ + c₂) D + m₂ D²), eq. 16 of the paper.
+        They are the Taylor coefficients, `(b, count)`, of (k₁ + c₁ D)/(k₁ + k₂ + (c₁ + c₂) D + m₂
+        D²), eq. 16 of the paper.
         """
         inverse = np.zeros((count, self.preload.size))
         square = self.stiffness / self.end_mass
@@ -73,7 +78,7 @@ class Rigs:
         return np.asarray(series.T)
 
     def force_series(self, count: int) -> FloatArray:
-        """Return the weights in the contact force, eq. 17 of the paper, `(b, count)`."""
+        """Return the weights `(b, count)` of derivatives in the contact force (eq. 17)."""
         end = self.end_series(count).T
         force = -self.stem_stiffness * end
         force[1:] -= self.stem_damping * end[:-1]
@@ -85,10 +90,10 @@ class Rigs:
 
 @dataclass(frozen=True, eq=False)
 class ShapeTable:
-    """Derivatives of a law in u, piece by piece, independent of the spans of the pieces.
+    """Derivatives of a law by u in each piece, independent of the spans of the pieces.
 
-    `pieces` has for each piece d^k s/du^k at q points from u = 0 to 1, `(count, q)`. `ends` has
-    one derivative more at both ends of each piece, `(2, count + 1, n)`.
+    `pieces` has d^k s/du^k of each piece at q points from u = 0 to 1, `(count, q)`. `ends` has
+    these and one more derivative at both ends of each piece, `(2, count + 1, n)`.
     """
 
     pieces: tuple[FloatArray, ...]
@@ -96,7 +101,7 @@ class ShapeTable:
 
     @classmethod
     def of(cls, law: Law, points: int = TURN_POINTS) -> ShapeTable:
-        """Sample a law at `points` per turn."""
+        """Sample a law with `points` per turn."""
         count = max(2, min(law.degree, DERIVATIVES)) + 1
         pieces, ends = [], np.zeros((2, count + 1, law.spans.size))
         each = [max(24, round(points * span / TURN)) for span in law.spans]
@@ -114,7 +119,10 @@ class ShapeTable:
         return np.array([np.abs(piece).max(axis=1) for piece in self.pieces])
 
     def powers(self, scale: FloatArray, series: FloatArray) -> FloatArray:
-        """Return (du/dt)^k, `(b, n, count)`, zero after the series `(b, count)` has converged."""
+        """Return (du/dt)^k, `(b, n, count)`.
+
+        The powers are zero after the series `(b, count)` has converged.
+        """
         powers = np.asarray(scale[:, :, None] ** np.arange(series.shape[1]))
         sizes = (np.abs(series)[:, None, :] * powers * self.largest).sum(axis=1)
         small = sizes <= SERIES_RTOL * np.maximum.accumulate(sizes, axis=1)
@@ -124,7 +132,7 @@ class ShapeTable:
 
 
 class TurnMinima(NamedTuple):
-    """Least force (N) of each turn and its cam angle (rad) in the turn, `(b, turns)` each."""
+    """Smallest force (N) of each turn and its cam angle (rad), `(b, turns)` each."""
 
     force: FloatArray
     angle: FloatArray
@@ -133,11 +141,11 @@ class TurnMinima(NamedTuple):
 def turn_minima(
     shape: ShapeTable, spans: FloatArray, rigs: Rigs, speed: FloatArray | float, turns: int
 ) -> TurnMinima:
-    """Return the least contact force of each turn of runs from rest at θ = 0.
+    """Return the smallest contact force of each turn in runs from rest at θ = 0.
 
-    `spans` `(b, n)` are those of the law's pieces on each rig in rad, `speed` is in rad/s, one or
-    `(b,)`. Where a piece has fewer points than the vibration needs, the force is a lower bound, by
-    the envelope of the vibration.
+    `spans` `(b, n)` (rad) are those of the law's pieces for each rig. `speed` (rad/s) is a number
+    or `(b,)`. If a piece has too few points for the vibration, its envelope gives a lower bound of
+    the force.
     """
     speed = np.broadcast_to(speed, rigs.preload.shape)
     scale = speed[:, None] / spans
@@ -186,7 +194,10 @@ def _least(
     amplitude: ComplexArray,
     added: ComplexArray,
 ) -> TurnMinima:
-    """Return the least force of all pieces, from the amplitude at the start of each turn."""
+    """Return the smallest force of all pieces.
+
+    `amplitude` is the vibration at the start of each turn.
+    """
     least_force = np.full(amplitude.shape, np.inf)
     angle = np.zeros(amplitude.shape)
     weight = -(rigs.stem_stiffness + rigs.stem_damping * rigs.rate)
@@ -211,7 +222,10 @@ def _least(
 def _force(
     forced: FloatArray, start: ComplexArray, exponent: ComplexArray, u: FloatArray
 ) -> FloatArray:
-    """Add forced response `(b, q)` and vibration from `start` `(b, turns)`: `(b, turns, q)`."""
+    """Return the sum of forced response `(b, q)` and vibration, `(b, turns, q)`.
+
+    The vibration begins with `start` `(b, turns)`.
+    """
     fading = np.exp(exponent * u)
     parts = np.stack([fading.real, -fading.imag, forced], axis=1)
     force = np.stack([start.real, start.imag, np.ones(start.shape)], axis=2) @ parts

@@ -1,4 +1,8 @@
-"""Contact force to sound pressure: radiation, energy, samples, exact steady sound."""
+"""Tests of the sound model, from contact force and impulses to sound pressure.
+
+They cover the radiation model, the energy per block, the pressure as samples, and the exact sound
+of a steady state.
+"""
 
 import dataclasses
 import math
@@ -20,7 +24,7 @@ RATE, SPEED = 4000, 30.0
 
 @pytest.fixture
 def silent(radiation):
-    """Radiation constants with a background of −400 dB."""
+    """Constants of radiation with a negligible background level of −400 dB."""
     return dataclasses.replace(radiation, background=-400.0)
 
 
@@ -30,7 +34,7 @@ def random():
     return np.random.default_rng(11)
 
 
-# Levels, and constants of a rig.
+# -- levels in dB, and the constants of a rig file
 
 
 def test_levels_have_their_reference_values():
@@ -45,9 +49,10 @@ def test_levels_have_their_reference_values():
 
 
 def test_constants_are_those_of_the_rig_file(rig, follower, radiation):
-    """The constants are in SI, and the background rises by its slope per octave.
+    """The constants of radiation are those of the rig file, converted to SI.
 
-    Twice the impulse of a landing has four times the energy.
+    The power of the background rises with speed by its slope per octave. The energy of a landing is
+    zero without an impulse, and four times as large for twice the impulse.
     """
     constants, base = (
         acoustics.RadiationParameters.from_rig(rig),
@@ -68,7 +73,11 @@ def test_constants_are_those_of_the_rig_file(rig, follower, radiation):
 
 @pytest.mark.parametrize("share", [1e-2, 1e-4])
 def test_landing_energy_is_a_half_sine_through_the_structure(radiation, share):
-    """The energy of a half-sine pulse agrees with a closed-form response."""
+    """The energy of a landing is that of a half-sine pulse filtered by the structure.
+
+    The formula is the limit for a short pulse. The energy of the closed-form response, integrated
+    numerically, agrees with it within twice the ratio of contact time to time constant.
+    """
     # During the pulse the energy tends to (gain ω_c J)² π²/(8 T_c) as ω_c T_c → 0. The structure
     # ends at ω_c J and then adds gain² ω_c³ J²/2, which the microphone receives through q.
     time, impulse = radiation.contact_time, 2.0
@@ -90,7 +99,11 @@ def test_landing_energy_is_a_half_sine_through_the_structure(radiation, share):
 
 
 def test_the_low_pass_is_the_recursion():
-    """The blocks agree with the recursion, and with any division of the samples."""
+    """The block-wise low-pass filter equals the sample-by-sample recursion to 1e-13.
+
+    The division of the samples into calls has no effect. Decays and lengths cover no filter, a very
+    fast filter, an empty input and inputs around the block size.
+    """
     # The factor from the end of a block to the next one is rounded once per block, within the
     # memory of the low-pass filter.
     decays = (0.0, 1e-5, 0.01, 0.6, 30.0, 800.0)
@@ -109,11 +122,14 @@ def test_the_low_pass_is_the_recursion():
     np.testing.assert_allclose(np.concatenate([first, rest]), whole, rtol=0.0, atol=1e-13)
 
 
-# R.m.s. pressure by energy, block by block.
+# -- r.m.s. pressure of each block, from its energy
 
 
 def structure_after_force(radiation, ordinates, rate, seconds=0.5):
-    """Return the structure after a polynomial force, and the exact one."""
+    """Return the state of the structure after a polynomial force.
+
+    The second number is the exact state, from the propagator of a polynomial.
+    """
     force = bernstein.evaluate(ordinates, np.linspace(0.0, 1.0, int(seconds * rate) + 1))
     state, _ = rms_pressure(radiation, None, force, np.zeros_like(force), rate, SPEED)
     w = radiation.corner_rate
@@ -122,8 +138,12 @@ def structure_after_force(radiation, ordinates, rate, seconds=0.5):
 
 
 def test_the_structure_is_exact_under_a_linear_force(silent, random):
-    """Under a linear force the structure is that of the exact propagator, to rounding."""
-    # Under a curved force the error is that of the chord: a quarter at twice the rate.
+    """Under a linear force the state of the structure is exact, to rounding (1e-12).
+
+    Under a curved force the method replaces each sample interval by a chord, so that the error
+    falls to a quarter at twice the sample rate.
+    """
+    # The error of a chord is of second order in the sample interval.
     result, exact = structure_after_force(silent, np.array([3.0, -40.0]), RATE)
     assert result == pytest.approx(exact, rel=1e-12)
     curved = 100.0 * random.normal(size=6)
@@ -154,7 +174,10 @@ def test_pressure_of_ramps_and_of_rest(radiation, silent, random):
 
 
 def test_two_blocks_have_the_energy_of_one(radiation, random):
-    """The energy of two blocks is that of one, so the block length has no effect."""
+    """The energy of two consecutive blocks equals that of the joined block.
+
+    Thus the length of a block has no effect on the sound.
+    """
     force = np.cumsum(random.normal(size=1000))
     impulse = np.where(random.random(1000) < 0.01, 0.3, 0.0)
     whole_state, whole = rms_pressure(radiation, None, force, impulse, RATE, SPEED)
@@ -168,7 +191,10 @@ def test_two_blocks_have_the_energy_of_one(radiation, random):
 
 
 def test_a_landing_radiates_pulse_and_decay(silent):
-    """A landing radiates the energy of its pulse and of the decay after it."""
+    """A landing radiates the energy of its pulse and of the decay of the structure.
+
+    In the limit of a high sample rate the decay has the closed form gain² ω_c³ J²/2.
+    """
     impulse, none, w = np.zeros(RATE), np.zeros(RATE), silent.corner_rate
     impulse[10] = 1.5
     state, pressure = rms_pressure(silent, MicrophoneState(0.0, 0.0), none, impulse, RATE, SPEED)
@@ -189,7 +215,7 @@ def test_empty_blocks_are_refused(radiation):
         SoundSource(radiation, RATE).pressure(none, none, SPEED)
 
 
-# Sound pressure as samples.
+# -- sound pressure as samples of a waveform
 
 FAST = 12_000
 
@@ -201,8 +227,12 @@ def smooth_force(seconds):
 
 
 def test_samples_have_the_energy_of_rms_pressure(silent):
-    """Without background LZeq of the samples is that of `rms_pressure`, to 1e-3 dB."""
-    # The force is linear between samples, so a higher rate only interpolates.
+    """The Leq of the samples equals that of `rms_pressure` to 1e-3 dB.
+
+    There is no background. The force is linear between its samples, so a higher rate of the sound
+    only interpolates.
+    """
+    # The samples of the higher rate that coincide in time are also equal.
     force, none = smooth_force(1.0), np.zeros(FAST)
     _, account = rms_pressure(silent, None, force, none, FAST, SPEED)
     source = SoundSource(silent, FAST)
@@ -213,7 +243,7 @@ def test_samples_have_the_energy_of_rms_pressure(silent):
 
 
 def test_the_rate_is_a_multiple_from_96_khz_on(silent):
-    """The rate is the smallest multiple of the block rate from 96 kHz on."""
+    """The sample rate is the smallest multiple of the block's rate from 96 kHz upward."""
     rates = {1000: 96_000, 12_000: 96_000, 44_100: 132_300, 96_000: 96_000, 200_000: 200_000}
     for block_rate, rate in rates.items():
         source, block = SoundSource(silent, block_rate), np.zeros(10)
@@ -222,8 +252,12 @@ def test_the_rate_is_a_multiple_from_96_khz_on(silent):
 
 
 def test_a_landing_keeps_area_and_energy(silent):
-    """∫p dt of a pulse is gain ω_c J, also if the pulse is shorter than a sample."""
-    # ∫p² of the sampled half sine is that of `landing_energy`, within 1 % (0.2 ms at 96 kHz).
+    """A sampled landing has the area gain ω_c J, even if shorter than a sample.
+
+    The energy of the sampled half sine agrees with `landing_energy` within 1 % if the pulse has at
+    least 0.2 ms at 96 kHz.
+    """
+    # The pulse of 1 µs is shorter than a sample, so only its area is compared.
     impulse, none = np.zeros(200), np.zeros(200)
     impulse[[3, 60]] = 1.5, 0.5
     for contact_time in (2e-4, 1e-3, 1e-6):
@@ -274,15 +308,18 @@ def test_background_spectrum():
         assert float(np.var(noise)) == pytest.approx(1.0, rel=0.03)
         spectrum = acoustics.third_octaves(noise, rate)
         level = dict(zip(spectrum.names, spectrum.level_db, strict=True))
-        assert level["100"] - level["50"] == pytest.approx(3.0, abs=0.7)  # white: 3 dB an octave
+        assert level["100"] - level["50"] == pytest.approx(3.0, abs=0.7)  # white: +3 dB/octave
         assert level["8k"] - level["4k"] == pytest.approx(-3.0, abs=0.5)  # 3 dB − 6 dB
 
 
-# Exact steady sound, compared with Parseval's theorem.
+# -- exact steady sound, compared with the sum over the harmonics (Parseval's theorem)
 
 
 def parseval(law, p, corner_rate, speed, points=2**17):
-    """Return Σ |iω ω_c/(ω_c + iω) F(ω)|² over the harmonics of the force."""
+    """Return the mean square of the filtered force rate, from its harmonics.
+
+    It is Σ |iω ω_c/(ω_c + iω) F(ω)|², which Parseval's theorem equates to the mean in time.
+    """
     s, ds, dds = (law(np.arange(points) * TURN / points, k) for k in range(3))
     force = p.mass * speed**2 * dds + p.damping * speed * ds + p.spring_stiffness * s
     omega = 1j * speed * np.arange(points // 2 + 1)
@@ -295,7 +332,7 @@ def parseval(law, p, corner_rate, speed, points=2**17):
 @pytest.mark.parametrize("corner", [1.0, 20.0, 1000.0])
 @pytest.mark.parametrize("rpm", [200.0, 400.0])
 def test_mean_square_agrees_with_parseval(laws, follower, name, corner, rpm):
-    """The mean square of the filtered Ḟ is equal in time and frequency domain."""
+    """The mean square of the filtered Ḟ in time equals the sum over its harmonics."""
     # 1e-8: harmonics of a continuous force fall as n⁻², and behind the filter as n⁻⁴ or faster.
     rate, speed = 2.0 * np.pi * corner, rpm * RPM
     exact = mean_square_rate(laws[name], follower, rate, speed)

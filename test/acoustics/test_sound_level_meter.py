@@ -43,7 +43,7 @@ def test_goals_of_the_table_are_those_of_annex_e():
 
 
 def test_the_response_is_the_analog_one():
-    """Digital weightings agree with the analog ones at any sample rate.
+    """Digital weightings agree with analog weightings at any sample rate.
 
     The error is at most 0.07 dB up to 0.9 of half the rate or of 20 kHz, and 0.55 dB up to the
     end.

@@ -1,4 +1,7 @@
-"""Recordings of the golden run, and files that fail during writing."""
+"""Recordings of the golden run, and files that fail or are cut off during writing.
+
+The golden run is a recording of the scene `quick`, stored in bags/golden as a reference.
+"""
 
 import io
 import os
@@ -21,12 +24,15 @@ from cam_rig.simulation.scene import open_scene
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 BY_NAME = {topic.name: topic for topic in RECORDING}
 QUICK = config_root() / "scenes" / "quick.yaml"
-#: Scene of the golden bag.
+#: Scene of the golden bag, loaded.
 LOADED = open_scene(QUICK)
 
 
 def record(bag, golden, **how):
-    """Return a recorder that has taken all messages and is not closed."""
+    """Return a recorder that has received all messages of the golden bag and is open.
+
+    `how` has options of `BagRecorder`.
+    """
     recorder = BagRecorder(bag, LOADED, **how)
     for topic, number, cdr in golden:
         recorder.take(topic, cdr, b"live", number)
@@ -34,9 +40,10 @@ def record(bag, golden, **how):
 
 
 def payloads(bag):
-    """Return every message by topic in its order.
+    """Return all messages of a bag as a dict from topic to (log time, bytes).
 
-    Diagnostics are sorted, because they may be later in the file than their time.
+    The messages of a topic are in the order of the file. Diagnostics are sorted, because they may
+    be later in the file than their time.
     """
     found = {}
     for connection, at, data in raw_messages(bag, set(BY_NAME)):
@@ -47,9 +54,9 @@ def payloads(bag):
 
 
 def cut_off(bag, size, source=GOLDEN):
-    """Return a copy of the golden bag that ends early, as after a kill.
+    """Return a copy of a bag whose file ends early, as after a kill of the recorder.
 
-    `size` is the number of bytes that were written, or their fraction if it is less than 1.
+    `size` is the number of bytes that are kept, or their fraction if it is less than 1.
     """
     data = bag_file(source).read_bytes()
     bag.mkdir()
@@ -58,7 +65,7 @@ def cut_off(bag, size, source=GOLDEN):
 
 
 class WrappedFile(io.FileIO):
-    """Unbuffered copy of an open file. A subclass changes the writing."""
+    """Unbuffered copy of an open file, whose subclasses change how it writes."""
 
     def __init__(self, raw):
         super().__init__(os.dup(raw.fileno()), "w")
@@ -66,7 +73,10 @@ class WrappedFile(io.FileIO):
 
 
 class Dying(WrappedFile):
-    """File that calls `step` before, halfway through and after each write."""
+    """File that calls `step` before, halfway through and after each write.
+
+    `step` may kill the process.
+    """
 
     def __init__(self, raw, step):
         super().__init__(raw)
@@ -85,7 +95,7 @@ class Dying(WrappedFile):
 
 
 def _arm(step):
-    """Call `step` before and after each file operation of this process."""
+    """Make all file operations of this process call `step` before and after."""
 
     def around(function):
         def stepped(*arguments, **named):
@@ -103,7 +113,10 @@ def _arm(step):
 
 
 def _forked(action, step):
-    """Run an action with `step` in a forked process, and return its exit status."""
+    """Run an action in a forked process whose file operations call `step`.
+
+    The exit status of the process is returned.
+    """
     child = os.fork()
     if child == 0:
         code = 3
@@ -121,9 +134,10 @@ def _forked(action, step):
 
 
 def killed_bags(prepare, some):
-    """Yield the bags of an action that was killed at some of its steps.
+    """Yield the bags of an action that was killed at some of its file operations.
 
-    `prepare(name)` returns a bag and an action. `some` is the number of steps (0: all).
+    `prepare(name)` returns a bag path and an action on it. `some` is the number of operations at
+    which a process is killed, or 0 for all.
     """
     seen, steps = os.pipe(), count()
     _forked(prepare("rehearsal")[1], lambda: os.write(seen[1], b"."))
@@ -139,7 +153,7 @@ def killed_bags(prepare, some):
         bag, action = prepare(str(moment))
         if os.WIFSIGNALED(_forked(action, lambda at=moment: die_at(at))):
             yield bag
-        else:  # the number of timed flushes varies
+        else:  # timed flushes vary in number
             assert moment > 0.8 * last
 
 
@@ -147,7 +161,7 @@ class Frugal:
     """Context manager that fails beyond 500 MB of memory or 10 s of processor time."""
 
     def __enter__(self):
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # resets the peak
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # resets the peak memory
         self._before, self._begun = peak_mb(), time.process_time()
 
     def __exit__(self, kind, *_):

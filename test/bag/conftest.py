@@ -1,4 +1,4 @@
-"""Messages of the golden bag, and recordings of them."""
+"""Fixtures with the messages of the golden bag, and with recordings of them."""
 
 import pytest
 from mcap.reader import make_reader
@@ -12,7 +12,11 @@ from .bags import BY_NAME, GOLDEN, Frugal, record
 
 @pytest.fixture(scope="session")
 def golden():
-    """Received messages of the golden bag: topic, number within the topic, and bytes."""
+    """Messages that a recorder receives in the golden run.
+
+    Each is (topic, number within the topic, bytes). Messages that the recorder computes itself are
+    excluded.
+    """
     found, numbers = [], dict.fromkeys(BY_NAME, 0)
     with bag_file(GOLDEN).open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
@@ -33,7 +37,7 @@ def whole(tmp_path_factory, golden):
 
 @pytest.fixture(scope="session")
 def split(tmp_path_factory, golden):
-    """Recording of the golden run in files of 0.5 s. The run has 16 ticks in 2.5 s."""
+    """Recording of the golden run in files of 0.5 s. The run takes 2.5 s."""
     bag = tmp_path_factory.mktemp("split") / "bag"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DISTRO", "kilted")
@@ -43,7 +47,7 @@ def split(tmp_path_factory, golden):
 
 
 class Kept:
-    """Stand-in for a bag writer that keeps the written messages in memory."""
+    """Replacement of a bag writer that keeps the written messages in memory."""
 
     def __init__(self):
         self.messages = []
@@ -57,11 +61,12 @@ class Kept:
 
 @pytest.fixture
 def kept():
+    """Bag writer that keeps the written messages in memory."""
     return Kept()
 
 
 @pytest.fixture
 def frugal():
-    """Limit memory and time of the whole test."""
+    """Limit memory and processor time of the whole test."""
     with Frugal():
         yield

@@ -1,4 +1,7 @@
-"""Damaged bags by fixed seeds are read or refused with bounded time and memory."""
+"""Randomly damaged bags are read or refused within bounded time and memory.
+
+The damage follows from fixed seeds.
+"""
 
 import math
 import random
@@ -121,9 +124,9 @@ CASES = range(8 * 50)
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", CASES)
 def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, seed):
-    """Readers and recovery return a result for a damaged bag, or raise one line.
+    """Each reader of a damaged bag returns a result or raises a one-line error.
 
-    They take less than a gigabyte and ten seconds.
+    This includes the recovery. Each takes less than 500 MB and 10 s.
     """
     chance = random.Random(seed)
     original, heads = originals[seed // len(WAYS) % 3]
@@ -163,9 +166,10 @@ def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, seed):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", CASES)
 def test_saved_messages_equal_the_recorded_messages(tmp_path, originals, seed):
-    """Messages that are recovered from a damaged bag equal the recorded ones in order.
+    """Messages recovered from a damaged bag equal the recorded messages in order.
 
-    The bag was cut off, or a part of it was blanked.
+    The bag was cut off, or a part of it was overwritten with zeros. Wrong messages may not exceed
+    the number that is reported as doubtful.
     """
     chance = random.Random(seed)
     original, heads = originals[seed % 3]
@@ -201,7 +205,7 @@ def contents(file):
     return found
 
 
-# -- any message is read, or refused by RefusedError ------------------------------------------
+# -- any message is read, or refused by RefusedError
 
 
 NUMBERS = st.floats() | st.sampled_from([0.0, 1e-300, 1e300, math.inf, -math.inf, math.nan])
@@ -221,7 +225,7 @@ def message(dimensions, data):
 
 @st.composite
 def laws(draw):
-    """Generate arrays with the shape of a law and any numbers."""
+    """Generate arrays with the shape of a law and arbitrary numbers."""
     pieces, ordinates = draw(st.integers(1, 4)), draw(st.integers(1, 6))
     data = draw(
         st.lists(NUMBERS, min_size=pieces * (ordinates + 1), max_size=pieces * (ordinates + 1))
@@ -252,7 +256,7 @@ STATES = st.builds(
 
 @given(st.lists(STATES | laws(), max_size=8))
 def test_a_follower_stays_finite_for_any_message(received):
-    """The follower refuses any invalid law or state, or publishes finite samples."""
+    """The follower refuses any invalid law or state, or computes finite samples."""
     bench = FollowerSimulator.of(LOADED)
     follower = FollowerQueue(bench, LOADED.scene)
     for one in received:
@@ -269,7 +273,7 @@ def test_a_follower_stays_finite_for_any_message(received):
 
 @given(DIMENSIONS, st.lists(NUMBERS, max_size=40))
 def test_any_array_is_decoded_or_refused(dimensions, data):
-    """Any array is decoded as a law or a block of samples, or refused."""
+    """Any array message is decoded as a law or a block of samples, or refused."""
     for decode in (decode_law, decode_block):
         try:
             decode(*array_of(message(dimensions, data)))
@@ -279,7 +283,7 @@ def test_any_array_is_decoded_or_refused(dimensions, data):
 
 @given(st.lists(NUMBERS, min_size=1, max_size=8), st.floats(1e-3, 1e4))
 def test_a_microphone_stays_finite(forces, speed):
-    """The microphone refuses a block with any numbers, or computes a finite level."""
+    """The microphone refuses samples with any numbers, or computes a finite level."""
     rows = np.zeros((6, len(forces)))
     rows[4], rows[5] = forces, forces[::-1]
     dimensions, data = codec.encode_block(rows)
@@ -293,7 +297,7 @@ def test_a_microphone_stays_finite(forces, speed):
 
 @given(st.lists(st.tuples(st.sampled_from(topics.RECORDING), st.binary(max_size=80)), max_size=10))
 def test_a_recorder_continues_after_any_message(kept, received):
-    """The recorder writes or refuses a message of any bytes, and continues."""
+    """The recorder writes or refuses a message of arbitrary bytes, and continues."""
     session = RecordingSession(kept, StateValidator(1000.0))
     for topic, cdr in received:
         try:

@@ -1,4 +1,7 @@
-"""The golden bag is small, complete, and readable without this package."""
+"""The golden bag is small, complete, and readable by other programs.
+
+It is the reference recording in bags/golden.
+"""
 
 from xml.etree import ElementTree
 
@@ -21,7 +24,7 @@ from .bags import GOLDEN, LOADED
 
 
 def test_the_golden_bag_is_small_and_complete():
-    """The golden bag has less than 2 MB and every tick of its scene."""
+    """The golden bag has less than 2 MB and every tick (time step) of its scene."""
     assert sum(f.stat().st_size for f in GOLDEN.iterdir()) < 2_000_000
     recording = read_recording(GOLDEN)
     counts = require_complete(GOLDEN, recording.loaded.scene)
@@ -39,7 +42,7 @@ def everything():
 
 
 def headers(message):
-    """Return all headers of a message, also nested ones."""
+    """Return all headers of a message, including nested headers."""
     if hasattr(message, "frame_id"):
         return [message]
     if isinstance(message, list):
@@ -49,7 +52,7 @@ def headers(message):
 
 
 def test_every_frame_is_a_link_of_the_robot(everything):
-    """Each frame in the golden bag is a link of the robot or empty.
+    """Each frame_id in the golden bag is a link of the URDF or empty.
 
     It is empty only in /diagnostics and in the texture of a marker.
     """
@@ -65,7 +68,7 @@ def test_every_frame_is_a_link_of_the_robot(everything):
             if topic == "/diagnostics":
                 assert header.frame_id == ""
             elif topic.endswith("/markers") and header.frame_id == "":
-                continue  # the image of a texture
+                continue  # image of a texture
             else:
                 assert header.frame_id in links, (topic, header.frame_id)
                 seen.add(topic)
@@ -74,7 +77,7 @@ def test_every_frame_is_a_link_of_the_robot(everything):
 
 
 def test_transforms_form_one_tree_at_every_instant(everything):
-    """Each frame of /tf_static and /tf has one parent, and base_link is the only root."""
+    """In /tf_static and /tf each frame has one parent, and base_link is the only root."""
     parents = {}
     for topic, _, message in everything:
         if topic in ("/tf", "/tf_static"):
@@ -85,9 +88,9 @@ def test_transforms_form_one_tree_at_every_instant(everything):
 
 
 def test_tf_agrees_with_the_joint_states(everything):
-    """The transforms have the cam at its angle and the follower at its lift.
+    """The transforms place the cam at its angle and the follower at its lift.
 
-    The contact point is on the contour of the cam.
+    The marker of the contact point is on the contour of the cam.
     """
     of = {
         name: {time: m for topic, time, m in everything if topic == name}
@@ -123,9 +126,9 @@ WANTED = ("/joint_states", "/follower/contact", "/cam/state")
 
 
 def test_two_readers_find_the_motion_of_the_samples(everything):
-    """Two readers of bags find the same motion messages, which agree with the samples.
+    """Two bag readers find equal motion messages, which agree with the samples.
 
-    Peaks and shaft power are those of the samples.
+    Peaks of force and lift, and the shaft power, are those of the samples.
     """
     found = {topic: [] for topic in WANTED}
     for topic, log_time, message in everything:

@@ -1,4 +1,4 @@
-"""Hostile bags are refused in one line before they use memory or time."""
+"""Malicious bags are refused in one line before they use much memory or time."""
 
 import io
 import os
@@ -41,7 +41,7 @@ def packed_zeros(size, compression):
 
 
 def file_of(path, *records, summary=()):
-    """Write a closed MCAP file of records. Readers follow its summary."""
+    """Write a complete MCAP file of these records. Readers use its summary."""
     out = RecordBuilder()
     Header("ros2", "other").write(out)
     for record in (*records, DataEnd(0)):
@@ -55,7 +55,7 @@ def file_of(path, *records, summary=()):
 
 
 def index_of(chunk, offset, **changes):
-    """Return the chunk index of the summary."""
+    """Return the index record of a chunk for the summary, with some changed fields."""
     claims = {
         "chunk_length": 9 + 40 + len(chunk.compression) + len(chunk.data),
         "chunk_start_offset": offset,
@@ -70,7 +70,7 @@ def index_of(chunk, offset, **changes):
     return ChunkIndex(**{**claims, **changes})
 
 
-FIRST = len(MCAP0_MAGIC) + 9 + 4 + 4 + 4 + 5  # position of the first record after the header
+FIRST = len(MCAP0_MAGIC) + 9 + 4 + 4 + 4 + 5  # first record after the header
 
 
 def chunk(data, compression, claimed, begin=0, end=10):
@@ -105,7 +105,7 @@ PACKED = [("zstd", True), ("lz4", True), ("zstd", False), ("lz4", False)]
 def test_a_few_bytes_that_unpack_to_a_gigabyte_are_refused(tmp_path, frugal, compression, honest):
     """A chunk that unpacks to a gigabyte is refused before it is unpacked.
 
-    This is so whether it states its size or claims 1000 bytes.
+    This is so whether it states its true size or claims 1000 bytes.
     """
     data = packed_zeros(GIB, compression)
     one = chunk(data, compression, GIB if honest else 1000)
@@ -116,7 +116,7 @@ def test_a_few_bytes_that_unpack_to_a_gigabyte_are_refused(tmp_path, frugal, com
 
 
 def test_many_small_chunks_are_refused_by_their_sum(tmp_path, frugal):
-    """A file is refused if its chunks together unpack to over 100 times its size."""
+    """A file is refused if all its chunks unpack to more than 100 times its size."""
     one = chunk(packed_zeros(2**20, "zstd"), "zstd", 2**20)
     length = 9 + 40 + 4 + len(one.data)
     index = [index_of(one, FIRST + i * length) for i in range(400)]
@@ -125,7 +125,7 @@ def test_many_small_chunks_are_refused_by_their_sum(tmp_path, frugal):
 
 
 def test_a_wrong_chunk_index_does_not_hide_messages(tmp_path):
-    """Messages are read with the sizes and times of the chunk, if the index is wrong."""
+    """If the chunk index is wrong, messages are read with the data of the chunk."""
     body = struct.pack("<BQHIQQ", 5, 30, 1, 1, 5, 5) + bytes(8)
     one = chunk(body, "", len(body))
     topic = [Schema(1, b"x", "ros2msg", "a/msg/B"), Channel(1, "/x", "cdr", {}, 1)]
@@ -144,7 +144,7 @@ def test_a_wrong_chunk_index_does_not_hide_messages(tmp_path):
 
 
 def test_data_that_cannot_be_unpacked_are_refused(tmp_path):
-    """Readers refuse data that are empty, random, or of an unknown compression.
+    """Readers refuse chunks that are empty, random, or of an unknown compression.
 
     A bag with a damaged SQLite file is refused too.
     """
@@ -178,9 +178,9 @@ def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, len
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("field", [0, 8, 16, 20, 30, 40])
 def test_lengths_inside_an_attachment_are_bounded(tmp_path, frugal, field):
-    """A reader of the scene refuses a wrong length within an attachment.
+    """A wrong length inside an attachment is refused, with bounded memory.
 
-    Such lengths are those of its name, its media type and its data. Memory stays bounded.
+    The lengths are those of its name, its media type and its data.
     """
     data = bytearray(bag_file(GOLDEN).read_bytes())
     at = data.index(b"scenes/") - 4 + field
@@ -199,9 +199,9 @@ def attached(path, *names, data=b"x: 1"):
 
 
 def test_the_name_of_an_attachment_is_checked(tmp_path):
-    """An attachment whose name is not a valid relative path is refused and not stored.
+    """An attachment whose name is not a valid relative path is refused.
 
-    A name that is a file and also a folder is refused.
+    No file is written. A name that is used for a file and for a folder is refused.
     """
     names = {
         "scenes/"
@@ -227,7 +227,7 @@ def test_the_name_of_an_attachment_is_checked(tmp_path):
 
 
 def test_the_number_of_attachments_is_limited(tmp_path, frugal):
-    """A bag with over 1000 attachments, or attachments of over 64 MiB, is refused."""
+    """A bag with over 1000 attachments, or with over 64 MiB of them, is refused."""
     names = [f"cams/c{i}.yaml" for i in range(MAX_ATTACHED + 1)]
     with pytest.raises(BagError, match=f"at most 1000 attachments .*got {MAX_ATTACHED + 1} of"):
         read_scene(attached(tmp_path / "many", *names))
@@ -238,7 +238,7 @@ def test_the_number_of_attachments_is_limited(tmp_path, frugal):
 def test_an_attachment_that_was_changed_is_not_read(tmp_path):
     """An attachment with a wrong checksum is refused, and a recovery reports it.
 
-    A flipped bit in the rig's numbers would change every level.
+    A flipped bit in the numbers of the rig would change every level.
     """
     data = bytearray(bag_file(GOLDEN).read_bytes())
     data[data.index(b"mass")] ^= 1
@@ -275,7 +275,7 @@ def test_the_number_of_topics_is_limited(tmp_path, frugal):
 def test_a_valid_compressed_bag_is_read(tmp_path, kind):
     """A zstd or lz4 bag of another writer is read completely.
 
-    If the bag was cut off, a recovery saves its messages up to the cut.
+    If it was cut off, a recovery saves its messages up to the cut.
     """
     bag = tmp_path / "a.mcap"
     noise = [b"\0\1\0\0" + os.urandom(8) for _ in range(10_000)]
@@ -298,9 +298,9 @@ def test_a_valid_compressed_bag_is_read(tmp_path, kind):
 
 
 def test_a_bag_compressed_message_by_message_is_refused(tmp_path):
-    """A bag that is compressed per message or file is refused with ros2 bag convert.
+    """A bag compressed per message or file is refused with a remedy.
 
-    The unpacked size of its messages has no bound.
+    The unpacked size of its messages has no bound. The remedy is `ros2 bag convert`.
     """
     bag = attached(tmp_path / "bag")
     file = bag / "metadata.yaml"

@@ -23,11 +23,11 @@ from cam_rig.studies.simulate.recorded import read_recording
 from .bags import GOLDEN, LOADED, cut_off, killed_bags, payloads, record
 
 SPLIT = Split(duration=0.7)
-#: Number of steps at which a process is killed (0: all).
+#: Number of file operations at which a process is killed (0: all).
 SOME = pytest.mark.parametrize("some", [3, pytest.param(0, marks=pytest.mark.long)])
 
 
-#: Result for a bag that does not change.
+#: `payloads` with a cache, for bags that do not change.
 once = cache(payloads)
 
 
@@ -38,9 +38,9 @@ def names(bag):
 @SOME
 @pytest.mark.parametrize("in_place", [True, False])
 def test_a_recovery_may_be_killed_at_any_step(tmp_path, some, in_place):
-    """A recovery that was killed at any step can be repeated and saves every message.
+    """A recovery killed at any file operation can be repeated and saves every message.
 
-    No reader accepts an incomplete bag in between. This applies in place and into a new folder.
+    Before that, readers refuse the incomplete bag. This applies in place and into a new folder.
     """
     torn = cut_off(tmp_path / "torn", 60_000)
     recover(torn, tmp_path / "all")
@@ -85,7 +85,7 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, whole, some)
 
 @SOME
 def test_a_recorder_killed_while_splitting_keeps_flushed_messages(tmp_path, golden, some):
-    """A recorder that is killed at the start of a new file loses no flushed message."""
+    """A recorder killed at the start of a new file loses no flushed message."""
 
     def noting(bag):
         """Return a recorder that writes its number of flushed messages to a file."""
@@ -117,7 +117,7 @@ def test_a_recorder_killed_while_splitting_keeps_flushed_messages(tmp_path, gold
 
 @SOME
 def test_a_recovery_of_two_files_may_be_killed_at_any_step(tmp_path, split, some):
-    """A bag with two unclosed files is recovered after a kill at any step.
+    """A bag with two unclosed files can be recovered after any kill.
 
     A recorder that is killed between two files leaves both unclosed.
     """
@@ -152,7 +152,7 @@ def test_a_recorder_killed_at_its_start_has_recorded_no_message(tmp_path):
 
 
 def test_two_recoveries_at_once_are_refused(tmp_path):
-    """A recovery of a bag that another process recovers is refused.
+    """A recovery of a bag that another process is recovering is refused.
 
     It would write into the file of the first recovery.
     """
@@ -164,11 +164,11 @@ def test_two_recoveries_at_once_are_refused(tmp_path):
         recover_in_place(torn)
 
 
-# -- a recording that was cut off: the readable messages become a valid bag --------------------
+# -- a recording that was cut off: its readable messages become a valid bag
 
 
 def write(bag, every):
-    """Write a bag of 60 levels, with `every` messages per chunk."""
+    """Write a bag of 60 sound levels, with `every` messages per chunk."""
     with BagWriter(bag) as writer:
         for time in range(60):
             writer.write(LEVEL, time, b"\0\1\0\0" + bytes(8))
@@ -193,7 +193,7 @@ def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
 
 
 def test_a_damaged_chunk_is_read_as_far_as_possible(tmp_path):
-    """A flipped byte in a chunk costs at most one message.
+    """A flipped byte in a chunk loses at most one message.
 
     All messages of the chunk are reported as doubtful.
     """
@@ -227,7 +227,10 @@ def test_an_existing_target_and_an_empty_source_are_refused(tmp_path):
 
 
 def assert_same_numbers(made, expected):
-    """Check that serialized messages are equal to 1e-12, for another processor's sine."""
+    """Check that the numbers of serialized messages are equal to 1e-12.
+
+    Another processor's sine may differ in the last digits.
+    """
     assert len(made) == len(expected)
     count = (len(made) - 4) // 8  # doubles are aligned after the 4-byte header
     one, other = (
@@ -238,9 +241,9 @@ def assert_same_numbers(made, expected):
 
 
 def test_derived_motion_has_the_requested_points_per_turn(tmp_path, golden):
-    """A recovered bag has the requested number of motion messages per turn.
+    """A recording has the requested number of motion messages per turn.
 
-    The default is the number of the scene. All other messages are equal.
+    The default is the number of the scene. All other messages are unchanged.
     """
     record(tmp_path / "unkilled", golden).close()
     unkilled = payloads(tmp_path / "unkilled")

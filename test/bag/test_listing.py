@@ -1,4 +1,4 @@
-"""Files of a bag that do not agree with metadata.yaml are named in an error."""
+"""Files of a bag that do not agree with its metadata.yaml are reported by name."""
 
 import os
 import random
@@ -26,9 +26,9 @@ def bag(tmp_path, split):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_missing_file_is_named(bag, seed):
-    """A bag without one of its listed files raises BagError that names the file.
+    """If a listed file is missing, each reader raises BagError with its name.
 
-    This applies to every reader, and to the first and the last file.
+    This applies to any file, including the first and the last.
     """
     chosen = random.Random(seed).choice(mcap_files(bag)) if seed > 1 else mcap_files(bag)[-seed]
     chosen.unlink()
@@ -39,7 +39,7 @@ def test_a_missing_file_is_named(bag, seed):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_two_exchanged_files_are_named(bag, seed):
-    """Two files with exchanged names raise BagError that names both."""
+    """Two files with exchanged names raise BagError with both names."""
     one, other = random.Random(seed).sample(mcap_files(bag), 2)
     aside = one.rename(bag / "aside")
     other.rename(one)
@@ -52,7 +52,7 @@ def test_two_exchanged_files_are_named(bag, seed):
 
 @pytest.mark.parametrize("name", ["bag_0 (copy).mcap", "bag_99.mcap", "other.mcap", "a_0.db3"])
 def test_a_file_that_is_not_listed_is_ignored_and_named(bag, split, tmp_path, name):
-    """A file that metadata.yaml does not list is ignored, and a note names it."""
+    """A file that metadata.yaml does not list is ignored, and a note gives its name."""
     shutil.copy(mcap_files(bag)[0], bag / name)
     assert read_counts(bag) == read_counts(split)
     note = f"{name} is ignored: metadata.yaml does not list it"
@@ -62,9 +62,9 @@ def test_a_file_that_is_not_listed_is_ignored_and_named(bag, split, tmp_path, na
 
 
 def test_a_copy_is_refused_if_no_metadata_lists_the_files(bag):
-    """A copy of a file in a bag without metadata.yaml is refused.
+    """Without metadata.yaml a copy of a file in the bag is refused.
 
-    Otherwise its turns would count twice.
+    Otherwise its turns would be counted twice.
     """
     (bag / "metadata.yaml").unlink()
     shutil.copy(mcap_files(bag)[0], bag / "bag_0 (copy).mcap")
@@ -73,7 +73,7 @@ def test_a_copy_is_refused_if_no_metadata_lists_the_files(bag):
 
 
 def test_a_file_that_is_listed_twice_is_read_once(bag, split):
-    """A file that metadata.yaml lists twice is read once, and a note names it."""
+    """A file that metadata.yaml lists twice is read once, and a note gives its name."""
     file, first = bag / "metadata.yaml", mcap_files(bag)[0].name
     about = yaml.safe_load(file.read_text())
     about["rosbag2_bagfile_information"]["relative_file_paths"].append(first)
@@ -85,7 +85,7 @@ def test_a_file_that_is_listed_twice_is_read_once(bag, split):
 
 @pytest.mark.parametrize("name", ["bag_1.mcap", "metadata.yaml"])
 def test_a_pipe_in_a_bag_is_refused(bag, name):
-    """A pipe in a bag instead of a file is refused, because a reader would wait."""
+    """A pipe in place of a file is refused, because a reader would wait forever."""
     (bag / name).unlink()
     os.mkfifo(bag / name)
     for command in (read_counts, read_recording, examine):
@@ -95,7 +95,7 @@ def test_a_pipe_in_a_bag_is_refused(bag, name):
 
 @pytest.mark.parametrize("ending", ["mcap", "db3"])
 def test_a_file_with_other_messages_is_refused(tmp_path, ending):
-    """A file whose number of messages differs from metadata.yaml is refused."""
+    """A file is refused if its number of messages differs from metadata.yaml."""
     from rosbags.rosbag2 import StoragePlugin
 
     plugin = StoragePlugin.MCAP if ending == "mcap" else StoragePlugin.SQLITE3
@@ -109,9 +109,9 @@ def test_a_file_with_other_messages_is_refused(tmp_path, ending):
 
 
 def test_recover_counts_the_missing_messages_of_a_listed_file(bag, tmp_path):
-    """A recovery reports how many messages of a truncated file are missing.
+    """A recovery reports how many messages a truncated file has lost.
 
-    It compares them with metadata.yaml.
+    It compares them with the number in metadata.yaml.
     """
     file = mcap_files(bag)[1]
     listed = list_files(bag).extents[file.name].messages
@@ -123,7 +123,7 @@ def test_recover_counts_the_missing_messages_of_a_listed_file(bag, tmp_path):
 
 @pytest.mark.parametrize("text", ["", "not: [yaml", "a list", "rosbag2_bagfile_information: 3"])
 def test_without_readable_metadata_files_are_read_by_their_numbers(bag, split, text):
-    """If metadata.yaml is damaged, all files are read in the order of their numbers."""
+    """If metadata.yaml is damaged, the files are read in the order of their numbers."""
     (bag / "metadata.yaml").write_text(text)
     assert read_counts(bag) == read_counts(split)
     assert list_files(bag).notes == (
@@ -132,9 +132,9 @@ def test_without_readable_metadata_files_are_read_by_their_numbers(bag, split, t
 
 
 def test_the_total_is_compared_if_metadata_has_no_counts_per_file(bag):
-    """Without counts per file in metadata.yaml the total of messages is compared.
+    """Without counts per file in metadata.yaml, the total number is compared.
 
-    This is the case before version 5 of the metadata.
+    Metadata before version 5 have only a total.
     """
     file = bag / "metadata.yaml"
     about = yaml.safe_load(file.read_text())

@@ -1,4 +1,7 @@
-"""Missing messages are counted, and the report agrees with the bag."""
+"""Missing messages of a bag are counted, and the report agrees with the bag.
+
+A tick is one time step of the simulated drive. Each tick has one message of several topics.
+"""
 
 import errno
 import io
@@ -33,7 +36,7 @@ RECORDS = [record[1:3] for record in RECORDS if isinstance(record, RecordedMessa
 
 
 def held(keep=lambda topic, message: True):
-    """Return the message inventory of the golden bag for messages that `keep` selects."""
+    """Return the inventory of the golden bag for the messages that `keep` selects."""
     found = Holdings()
     for channel, message in RECORDS:
         if keep(channel.topic, message):
@@ -42,12 +45,13 @@ def held(keep=lambda topic, message: True):
 
 
 TIMES = [state.time_ns for state in cam_states(SCENE)]
-#: Topics whose messages have other times than states, so that sequence numbers show the loss.
+#: Topics whose messages have other times than the cam states. Gaps in their sequence numbers show a
+#: loss.
 NUMBERED = {topic.name for topic in RECORDING if topic.per in ("instant", "any")}
 
 
 def instants_until(time_ns):
-    """Return the number of /joint_states messages in the golden bag before a time."""
+    """Return the number of /joint_states messages before a time (ns)."""
     return sum(t < time_ns for _, t, _ in messages(GOLDEN, (JOINT_STATES,)))
 
 
@@ -64,7 +68,7 @@ def test_no_tick_of_the_golden_bag_is_missing():
 
 @pytest.mark.parametrize(("first", "last"), [(3, 5), (1, 4), (7, 7), (9, 16), (1, 16)])
 def test_missing_ticks_are_numbered(first, last):
-    """Missing ticks are reported by their numbers in the scene, with their messages."""
+    """Missing ticks are reported by their numbers in the scene and counted."""
     gone = set(TIMES[first : last + 1])
     kept = held(lambda topic, m: topic in NUMBERED or m.log_time not in gone)
     loss = loss_of(kept, SCENE, False, True)
@@ -75,7 +79,7 @@ def test_missing_ticks_are_numbered(first, last):
 
 
 def test_diagnostics_after_the_end_are_named_but_not_counted():
-    """Diagnostics after the end of a truncated file are named, but not counted.
+    """Diagnostics after the end of a truncated file are reported, but not counted.
 
     Their number is unknown.
     """
@@ -103,10 +107,10 @@ def test_the_missing_topic_of_a_tick_is_named(topic):
 
 
 def test_without_a_scene_gaps_are_counted_by_sequence_numbers():
-    """Without a scene missing messages are counted by sequence numbers per topic.
+    """Without a scene, missing messages are counted by sequence numbers per topic.
 
-    The end of such a run is open, because an operator changed it. A bag of another program has
-    no gaps.
+    The end of such a run is open, because an operator may have changed it. A bag of another program
+    has no gaps.
     """
     gone = set(TIMES[5:9])
     kept = held(lambda topic, m: topic in NUMBERED - {"/diagnostics"} or m.log_time not in gone)
@@ -117,7 +121,7 @@ def test_without_a_scene_gaps_are_counted_by_sequence_numbers():
     all_gone = [topic for move in moves()[5:9] for topic in (CLOCK, *belonging(*move))]
     last_of_theirs = [
         topic for topic in all_gone if topic.per == "cam"
-    ]  # their last message has no successor
+    ]  # no later message shows the loss
     assert loss.messages == len(all_gone) - len(last_of_theirs)
     of_others = loss_of(kept, None, True, own=False)
     assert of_others.gaps == () and not of_others.open_end
@@ -159,7 +163,7 @@ def test_the_report_agrees_with_the_recovered_bag(tmp_path, part):
     bag = cut_off(tmp_path / "bag", part / 100)
     words = recover(bag, tmp_path / "recovered").text
     assert "flushed" not in words
-    # The last message of a tick.
+    # Number of messages of the last topic of a tick.
     ticks = read_counts(tmp_path / "recovered").get("/microphone/pressure", 0)
     if ticks == 16:
         assert "no tick is missing" in words or "nothing lost" in words
@@ -195,8 +199,7 @@ def full_after(monkeypatch, size):
 def test_a_recovery_on_a_full_disk_does_not_change_the_bag(tmp_path, monkeypatch, room):
     """A recovery on a full disk fails and leaves the bag unchanged.
 
-    The error contains the readable messages, the missing ticks and the command for another
-    folder.
+    The error states the readable messages, the missing ticks and the command for another folder.
     """
     bag = cut_off(tmp_path / "my bag", 200_000)
     file = bag / "my bag_0.mcap"
@@ -256,7 +259,7 @@ def test_a_recorder_on_a_full_disk_keeps_the_written_messages(
 def test_a_damaged_length_loses_only_its_chunk(tmp_path):
     """A recovery loses at most the chunk whose length is damaged.
 
-    It finds the next chunk by the pattern of its head.
+    It finds the next chunk by the byte pattern of its header.
     """
     file = bag_file(GOLDEN)
     with file.open("rb") as stream:
@@ -278,7 +281,7 @@ def test_a_damaged_length_loses_only_its_chunk(tmp_path):
 
 
 def test_the_missing_end_of_a_long_scene_is_not_counted():
-    """The missing end of 100 000 turns is reported as an open end, not tick by tick.
+    """The missing end of 100 000 turns is reported as an open end, not per tick.
 
     If the bag was closed, the report states the last tick.
     """

@@ -1,4 +1,4 @@
-"""MCAP files of any writer: encodings, files without chunks or summary, checksums."""
+"""MCAP files of any writer: encodings, checksums, files without chunks or summary."""
 
 import json
 
@@ -79,7 +79,7 @@ def test_topics_of_every_encoding_are_listed_and_messages_come_in_time_order(tmp
 
 
 def test_messages_without_chunks_that_go_back_in_time_are_refused(tmp_path):
-    """A file without chunks whose times go back is refused.
+    """A file without chunks whose times decrease is refused.
 
     Its messages cannot be sorted in bounded memory.
     """
@@ -91,7 +91,7 @@ def test_messages_without_chunks_that_go_back_in_time_are_refused(tmp_path):
 @pytest.mark.parametrize("chunked", [False, True])
 @pytest.mark.parametrize("seed", range(10))
 def test_a_changed_byte_of_a_message_is_an_error(tmp_path, chunked, seed):
-    """A changed byte of a message is an error by its checksum, and recover reports it.
+    """A changed byte of a message is detected by a checksum, and recover reports it.
 
     The checksum is that of the data section or of the chunk.
     """

@@ -1,4 +1,4 @@
-"""Readings of any bag are returned in SI, with a note on each irregularity."""
+"""Readings of any bag are returned in SI units, with a note on each irregularity."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_a_bag_of_standard_messages_is_read_in_si(tmp_path, plugin):
     np.testing.assert_array_equal(run.force.value, FORCE)
     assert (run.cam, run.level, run.begin_ns) == ("own", None, BEGIN)
     np.testing.assert_allclose(run.angle.time, TIME, rtol=0, atol=1e-9)
-    # A Float64 has no header: its time is the log time, half a millisecond later.
+    # A Float64 message has no header. Its time is the log time, half a millisecond later.
     np.testing.assert_allclose(run.lift.time, TIME + 5e-4, rtol=0, atol=1e-9)
     said = " ".join(run.notes)
     assert "lift: /lvdt.data, 400 readings, the time is that of the bag." in said
@@ -52,9 +52,9 @@ def test_a_bag_of_standard_messages_is_read_in_si(tmp_path, plugin):
 
 
 def test_a_field_may_be_omitted_or_named_by_joint_or_use_the_bag_clock(tmp_path):
-    """A field may be omitted, named by joint or index, and use the clock of the bag.
+    """A field may be omitted, or selected by joint name or index.
 
-    All spellings give the same readings.
+    With @bag the time is the receive time of the bag. All spellings give the same readings.
     """
     bag = bench(tmp_path)
     for line in (
@@ -79,9 +79,9 @@ def test_a_falling_angle_is_reversed_and_reported(tmp_path, whole):
 
 
 def test_readings_are_sorted_and_invalid_numbers_are_dropped(tmp_path):
-    """Readings are sorted by time, and NaN and repeated stamps are dropped.
+    """Readings are sorted by time. NaN and repeated stamps are dropped.
 
-    Notes report each irregularity with its number.
+    A note reports each irregularity with its number.
     """
     time, lift = TIME.copy(), np.radians(LIFT)
     time[[10, 11]], time[50] = time[[11, 10]], time[49]
@@ -98,9 +98,9 @@ def test_readings_are_sorted_and_invalid_numbers_are_dropped(tmp_path):
 
 
 def test_lost_messages_are_a_gap_that_is_not_filled(tmp_path):
-    """Lost messages are returned and noted as gaps, and no reading is made up.
+    """Lost messages are returned and noted as gaps, and no reading is interpolated.
 
-    One lost message is a gap, and usual jitter is not.
+    One lost message is a gap. The usual jitter is not.
     """
     jitter = TIME + 2e-5 * np.random.default_rng(5).normal(size=TIME.size)
     kept = np.delete(np.arange(400), [20, *range(100, 140)])
@@ -116,7 +116,7 @@ def test_lost_messages_are_a_gap_that_is_not_filled(tmp_path):
 
 
 def test_a_bag_of_the_rig_needs_no_mapping():
-    """A bag of the rig is read without a mapping: all samples of a cam, and levels.
+    """A bag recorded by the rig is read without --topics: samples and levels of a cam.
 
     A missing or unknown name of the cam is an error with the existing names.
     """
@@ -187,7 +187,7 @@ def test_an_error_names_the_missing_and_the_existing_names(tmp_path, line, error
 
 
 def test_a_foreign_bag_without_a_mapping_is_refused_with_its_topics(tmp_path):
-    """A foreign bag without --topics is refused, and the error lists its topics."""
+    """A bag of another program without --topics is refused with its topics."""
     with pytest.raises(BagError, match=r"--topics .*/cell \[geometry_msgs/msg/WrenchStamped\]"):
         read_measured(bench(tmp_path))
 

@@ -1,6 +1,6 @@
-"""The recording session writes received messages at the time of their state.
+"""Recording session: it writes received messages at the time of their cam state.
 
-Equal runs give equal bags.
+A cam state starts each tick (time step) of the drive. Equal runs give equal bags.
 """
 
 import random
@@ -46,7 +46,7 @@ def record(messages, kept):
 
 
 def by_topic(kept):
-    """Return log time and bytes of messages by topic, in the order of log times."""
+    """Return a dict from topic to (log time, bytes), in the order of log times."""
     found = {}
     for topic, time, cdr in sorted(kept.messages, key=lambda message: message[1]):
         found.setdefault(topic, []).append((time, cdr))
@@ -55,18 +55,21 @@ def by_topic(kept):
 
 @pytest.fixture
 def session(kept):
+    """Recording session that writes into `kept`."""
     return RecordingSession(kept, StateValidator(RATE))
 
 
 @pytest.fixture(scope="module")
 def states(golden):
+    """Stamps (ns) of the cam states in the golden bag."""
     return [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.CAM_STATE]
 
 
 def test_every_message_is_written_once_with_its_states_time(golden, kept, states):
-    """Each message is written once, at the time of its state, plus a clock per state.
+    """Each message is written once, at the time of its cam state.
 
-    Log times rise except for diagnostics. Unstamped messages have the time of their twins.
+    A /clock message is added per state. Log times rise except for diagnostics. A message without a
+    stamp has the time of the stamped message that is published with it (its twin).
     """
     written = record(golden, kept)
     assert written == states and len(kept.messages) == len(golden) + len(states)
@@ -97,9 +100,9 @@ def test_any_order_of_topics_gives_the_same_bag(golden, kept, seed):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("missing", [t for t in topics.RECEIVED if t.per in ("tick", "state")])
 def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missing):
-    """A state is not acknowledged while a message of its tick is missing.
+    """A cam state is not written while a message of its tick is missing.
 
-    The messages that have arrived are written at the end.
+    At the end the messages that have arrived are written.
     """
     last = max(n for topic, n, _ in golden if topic is missing)
     written = record([m for m in golden if m[:2] != (missing, last)], kept)
@@ -110,14 +113,14 @@ def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missi
 
 
 def test_a_step_waits_for_its_law(golden, kept, states):
-    """States at a speed are not written before the law of that speed has arrived."""
+    """Cam states are not written before the law of their cam has arrived."""
     laws = [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.LAW]
     written = record([m for m in golden if m[:2] != (topics.LAW, 2)], kept)
     assert written == [stamp for stamp in states if stamp < laws[1]]
 
 
 def test_a_clock_that_jumps_back_is_refused(golden, kept, states, session):
-    """A second run in the same bag is refused, and the first run is complete."""
+    """A second run in the same bag is refused, and the first run stays complete."""
     for topic, number, cdr in golden:
         session.take(topic, cdr, LIVE, number)
     whole = by_topic(kept)
@@ -132,7 +135,7 @@ def test_a_clock_that_jumps_back_is_refused(golden, kept, states, session):
 
 
 def test_a_different_second_message_of_a_stamp_is_refused(golden, kept):
-    """A second, different message of a topic and stamp raises RefusedError."""
+    """Two different messages of one topic and stamp raise RefusedError."""
     session = RecordingSession(kept, StateValidator(RATE), Publishers())
     state, pressure = (
         next(m for m in golden if m[0] is topic) for topic in (topics.CAM_STATE, topics.PRESSURE)
@@ -152,9 +155,9 @@ OWNED = [topic for topic in topics.RECEIVED if topic.owner]
 @pytest.mark.parametrize("topic", OWNED, ids=lambda t: t.name)
 @pytest.mark.parametrize("forged_first", [False, True])
 def test_a_second_publisher_of_a_node_is_refused(golden, kept, topic, forged_first):
-    """A message of a second publisher raises RunError that names topic and publisher.
+    """A message of a second publisher raises RunError with topic and publisher.
 
-    It does so in any order of the two publishers, and also for equal bytes.
+    This applies in any order of the two publishers, and even if their bytes are equal.
     """
     name = {b"forger": "/rogue", LIVE: f"/rig/{topic.owner}"}
     publishers = Publishers(find_publishers=lambda _topic: name)
@@ -173,9 +176,9 @@ def test_a_second_publisher_of_a_node_is_refused(golden, kept, topic, forged_fir
 
 
 def test_each_topic_of_a_node_may_have_a_gid_without_a_common_part(golden, kept, states):
-    """Publishers of one node with unrelated gids are accepted as that node.
+    """Publishers of one node are accepted even if their gids have no common part.
 
-    The gids of rmw_zenoh, for example, are random.
+    A gid is the publisher's ID in the middleware. Those of rmw_zenoh, for example, are random.
     """
     chance = random.Random(1)
     gids = {topic: chance.randbytes(16) for topic in topics.RECEIVED}
@@ -193,7 +196,7 @@ def test_each_topic_of_a_node_may_have_a_gid_without_a_common_part(golden, kept,
 def test_a_second_publisher_is_named_by_the_graph(names, words):
     """The error of a second publisher has its node name, or its gid without a name.
 
-    The gid in messages may differ from that of the graph (rmw_cyclonedds).
+    The gid in messages may differ from that of the ROS graph (rmw_cyclonedds).
     """
     publishers = Publishers(lambda _topic: names)
     publishers.require("follower", topics.FOLLOWER_STATE, b"first")
@@ -223,7 +226,7 @@ def test_a_forged_diagnostic_is_refused(golden, session):
 
 
 def test_a_law_that_differs_from_the_file_is_refused(golden, kept):
-    """A law that the check refuses is left out of the bag, and recording continues."""
+    """A law that the check refuses is not written to the bag, and recording continues."""
     held = []
 
     def check(topic, message):
@@ -245,7 +248,7 @@ def test_a_law_that_differs_from_the_file_is_refused(golden, kept):
 
 
 def test_messages_without_a_known_state_are_bounded(golden, session):
-    """A flood of messages without a known state is refused, to bound the memory."""
+    """A flood of messages without a known cam state is refused, to bound the memory."""
     pressure = next(cdr for topic, _, cdr in golden if topic is topics.PRESSURE)
     with pytest.raises(RefusedError, match="messages without a state"):
         for second in range(1000):
@@ -253,12 +256,12 @@ def test_messages_without_a_known_state_are_bounded(golden, session):
 
 
 def stamped(cdr, stamp):
-    """Return a message with another stamp."""
+    """Return a serialized message with another stamp (ns)."""
     return cdr[:4] + struct.pack("<iI", stamp // 10**9, stamp % 10**9) + cdr[12:]
 
 
 def test_messages_before_a_written_state_are_dropped(golden, kept):
-    """Stray messages with stamps between two states do not block the recording.
+    """Stray messages with stamps between two cam states do not block the recording.
 
     They are dropped after the second state is written.
     """
@@ -266,9 +269,7 @@ def test_messages_before_a_written_state_are_dropped(golden, kept):
     session, number = RecordingSession(kept, StateValidator(RATE)), 0
     for topic, n, cdr in golden:
         session.take(topic, cdr, LIVE, n)
-        for i in range(
-            9 if topic is topics.CAM_STATE else 0
-        ):  # 17 x 9 stamps are more than are stored
+        for i in range(9 if topic is topics.CAM_STATE else 0):  # 17 x 9 stamps exceed the storage
             number += 1
             junk = stamped(law, stamp_of(cdr) + 1 + i)
             session.take(topics.LAW, junk, LIVE, number)
@@ -314,7 +315,7 @@ def test_derived_messages_are_refused(session):
 def test_invalid_bytes_are_refused(golden, kept):
     """Bytes that are not a message of their topic are refused.
 
-    A state with a flipped byte is refused or still valid, and raises no other error.
+    A cam state with a changed byte is refused or still valid, and raises no other error.
     """
     for topic in topics.RECEIVED:
         for cdr in (b"", b"\0\1\0\0", b"\xff" * 40):
@@ -333,27 +334,25 @@ def test_padding_bytes_are_zero(golden):
 
     The middleware leaves bytes there that differ from run to run.
     """
-    cdr = next(
-        m[2] for m in golden if m[0] is topics.CAM_STATE
-    )  # "tm21\0" is followed by 3 padding bytes
+    cdr = next(m[2] for m in golden if m[0] is topics.CAM_STATE)  # "tm21\0" and 3 padding bytes
     gap = 4 + 8 + 4 + 5
     assert cdr[gap : gap + 3] == b"\0\0\0"
     dirty = cdr[:gap] + b"abc" + cdr[gap + 3 :]
     assert read_message(topics.CAM_STATE, dirty)[1] == cdr
 
 
-# -- the quantity of the microphone in a recording, which a replay sets ------------------------
+# -- the quantity that the microphone measured in a recording, which a replay sets
 
 
 def test_a_recording_contains_the_quantity_of_its_microphone():
-    """The golden bag contains the quantity that its microphone measured."""
+    """The golden bag contains the quantity that its microphone measured, such as LZF."""
     assert {one.quantity for one in replay_steps(GOLDEN)} == {"", "LZF"}
 
 
 def test_a_quantity_is_a_value_of_the_microphone():
-    """The quantity is the symbol of a level in a diagnostic of the microphone.
+    """The quantity is the symbol of a sound level in a diagnostic of the microphone.
 
-    Other nodes and other texts give no quantity.
+    Other nodes and other texts give an empty string.
     """
     wrong = [("microphone", value) for value in ("", "L", "LBF", "LAFx", "laf")]
     for words in ("hears LAF", ""):

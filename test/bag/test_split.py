@@ -1,4 +1,4 @@
-"""A recording that is split can be read file by file, and as one bag."""
+"""Recordings in several files: readable file by file, and as one bag."""
 
 from collections import Counter
 from itertools import pairwise
@@ -52,7 +52,7 @@ def listed(bag):
 def test_metadata_lists_times_and_counts_of_every_file(split):
     """metadata.yaml lists name, start, duration and number of messages of each file.
 
-    rosbag2 reads the same total.
+    rosbags reads the same total.
     """
     about, files = listed(split), mcap_files(split)
     assert about["relative_file_paths"] == [file.name for file in files]
@@ -71,7 +71,8 @@ def test_metadata_lists_times_and_counts_of_every_file(split):
         assert Counter(c.topic for c, _, _ in reader.messages()) == read_counts(split)
 
 
-#: Keys of BagMetadata in rosbag2_storage/yaml.hpp in its order, of each file, and of each topic.
+#: Keys of BagMetadata in rosbag2_storage/yaml.hpp in its order, then those of a file and of a
+#: topic.
 KEYS = [
     *("version", "storage_identifier", "duration", "starting_time", "message_count"),
     *("topics_with_message_count", "compression_format", "compression_mode"),
@@ -85,7 +86,7 @@ TOPIC_KEYS = [
 
 
 def records(bag):
-    """Return the records of bag metadata in each file, in order."""
+    """Yield each file of a bag with its two records of bag metadata, start and end."""
     for file in mcap_files(bag):
         with file.open("rb") as stream:
             found = list(make_reader(stream).iter_metadata())
@@ -116,7 +117,7 @@ def test_each_file_describes_the_bag_at_its_start_and_end(split):
             total += reader.message_count
         names.append(file.name)
         assert about["relative_file_paths"] == names and about["message_count"] == total
-        if len(names) == 1:  # the start time NEVER, no message, no topic
+        if len(names) == 1:  # no start time, message or topic yet
             assert begin["starting_time"] == {"nanoseconds_since_epoch": NEVER}
             assert begin["duration"] == {"nanoseconds": 0}
             assert begin["relative_file_paths"] == names
@@ -132,8 +133,8 @@ def test_each_file_describes_the_bag_at_its_start_and_end(split):
 def test_each_file_can_be_read_alone(split):
     """Each file of a split bag can be read without the others.
 
-    It has schemas, channels, versions and the scene. Messages that are published once per cam
-    are in the file of their time, as with `ros2 bag record`.
+    It has schemas, channels, versions and the scene. Messages that are published once per cam are
+    in the file of their time, as with `ros2 bag record`.
     """
     ticks, topics = 0, {c.topic for c in summary(mcap_files(split)[0]).channels.values()}
     for file in mcap_files(split):
@@ -144,12 +145,12 @@ def test_each_file_can_be_read_alone(split):
         alone = read_recording(file)
         assert alone.loaded.scene.name == "quick"
         ticks += len(alone.ticks)
-    borders = len(mcap_files(split)) - 1  # ticks that start in one file and end in the next
+    borders = len(mcap_files(split)) - 1  # ticks that span two files
     assert 16 - borders <= ticks < 16
 
 
 def test_no_tick_is_divided(split):
-    """All messages of a state are in one file. Only diagnostics may be in a later one."""
+    """All messages of a cam state are in one file. Only diagnostics may come later."""
     stamps = []
     for file in mcap_files(split):
         with Reader(file) as reader:
@@ -158,7 +159,7 @@ def test_no_tick_is_divided(split):
         own = max(time for topic, time in found if topic == CAM_STATE.name)
         assert max(time for _, time in found) < own + 100
     for one, later in pairwise(stamps):
-        assert max(one) <= min(later)  # the first instant of a tick has the time of its start
+        assert max(one) <= min(later)  # an instant may be at the border
 
 
 @pytest.mark.parametrize("limit", [Split(duration=0.7), Split(size=60_000)], ids=["s", "bytes"])
@@ -173,7 +174,7 @@ def test_the_limits_are_kept(tmp_path, golden, limit):
         times = [time for topic, time, _ in found if topic == CAM_STATE.name]
         if limit.duration:
             assert times[-1] - times[0] <= 0.7e9
-        else:  # all ticks except the last have fewer bytes
+        else:  # all ticks except the last
             before = max(times[:-1], default=-1)
             assert sum(size for _, time, size in found if time <= before) < limit.size
 
@@ -188,9 +189,9 @@ def test_a_split_bag_is_recovered_into_one_file(whole, split, tmp_path):
 
 
 def test_a_missing_middle_file_is_named(split, tmp_path):
-    """A split bag without a middle file is refused, and the error names the file.
+    """A split bag without a middle file is refused, and the error gives its name.
 
-    The other files can be read by their names.
+    The other files can be read one by one.
     """
     bag = tmp_path / "bag"
     bag.mkdir()
@@ -205,7 +206,7 @@ def test_a_missing_middle_file_is_named(split, tmp_path):
 
 
 def test_a_limit_is_parsed_or_refused_with_the_allowed_values():
-    """Limits of size and duration are parsed with units, and other texts refused."""
+    """Limits of size and duration are parsed with units, and other texts are refused."""
     assert Split.parse("100MB", None) == Split(size=100_000_000)
     assert Split.parse("1.5 GiB", "2 h") == Split(size=1_610_612_736, duration=7200.0)
     assert Split.parse(None, "60s") == Split(duration=60.0)

@@ -1,4 +1,4 @@
-"""A bag is a rosbag2 directory that is never overwritten."""
+"""Bag writer: a bag is a rosbag2 directory that is never overwritten."""
 
 import json
 import os
@@ -29,7 +29,7 @@ def level(value):
 
 
 def test_a_path_that_cannot_be_written_is_named(tmp_path):
-    """An existing bag, or a path below a file, is refused with the path."""
+    """An existing bag, or a path below a file, is refused with its path."""
     (tmp_path / "bag").mkdir()
     with pytest.raises(BagError, match="exists already, not overwriting"):
         BagWriter(tmp_path / "bag")
@@ -64,7 +64,10 @@ def test_a_bag_has_its_metadata_from_the_start(tmp_path):
 
 
 def test_the_end_of_the_file_is_written_last(tmp_path, monkeypatch):
-    """A closing writer stores messages, then metadata.yaml, then the end of the file."""
+    """A closing writer stores messages, then metadata.yaml, then the end of the file.
+
+    A bag that has its end is therefore complete.
+    """
     steps = []
     bag = BagWriter(tmp_path / "bag")
     bag.write(topics.LEVEL, 7, level(70.0))
@@ -120,7 +123,7 @@ def test_a_single_message_is_flushed(tmp_path, monkeypatch):
 
 
 def test_a_bag_is_read_wherever_its_scene_was(tmp_path, monkeypatch):
-    """A bag contains the files of its scene, whatever the path of the scene was."""
+    """A bag contains the files of its scene, wherever the scene file was."""
     monkeypatch.chdir(tmp_path)
     scene = open_scene(QUICK).scene
     for number, place in enumerate(("", "mine", "cams", "scenes", "lab/rigs")):
@@ -134,9 +137,9 @@ def test_a_bag_is_read_wherever_its_scene_was(tmp_path, monkeypatch):
 
 
 def test_the_distribution_is_that_of_the_environment_else_the_wheels(monkeypatch):
-    """metadata.yaml names the ROS distribution of the environment or of the wheels.
+    """metadata.yaml has the ROS distribution of the environment or of the wheels.
 
-    It is unknown without ROS, so that a bag can be recovered there.
+    Without ROS it is unknown, so that a bag can be recovered there.
     """
     wheels = ["numpy", "ros-jazzy-std-msgs", "ros_jazzy_rclpy"]
     there = [SimpleNamespace(name=name) for name in wheels]

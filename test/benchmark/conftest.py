@@ -1,3 +1,5 @@
+"""Fixture of the cases of the comparison with other solvers."""
+
 import pytest
 
 from benchmark.speed.cases import CASES
@@ -5,5 +7,5 @@ from benchmark.speed.cases import CASES
 
 @pytest.fixture(scope="session")
 def cases():
-    """Every case of the study by name."""
+    """All cases of the comparison with other solvers, by name."""
     return {name: make() for name, make in CASES.items()}

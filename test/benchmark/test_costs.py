@@ -1,4 +1,7 @@
-"""Cost of events, sweep points, starts and samples, as in docs/develop/cost.md."""
+"""Tests of the measured costs that docs/develop/cost.md lists.
+
+The costs are those of an event, a sweep point, a start of a program and a sample.
+"""
 
 import subprocess
 
@@ -14,9 +17,9 @@ from cam_rig.show.tables import to_markdown
 @pytest.mark.long
 @pytest.mark.slow
 def test_events_are_known_to_a_picosecond():
-    """Compiled and plain searches find events to a picosecond, with equal errors.
+    """Compiled and plain searches find events to 1 ps, with equal errors.
 
-    The reference has 50 digits, on a soft stem.
+    The reference was computed with 50 digits, for a follower with a soft stem.
     """
     costs = event_costs(("two_mass_soft",), peer="none", repeats=1)
     forms = [cost.solver.rpartition(", ")[2] for cost in costs]
@@ -34,13 +37,14 @@ def test_a_ratio_is_to_the_first_row_of_the_case():
     assert rows[1][2] == 4e3
 
 
-# -- cost of a sweep point, as in the table of docs/develop/cost.md ----------------------------
+# -- cost of a sweep point, as in the table of docs/develop/cost.md
 
 
 def test_the_peer_has_flights_above_the_jump_speed_alone():
-    """The peer of a sweep point is timed only at speeds with flights.
+    """The compared solver computes a sweep point only at speeds with flights.
 
-    TM21 stays on its cam at 300 rpm and lands once per turn at 450 rpm.
+    The cam TM21 remains in contact at 300 rpm and lands once per turn at 450 rpm. Without the
+    compared library the ratio is empty.
     """
     costs = steady_costs((300.0, 450.0), repeats=1)
     assert [cost.landings for cost in costs] == [0, 10]
@@ -52,13 +56,13 @@ def test_the_peer_has_flights_above_the_jump_speed_alone():
     assert rows[1][-1] == ratio
 
 
-# -- cost of a start, as in the tables of docs/develop/cost.md ---------------------------------
+# -- cost of a start, as in the tables of docs/develop/cost.md
 
 
 def test_a_command_counts_with_the_processes_it_waits_for():
-    """The cost of a command includes its child processes.
+    """The cost of a command includes the time of its child processes.
 
-    Its ratio is relative to a bare interpreter.
+    Its ratio is relative to an interpreter that starts and ends at once.
     """
     child = "import time\nwhile time.process_time() < 0.2: pass"
     parent = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"
@@ -87,7 +91,10 @@ def test_a_forked_node_has_little_left_to_import(monkeypatch):
 
 
 def test_each_rate_has_its_copy(monkeypatch):
-    """Each rate of samples, per model and speed, has the rate of a copy and a ratio."""
+    """Each row has samples per second, values per second of a copy, and their ratio.
+
+    There is a row for each model and speed.
+    """
     monkeypatch.setattr(rate, "REPEATS", 2)
     found = rate.sample_rates(blocks=(2048,))
     assert [(one.model, one.rpm) for one in found] == [
@@ -101,7 +108,7 @@ def test_each_rate_has_its_copy(monkeypatch):
 
 
 def test_a_copy_moves_what_a_block_holds(monkeypatch):
-    """Block and copy are timed on the same number of bytes.
+    """A block of samples and the copy that it is compared with have equal sizes.
 
     Rates are medians, and the ratio is the median of the ratios.
     """

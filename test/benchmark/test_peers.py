@@ -1,4 +1,8 @@
-"""Peers: they agree with campaign and references, and may be missing."""
+"""Tests of the peers, which are other ODE solvers that cam_rig is compared with.
+
+They agree with the jump speeds of a campaign and with the stored references, and a peer whose
+library is missing is left out.
+"""
 
 import builtins
 import itertools
@@ -28,7 +32,10 @@ from cam_rig.studies.campaign.campaign import campaign_from, make_point, measure
 
 
 def test_the_peer_loses_contact_at_the_campaign_s_speed():
-    """CVODE loses contact 1e-4 above the jump speed of the campaign, not 1e-4 below."""
+    """CVODE loses contact just above the jump speed of the campaign, and not below.
+
+    The two speeds differ from the jump speed by 1e-4, relative.
+    """
     found = campaign_from(
         {**STUDY, "plan": {"kind": "sobol", "points": 2}}, Library((config_root(),))
     )
@@ -40,13 +47,16 @@ def test_the_peer_loses_contact_at_the_campaign_s_speed():
 
 
 def test_the_peer_halves_down_to_the_speed(monkeypatch):
-    """The bisection of the peer finds the speed from which contact is lost."""
+    """`bisect_jump` finds the speed from which contact is lost, within 0.05 rpm."""
     monkeypatch.setattr(campaign, "leaves", lambda _p, _law, speed: speed > rad_per_s(300.1))
     assert bisect_jump(None, None, 300.0) == pytest.approx(300.1, abs=0.05)
 
 
 def test_without_joblib_the_campaign_is_alone(monkeypatch):
-    """Without joblib the campaign is timed without a peer, and a note has the remedy."""
+    """Without joblib the campaign is timed without a peer.
+
+    A note gives the command that installs joblib.
+    """
     monkeypatch.setitem(sys.modules, "joblib", None)
     found = campaign_rate(2, True)
     assert (found.processes, found.points, found.ratio) == (1, BATCH, None)
@@ -55,11 +65,11 @@ def test_without_joblib_the_campaign_is_alone(monkeypatch):
     assert "joblib" in note and "pip install" in note
 
 
-# -- convergence of the peers to the reference, which verifies both and the right-hand sides
+# -- convergence of the peers to the reference, which checks both and the equations of motion
 
 
 BY_TITLE = {peer.title: peer for peer in PEERS}
-#: Case, number of turns, largest error at rtol 1e-10.
+#: Cases: name, number of turns, largest error of a peer at rtol 1e-10.
 SOLVED = [
     ("resonance", 2, 1e-6),
     ("torsional", 1, 1e-6),
@@ -73,7 +83,7 @@ SOLVED = [
 @pytest.mark.parametrize("title", ["DOP853", "CVODE BDF", "CVODE Adams", "LSODA"])
 @pytest.mark.parametrize(("name", "turns", "limit"), SOLVED)
 def test_a_peer_comes_to_the_reference(cases, title, name, turns, limit):
-    """A peer agrees with the reference, with the same events in the same order."""
+    """Each peer agrees with the reference, and has the same events in the same order."""
     if title.startswith("CVODE"):
         pytest.importorskip("sksundae")
     case = cases[name].first_turns(turns)
@@ -84,7 +94,10 @@ def test_a_peer_comes_to_the_reference(cases, title, name, turns, limit):
 
 
 def test_stretches_are_the_law(cases):
-    """The peers' scalar functions are lift, velocity and acceleration of the law."""
+    """The functions of time that the peers call equal the law's lift and derivatives.
+
+    Velocity and acceleration are included. Differences are at most 1e-12 of the largest value.
+    """
     case = cases["one_mass_arc"]
     for start, interval in intervals(case.law, case.speed, 2):
         local = np.linspace(0.0, interval.duration, 13)[1:-1]
@@ -97,16 +110,19 @@ def test_stretches_are_the_law(cases):
 
 
 def test_peers_restart_at_joints_only(cases):
-    """A peer restarts only at the joints of the law.
+    """A peer restarts its integration only at the joints of the law.
 
-    3-4-5 has four joints per turn. The two dwells at 0° are one piece.
+    The law 3-4-5 has four joints per turn, because the dwells before and after 0° are one piece.
     """
     case = cases["resonance"]
     assert len(intervals(case.law, case.speed, 3)) == 3 * 4 + 1
 
 
 def test_a_missing_peer_is_skipped_with_the_remedy(cases, monkeypatch):
-    """Without its library a peer has no points, and a note has the remedy."""
+    """A peer whose library is missing has no points.
+
+    A note gives the command that installs the library.
+    """
     true_import = builtins.__import__
 
     def no_sundae(name, *rest, **more):
@@ -122,7 +138,10 @@ def test_a_missing_peer_is_skipped_with_the_remedy(cases, monkeypatch):
 
 
 def test_a_sweep_keeps_to_its_time(cases, monkeypatch):
-    """A sweep leaves out settings beyond its time limit, and a note reports them."""
+    """A sweep leaves out tolerances that would exceed its time limit.
+
+    A note reports them.
+    """
     seconds = itertools.count()
     monkeypatch.setattr(stored, "time", SimpleNamespace(perf_counter=lambda: next(seconds)))
     case = cases["resonance"].first_turns(1)

@@ -1,4 +1,4 @@
-"""Stored references: valid for these parameters, repeatable, and consistent."""
+"""Tests of the stored references: current parameters, repeatable, consistent."""
 
 from dataclasses import replace
 
@@ -16,7 +16,10 @@ from cam_rig.laws import Law
 
 @pytest.mark.parametrize(("name", "turns"), [("elastic_stem", 1), ("two_mass_soft", 1)])
 def test_a_reference_is_what_50_digits_give(cases, name, turns):
-    """A stored reference equals a recomputed first turn to the last digit of a float."""
+    """A stored reference equals a new computation of its first turn with 50 digits.
+
+    The error is below 1e-15, so that all digits of a float agree, and the events are equal.
+    """
     case = cases[name].first_turns(turns)
     again, kept = exact.solve(case), stored.read_reference(case)
     assert again.error(kept) < 1e-15
@@ -24,7 +27,10 @@ def test_a_reference_is_what_50_digits_give(cases, name, turns):
 
 
 def test_the_torsional_reference_is_repeatable(cases):
-    """Half a turn with joints of the law and twisted passages is reproduced."""
+    """A new computation of half a turn equals the stored torsional reference.
+
+    The half turn contains joints of the law, which the twist of the shaft shifts in time.
+    """
     case = cases["torsional"]
     short = replace(case, times=case.times[:25])
     kept = stored.read_reference(short)
@@ -33,7 +39,10 @@ def test_the_torsional_reference_is_repeatable(cases):
 
 
 def test_the_torsional_reference_solves_the_equation(cases):
-    """Central differences of the Taylor solution satisfy eq. 10 at the twisted angle."""
+    """The torsional reference satisfies eq. 10, by central differences of the twist.
+
+    The remainder is below 1e-5 of the torque of the contact force, the error of the differences.
+    """
     case = cases["torsional"]
     step, at = 2e-6, 0.028
     near = replace(case, times=at + step * np.arange(-1.0, 2.0))
@@ -51,7 +60,10 @@ def test_the_torsional_reference_solves_the_equation(cases):
 
 @pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
 def test_the_follower_flies_in_every_case_of_separation(cases, name):
-    """Events start with a lift-off, are in order, and include landings."""
+    """The events of a case with flights start with a lift-off and include landings.
+
+    They are in the order of time.
+    """
     events = stored.read_reference(cases[name]).events
     kinds, times = zip(*events, strict=True)
     assert kinds[0] == LIFT_OFF
@@ -60,13 +72,13 @@ def test_the_follower_flies_in_every_case_of_separation(cases, name):
 
 
 def test_a_reference_for_other_numbers_is_refused(cases):
-    """A stored reference raises an error if cam or speed have changed."""
+    """A stored reference raises an error if the speed of its case has changed."""
     other = replace(cases["resonance"], speed=cases["resonance"].speed * 1.001)
     with pytest.raises(CamRigError, match=r"made for other numbers.*make_reference"):
         stored.read_reference(other)
 
 
-# -- closed form of one phase of the reference ------------------------------------------------
+# -- closed form of one phase of the reference
 
 
 @pytest.mark.parametrize("spring_damping", [0.0, 89.37064464606817, 1e3])

@@ -1,4 +1,4 @@
-"""Error measure, comparison, and report of the study."""
+"""Tests of the error measure, the comparison and the report of the benchmark."""
 
 import json
 
@@ -28,7 +28,10 @@ def point(time_s, error, rtol=None):
 
 @pytest.fixture
 def study(cases):
-    """Study with a case that the rig wins against a peer, and one without the rig."""
+    """Result of a benchmark with two cases.
+
+    In the first case cam_rig is compared with three peers. In the second case it has no result.
+    """
     dop853, adams, bdf, *_ = PEERS
     sweeps = [
         Sweep(dop853, [point(0.2, 1e-6, 1e-6), point(0.5, 1e-9, 1e-9)], ["rest left out"]),
@@ -44,7 +47,7 @@ def study(cases):
 
 
 def test_error_is_relative_to_the_largest_value():
-    """The error is the larger of those of displacement and velocity."""
+    """The error is the larger of the relative errors of displacement and velocity."""
     assert solution(shift=0.5).error(solution()) == pytest.approx(0.25)
     assert solution().error(solution()) == 0.0
 
@@ -52,7 +55,7 @@ def test_error_is_relative_to_the_largest_value():
 def test_a_missed_event_counts_with_its_distance():
     """The error of a missed event is its distance (s) to the nearest found event.
 
-    It is infinite for a solver without events, which is therefore not the best.
+    It is infinite for a solver without any event, which thus cannot be the best.
     """
     two, one = solution([("landing", 1.0), ("landing", 1.5)]), solution([("landing", 1.0)])
     assert one.event_error(two) == pytest.approx(0.5)
@@ -62,9 +65,9 @@ def test_a_missed_event_counts_with_its_distance():
 
 
 def test_a_peer_is_compared_at_its_best(study):
-    """A peer is compared at its cheapest setting that is as accurate as the rig.
+    """A peer is compared at its fastest setting that is as accurate as cam_rig.
 
-    If no setting is, it is compared at its most accurate one.
+    If no setting is as accurate, the most accurate setting is compared.
     """
     result = study.cases["resonance"]
     sweep, chosen = result.best("CVODE")
@@ -86,9 +89,9 @@ def test_json_has_every_point(study):
 
 
 def test_the_page_has_the_quickest_peer_of_a_case(study):
-    """The page lists the rig and the quickest peer of each case.
+    """The page lists cam_rig and the fastest peer of each case.
 
-    A peer without points is listed if there is no other.
+    A peer without points is listed if the case has no other peer.
     """
     shown = quickest(Comparison(study).tables()[0].records)
     assert [(one.case, one.solver) for one in shown] == [
@@ -98,7 +101,7 @@ def test_the_page_has_the_quickest_peer_of_a_case(study):
 
 
 def test_a_ratio_that_is_only_a_bound_is_marked(study):
-    """The ratio of a peer that is never as accurate is marked as a bound."""
+    """The ratio of a peer that is never as accurate as cam_rig is marked with ">"."""
     points, _ = Comparison(study).to_display()
     assert [row[-1] for row in points.text_rows] == ["", "> 50", "10", "", ""]
     assert [row[0] for row in points.text_rows] == ["resonance", "", "", "torsional", ""]
@@ -106,7 +109,7 @@ def test_a_ratio_that_is_only_a_bound_is_marked(study):
 
 
 def test_the_plot_is_a_picture(study, tmp_path):
-    """The plot of the study is not an empty picture."""
+    """The plot of the benchmark is a PNG without faults of layout."""
     figure = Comparison(study).plot()
     write(figure, tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
@@ -117,15 +120,18 @@ def test_the_plot_is_a_picture(study, tmp_path):
     ("name", "error"), [("elastic_stem", 1e-12), ("resonance", 1e-11), ("torsional", 1e-12)]
 )
 def test_the_rig_is_near_the_reference(cases, name, error):
-    """The rig agrees with the reference in every case.
+    """The solution of cam_rig agrees with the reference within the limit of each case.
 
-    Cases with events are tested in test_bounces.
+    Cases with flights are tested in test_bounces.
     """
     assert rig.solve(cases[name]).error(stored.read_reference(cases[name])) < error
 
 
 def test_a_short_case_is_the_beginning_of_the_long_one(cases):
-    """A quick study uses the same stored references."""
+    """The solution of the first turn equals the beginning of that of the whole case.
+
+    Thus a quick benchmark can use the same stored references.
+    """
     case = cases["two_mass_soft"]
     short, whole = rig.solve(case.first_turns(1)), rig.solve(case)
     count = case.first_turns(1).times.size

@@ -20,7 +20,7 @@ __all__ = ["GOLDEN", "no_faulty_figure"]
 
 @pytest.fixture(autouse=True)
 def no_broken_heading(monkeypatch):
-    """Check that headings of tables at 80 columns or more break only between words."""
+    """Check that table headings break only between words at 80 columns or more."""
     original = console._widths
 
     def checked(table, room):
@@ -39,12 +39,15 @@ def shipped(folder, name):
 
 
 def load(folder, name):
-    """Return a shipped file as plain data, without validation."""
+    """Return a shipped YAML file as plain data, without validation."""
     return YAML(typ="safe").load(shipped(folder, name))
 
 
 def written(root, files):
-    """Write files, given as texts by relative path, into a folder and return it."""
+    """Write files into a folder and return the folder.
+
+    `files` is a dict from relative path to text.
+    """
     for name, text in files.items():
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text(text, encoding="utf-8")
@@ -53,7 +56,7 @@ def written(root, files):
 
 @pytest.fixture(scope="session")
 def sweep(tmp_path_factory):
-    """File of the shipped sweep with steps of 25 rpm."""
+    """Path of the shipped speed sweep, with steps of 25 rpm."""
     scene = load("scenes", "tm21_sweep")
     scene["schedule"]["speeds"]["given"] = list(range(200, 401, 25))
     path = tmp_path_factory.mktemp("study") / "config" / "scenes" / "tm21_sweep.yaml"
@@ -66,7 +69,7 @@ BIN = Path(sys.executable).parent
 
 
 def call(*arguments):
-    """Run `cam-rig` with these arguments and return the result."""
+    """Run `cam-rig` with these arguments in this process and return the result."""
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 

@@ -1,4 +1,4 @@
-"""Tests of recover, replay, analyze and export with damaged and foreign bags."""
+"""Commands recover, replay, analyze and export with damaged and foreign bags."""
 
 import json
 import os
@@ -99,7 +99,7 @@ def test_recover_reports_times_relative_to_the_start_of_the_bag(tmp_path):
 
 
 def test_missing_ticks_of_a_recovered_bag_are_reported(tmp_path):
-    """Each command that reads a recovered bag reports its missing ticks."""
+    """Each command that reads a recovered bag reports its missing ticks (time steps)."""
     words = call("recover", cut_off(tmp_path / "torn", 0.8)).stderr.replace("\n", " ")
     missing = f"ticks {read_counts(tmp_path / 'torn_recovered')['/cam/state']} to 16 of 16"
     assert missing in words
@@ -118,9 +118,9 @@ def test_missing_ticks_of_a_recovered_bag_are_reported(tmp_path):
 
 
 def test_analyze_takes_the_newest_closed_bag(tmp_path, monkeypatch):
-    """`analyze` without an argument reads the newest closed bag in bags/.
+    """`analyze` without an argument reads the newest complete bag in bags/.
 
-    A truncated bag is named and skipped. Without a closed bag the command fails.
+    A truncated bag is reported and skipped. Without a complete bag the command fails.
     """
     monkeypatch.chdir(tmp_path)
     shutil.copytree(GOLDEN, tmp_path / "bags" / "golden")
@@ -138,7 +138,7 @@ def test_analyze_takes_the_newest_closed_bag(tmp_path, monkeypatch):
 
 
 def test_recover_from_inside_the_bag(tmp_path, monkeypatch):
-    """`recover .` within a bag writes the recovered bag next to its folder."""
+    """`recover .` inside a bag writes the recovered bag next to its folder."""
     monkeypatch.chdir(shutil.copytree(GOLDEN, tmp_path / "mine"))
     done("recover", ".")
     assert read_counts(tmp_path / "mine_recovered")
@@ -152,7 +152,7 @@ def test_replay_gives_the_recorded_numbers(ros_domain, tmp_path):
 
     Follower and microphone receive the recorded cam states and laws.
     """
-    output = tmp_path / "config"  # the same name as the folder of a bag's attached files
+    output = tmp_path / "config"  # equals a folder of attached files
     result = done("replay", GOLDEN, "--tolerance", "1e-10", "--output", output)
     assert "/microphone/pressure" in result.stderr
     assert read_counts(output)["/follower/samples"] == 16
@@ -160,7 +160,7 @@ def test_replay_gives_the_recorded_numbers(ros_domain, tmp_path):
 
 
 class FakeGraph:
-    """Stand-in for the nodes of a replay, which records a copy of the golden bag."""
+    """Replacement of the nodes of a replay: it records a copy of the golden bag."""
 
     def __init__(self, nodes):
         self._bag = Path(shutil.copytree(GOLDEN, nodes["recorder"]["output_uri"]))
@@ -179,7 +179,7 @@ class FakeGraph:
 
 
 def test_replay_detects_a_changed_number(tmp_path, monkeypatch):
-    """`replay` ends with code 1 if a level in the bag differs by 1e-9, and names it."""
+    """`replay` ends with code 1 and the topic if a level in the bag differs by 1e-9."""
     monkeypatch.setattr("cam_rig.runner.graph.Graph", FakeGraph)
     types = get_typestore(Stores.ROS2_KILTED)
     with AnyReader([GOLDEN]) as reader:
@@ -213,9 +213,9 @@ def test_replay_detects_a_changed_number(tmp_path, monkeypatch):
 )
 @pytest.mark.parametrize("verb", ["view", "analyze"])
 def test_file_that_is_not_a_bag_is_refused(tmp_path, verb, name, text, words):
-    """A file that is not a bag is refused with one line that has the reason.
+    """A file that is not a bag is refused in one line with the reason.
 
-    The line does not suggest ``recover``.
+    The line does not suggest `recover`.
     """
     path = tmp_path / name
     if text:
@@ -233,7 +233,7 @@ def test_file_that_is_not_a_bag_is_refused(tmp_path, verb, name, text, words):
 @pytest.mark.parametrize("scene", [(), ("--scene", "quick")])
 @pytest.mark.parametrize("command", [("analyze",), ("view", "--save"), ("export", "--to")])
 def test_bag_of_another_program_is_referred_to_compare(tmp_path, command, scene, plugin):
-    """A bag of another program is refused with its topics and a command of `compare`."""
+    """A bag of another program is refused with its topics and a `compare` command."""
     bag = write_bag(tmp_path / "bench", {"/gauge": (write_number, [0.0, 1.0], [1.0, 2.0])}, plugin)
     options = (command[1], tmp_path / "out.rrd") if command[0] == "view" else ()
     options = (command[1], tmp_path / "out.csv") if command[0] == "export" else options
@@ -250,7 +250,7 @@ def test_bag_of_another_program_is_referred_to_compare(tmp_path, command, scene,
 def test_export_reports_the_number_of_samples(tmp_path, source):
     """`export` of a scene, bag or file prints the number of samples that it writes.
 
-    The samples are those of the chosen cam.
+    The samples are those of the selected cam.
     """
     target = tmp_path / "new" / "a.npz"
     result = done("export", source, "--cam", "tm21", "--rpm", "350", "--to", target)
@@ -261,9 +261,9 @@ def test_export_reports_the_number_of_samples(tmp_path, source):
 
 
 def test_command_that_repeats_a_run_has_its_options(monkeypatch, tmp_path):
-    """The command that repeats a run has all its options but --bag.
+    """The printed command that repeats a run has all its options except --bag.
 
-    The folder of the bag exists then.
+    The folder of --bag exists by then.
     """
     commands = []
     monkeypatch.setattr("cam_rig.cli.run._run", lambda *arguments: commands.append(arguments[-1]))

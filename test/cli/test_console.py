@@ -1,4 +1,4 @@
-"""Tests of terminal output: tables fit the width, and words are not broken."""
+"""Terminal output: tables fit the width, and words are not broken."""
 
 import re
 from collections import Counter
@@ -24,7 +24,7 @@ TABLE = DataTable(
 
 @pytest.fixture
 def printed(monkeypatch, capsys):
-    """Function that prints tables at a width and returns the lines."""
+    """Function that prints tables at a terminal width and returns the lines."""
 
     def lines(width, *tables):
         monkeypatch.setattr(console, "console", Console(stderr=True, width=width))
@@ -38,7 +38,7 @@ def printed(monkeypatch, capsys):
 def test_words_are_not_broken(printed, width):
     """Cells and headings of a table wrap only between words at any width.
 
-    No text is cut, and brackets are not markup.
+    No text is cut, and brackets are not interpreted as markup.
     """
     lines = printed(width, TABLE)
     assert max(map(len, lines)) <= width
@@ -104,7 +104,7 @@ def test_messages_are_printed_unchanged(capsys, monkeypatch):
 def test_delay_of_the_viewer_page_is_logged(capsys):
     """The delay of the viewer page is displayed, and logged once per period.
 
-    At the end a line has the maximum delay.
+    A last line has the largest delay.
     """
     wall = [0.0]
     page = PageTime(lambda: wall[0])
@@ -124,7 +124,7 @@ def test_delay_of_the_viewer_page_is_logged(capsys):
 
 
 def test_no_delay_is_logged_without_a_viewer_page(capsys):
-    """Without a viewer page the description of the progress is unchanged.
+    """Without a viewer page the text of the progress is unchanged.
 
     No line follows at the end.
     """

@@ -1,6 +1,6 @@
-"""Tests of the figures of all commands.
+"""Figures of all commands: no text is cut, overlaps or is too small.
 
-They have long titles, and tiny, large and negative numbers.
+The cams have long titles, and tiny, large and negative numbers.
 """
 
 import json
@@ -17,7 +17,7 @@ from ..conftest import scene_data
 from .conftest import GOLDEN, done, shipped
 
 TITLE = "A cam whose title is of many more letters than forty: {}"
-#: User-defined cams: name, shipped file, and a replacement in its text.
+#: Custom cams: name, shipped file, and a replacement in its text or None.
 CAMS = {
     "tiny_3": ("cycloidal", ("given: 0.05, unit: m", "given: 0.02, unit: mm")),
     "bezier_14": ("bezier15", None),
@@ -27,7 +27,7 @@ CAMS = {
     "pair_7": ("oscillating_conjugate", None),
     "below_0": ("gunt_gl110", None),
 }
-#: Commands that draw, with their arguments. The path of the picture follows.
+#: Commands that draw, with their arguments. The path of the picture is appended.
 CASES = [
     "simulate {five} --plot",
     "orders {five} --plot",
@@ -84,7 +84,7 @@ CAMPAIGNS = {
         limits: [jump_speed_rigid>=300rpm]
         """,
 }
-#: Commands whose figures take minutes or need a bench, and the tests that draw them.
+#: Commands whose figures take minutes or need a bench, and the test files that draw them.
 ELSEWHERE = {
     "noise": "test_studies.py",
     "fit rig": "../studies/fit_rig/test_command.py",
@@ -101,7 +101,7 @@ def retitled(text, name, title):
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
-    """Files by name: cams, scenes and campaigns with long titles, and the golden bag."""
+    """Dict from name to file: cams, scenes and campaigns with long titles, and a bag."""
     root = tmp_path_factory.mktemp("own")
     files = {"golden": GOLDEN}
 

@@ -1,4 +1,4 @@
-"""Tests of `cam-rig laws` and `cam-rig law`, and of cams and scenes as arguments."""
+"""Commands `cam-rig laws` and `cam-rig law`, and cams and scenes as arguments."""
 
 import csv
 import io
@@ -47,12 +47,12 @@ def test_law_as_csv(laws):
 
 
 def rows_of(*names):
-    """Return the rows of the CSV output for laws."""
+    """Return the rows of the CSV output of `law` for these names."""
     return list(csv.DictReader(io.StringIO(done("law", *names, "--csv", "-").stdout)))
 
 
 def test_names_of_cams_and_rises_are_cams():
-    """A name of a cam and of a rise is taken as the cam.
+    """A name that is both a cam and a rise is taken as the cam.
 
     It is the rise if another name is only a rise, or with --rises.
     """
@@ -117,7 +117,7 @@ def test_laws_of_one_family():
 
 
 def test_error_of_an_impossible_cam_names_its_file(tmp_path):
-    """The error of an impossible cam names its file, the cam and the value to change.
+    """The error of an impossible cam has its file, the cam and the value to change.
 
     No picture is drawn.
     """
@@ -131,7 +131,7 @@ def test_error_of_an_impossible_cam_names_its_file(tmp_path):
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
-    """Scene with a user-defined rig and cam, outside of the shipped folders."""
+    """Scene with a custom rig and cam, outside of the shipped folders."""
     rig = shipped("rigs", "tm21")
     scene = scene_data(cams=["lug"], rig="mine", speeds=[200, 300, 350, 400])
     files = {
@@ -144,7 +144,7 @@ def own(tmp_path_factory):
 
 
 def test_default_rig_of_cams_and_of_a_scene(own):
-    """Without --rig cams are on the paper's rig, and a scene is on its own rig."""
+    """Without --rig a cam is on the paper's rig, and a scene on the rig it names."""
     assert resolve_cams(["poly345"], None).rig.name == "paper_table2"
     assert set(resolve_cams(None, None).cams) >= {"poly345", "bezier15"}
     cam_set = resolve_cams([str(own)], None)
@@ -162,11 +162,11 @@ def test_rig_by_name_or_by_file(own, tmp_path):
     loaded = resolve_scene(str(own), str(file))
     assert (loaded.rig.name, loaded.rig_file) == ("other", file)
     with pytest.raises(ConfigError, match="no such file"):
-        resolve_scene("quick", "other")  # there is no such rig next to this scene
+        resolve_scene("quick", "other")  # not next to this scene
 
 
 def test_speeds_of_a_scene(own):
-    """`scene_speeds` returns all speeds of a scene, or a limited number of them.
+    """`scene_speeds` returns all speeds (rpm) of a scene, or a limited number of them.
 
     The limited number includes the lowest and the highest speed.
     """
@@ -202,7 +202,7 @@ def test_noise_study_of_another_scene_is_refused(own):
 
 
 def test_only_rig_next_to_a_cam_is_used_and_named(own, tmp_path):
-    """The only rig next to a cam is used, and a line names it.
+    """The only rig file next to a cam is used, and a line states this.
 
     Several rigs next to a cam are an error, so that a new file never changes the rig.
     """

@@ -1,4 +1,4 @@
-"""Tests of outputs that cannot be written: each command ends with one error line."""
+"""Outputs that cannot be written: each command ends with one error line."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def lines(command: str, folder: Path, **how: Any) -> tuple[int, list[str]]:
 def test_full_stdout_is_an_error(what, unbuffered, tmp_path, monkeypatch):
     """A command whose stdout is full ends with code 1 and one error line.
 
-    A reader then does not use a truncated result.
+    A program that reads the output then does not use a truncated result.
     """
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     with open("/dev/full", "wb") as full:
@@ -76,7 +76,7 @@ def test_full_stdout_is_an_error(what, unbuffered, tmp_path, monkeypatch):
 
 
 def test_full_temporary_folder_is_named(tmp_path, monkeypatch, capsys):
-    """The error of a full temporary folder names the folder, not stdout.
+    """The error of a full temporary folder states the folder, not stdout.
 
     The operating system's error on a temporary file has no name.
     """

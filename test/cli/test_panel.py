@@ -1,4 +1,4 @@
-"""Tests of cam-rig panel: printed address, end by signals, errors."""
+"""Command `cam-rig panel`: printed address, end by signals, errors."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_signal_ends_the_panel_and_its_processes(number: signal.Signals) -> None
         assert caller.connect_ex(("127.0.0.1", url.port or 0)) != 0
 
 
-#: Program used as browser: writes its process id and arguments to a file, and waits.
+#: Program used as browser: writes its process ID and arguments to a file, and waits.
 BROWSER = """#!{python}
 import os, pathlib, sys, time
 pathlib.Path({report!r}).write_text(chr(10).join([str(os.getpid()), *sys.argv[1:], ""]))

@@ -1,4 +1,4 @@
-"""Tests of cam-rig profile: checks and exit code, drawings, measured contours."""
+"""Command `cam-rig profile`: checks and exit code, drawings, measured contours."""
 
 import json
 import math
@@ -21,7 +21,7 @@ done = partial(run_done, "profile")
 
 @pytest.fixture
 def undercut(tmp_path):
-    """File of the flat cam with too small a base circle."""
+    """File of the cam `flat` with too small a base circle, so that it is undercut."""
     text = re.sub(r"(base_radius: {assumed: )\d+", r"\g<1>5", shipped("cams", "flat"))
     text = re.sub(r".*least_curvature_radius: .*\n", "", text)
     return written(tmp_path, {"flat.yaml": text}) / "flat.yaml"
@@ -29,12 +29,12 @@ def undercut(tmp_path):
 
 @pytest.fixture(scope="module")
 def all_shipped():
-    """Result of the command for all shipped cams."""
+    """Result of `profile --all` for all shipped cams."""
     return done("--all", "--json", "-")
 
 
 def test_all_shipped_cams_but_one_pass(all_shipped):
-    """Each shipped cam passes all checks, except for one with corners in its contour.
+    """Each shipped cam passes all checks except the one with corners in its contour.
 
     It is the worked example with constant velocity.
     """
@@ -67,7 +67,7 @@ def test_failed_check_gives_exit_code_1(undercut):
 
 
 def test_cam_that_cannot_be_made_is_drawn_only_with_force(undercut, tmp_path):
-    """An undercut cam is not drawn, except with --force and a warning."""
+    """An undercut cam is drawn only with --force, and with a warning."""
     out, plot = tmp_path / "a.dxf", tmp_path / "a.png"
     result = call(undercut, "--out", out, "--plot", plot)
     assert result.exit_code == 1 and "or draw it with --force" in result.stderr
@@ -80,9 +80,9 @@ def test_cam_that_cannot_be_made_is_drawn_only_with_force(undercut, tmp_path):
 
 @pytest.mark.parametrize("suffix", ["dxf", "csv"])
 def test_written_contour_gives_its_law_again(tmp_path, suffix):
-    """A written contour that is measured again has the lift of its cam.
+    """A written contour that is measured by its follower gives the lift of the cam.
 
-    The follower of the cam measures it.
+    This applies to DXF and CSV files with both discs of a conjugate cam.
     """
     out, law = tmp_path / f"a.{suffix}", tmp_path / "law.csv"
     chord = ["--tolerance", "0.5"] if suffix == "dxf" else []
@@ -106,7 +106,7 @@ def test_written_contour_gives_its_law_again(tmp_path, suffix):
 
 
 def test_open_contour_is_measured_with_a_warning(tmp_path):
-    """A contour with 200 of 360 points is measured, and a warning names the gap."""
+    """A contour with 200 of 360 points is measured, and a warning reports the gap."""
     done("flat", "--points", "360", "--out", tmp_path / "a.csv")
     rows = (tmp_path / "a.csv").read_text().splitlines()
     (tmp_path / "b.csv").write_text("\n".join(rows[:201]))
@@ -115,7 +115,7 @@ def test_open_contour_is_measured_with_a_warning(tmp_path):
 
 
 def test_points_that_are_not_a_contour_are_refused(tmp_path):
-    """Points that are not a contour around the axis are refused with the file's name.
+    """Points that are not a contour around the axis are refused with the file name.
 
     They are too few, on a line, or next to the axis.
     """

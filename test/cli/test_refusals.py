@@ -1,4 +1,4 @@
-"""Tests of invalid command lines: one line, an exit code, no traceback, no file."""
+"""Invalid command lines: one error line, an exit code, no traceback, no file."""
 
 import inspect
 
@@ -10,7 +10,7 @@ from tools.docs.commands import verbs
 
 from .conftest import call, data_of, done
 
-#: Command line, exit code, and part of its error line, empty if typer prints the usage instead.
+#: Command line, exit code, and part of its error line (empty: typer prints the usage instead).
 REFUSED = [
     ("urdf quick --cam conjugate", 2, "conjugate"),
     ("simulate no_such_scene", 2, "no_such_scene.yaml: no such file; there are: "),
@@ -98,7 +98,7 @@ def test_list_of_commands_has_the_first_sentence_of_each():
 def test_json_of_simulate():
     """The JSON of `simulate tm21_sweep` has all speeds, levels and the crossing.
 
-    The levels agree with the published ones within the limits of the comparison.
+    The levels agree with published levels within the limits of the comparison.
     """
     data = data_of("simulate", "tm21_sweep")
     assert set(data) == {"schema", "speeds", "noise", "levels", "crossing", "run", "messages"}
@@ -146,7 +146,7 @@ def test_options_include_those_of_command_groups():
 @pytest.mark.variants(24)
 @pytest.mark.parametrize(("verb", "option"), OPTIONS)
 def test_repeated_option_is_refused(verb, option, capsys):
-    """An option that occurs twice ends the command with one line that names it."""
+    """An option that occurs twice ends the command with one line that states it."""
     name = max(option.opts, key=len)
     once = [name] if option.is_flag else [name, *["1"] * option.nargs]
     with pytest.raises(SystemExit) as end:

@@ -1,4 +1,4 @@
-"""Tests of cam-rig report: a scene on one page with all figures and tables."""
+"""Command `cam-rig report`: a scene on one page with all figures and tables."""
 
 import json
 import math
@@ -23,7 +23,7 @@ done = partial(run_done, "report")
 
 
 def sentences(page):
-    """Yield the sentences of a page, including those in the cells of tables."""
+    """Yield the sentences of an HTML page, including those in the cells of tables."""
     parts = re.findall(r"<(p|li|td|th|caption|figcaption|h\d)\b[^>]*>(.*?)</\1>", page, re.DOTALL)
     for _, text in parts:
         plain = " ".join(re.sub("<[^>]*>", " ", text).split())
@@ -31,14 +31,14 @@ def sentences(page):
 
 
 def too_long(page):
-    """Return the sentences with more than 30 words."""
+    """Return the sentences of a page with more than 30 words."""
     return [sentence for sentence in sentences(page) if len(sentence.split()) > 30]
 
 
 def untypeset(page):
     """Return sentences and cells with numbers that are not typeset.
 
-    These have a hyphen as minus, or an exponent. Commands are left out.
+    Such numbers have a hyphen as minus, or an exponent such as 1e-9. Commands are excluded.
     """
     text = re.sub(r"<code>.*?</code>", "", page)
     return [words for words in sentences(text) if HYPHEN.search(words) or EXPONENT.search(words)]
@@ -58,13 +58,13 @@ def test_long_sentences_and_untypeset_numbers_are_detected():
     assert untypeset(page) == ["From -3 to 4.", "1e-9"]
 
 
-#: Replacement for a picture, which takes a second or two to draw.
+#: Replacement of a picture, which would take a second or two to draw.
 PICTURE = "data:image/svg+xml;base64,AAAA"
 
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Pages have a placeholder instead of figures, which other tests draw."""
+    """Replace figures by a placeholder, because other tests draw them."""
     monkeypatch.setattr("cam_rig.report.document.uris", lambda *_: [PICTURE, PICTURE])
 
 
@@ -85,13 +85,13 @@ segments:
 
 @pytest.fixture(scope="module")
 def own_scene(tmp_path_factory):
-    """Scene of user-defined files: a measured cam, a harsh cam and a lighter follower."""
+    """Scene of custom files: a measured cam, a cam with corners, a lighter follower."""
     lift = build_law(load_cam("poly345"))
     rows = (f"{i},{1e3 * 0.24 * lift(math.radians(i)):.4f}" for i in range(360))
     rig = shipped("rigs", "tm21").replace("name: tm21", "name: mine")
     rig = rig.replace("given: 1.3,", "given: 0.45,")
     scene = scene_data(cams=["own", "harsh"], rig="mine", speeds=[300, 1500], sample_rate=2000)
-    name = "worked_example_constant_velocity"  # its velocity jumps: no jump speed
+    name = "worked_example_constant_velocity"  # velocity jumps: no jump speed
     harsh = shipped("cams", name).replace(f"name: {name}", "name: harsh")
     files = {
         "cams/own.yaml": OWN_CAM,
@@ -106,10 +106,10 @@ def own_scene(tmp_path_factory):
 
 @pytest.mark.usefixtures("undrawn")
 def test_page_of_a_user_defined_scene(own_scene, tmp_path, monkeypatch):
-    """The page of a user-defined scene has all sections, figures and results.
+    """The page of a custom scene has all sections, figures and results.
 
-    It has date and command, relative levels and refusals, but no private path and no link to
-    another host.
+    It has date and command, relative levels and errors of studies, but no private path and no link
+    to another host.
     """
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     out, data = tmp_path / "own.html", tmp_path / "own.json"
@@ -121,7 +121,7 @@ def test_page_of_a_user_defined_scene(own_scene, tmp_path, monkeypatch):
         words for words in too_long(page) if "allowed:" not in words
     ] == []  # errors may be long
     assert untypeset(page) == []
-    assert not re.search(r"<th[^>]*>(own|harsh)</th", page)  # cams by their titles
+    assert not re.search(r"<th[^>]*>(own|harsh)</th", page)  # cams have their titles
     assert "My &lt;measured&gt; cam" in page and "A harsh cam: law" in page
     assert "Levels are relative" in page and "<dd>2023-11-14</dd>" in page
     assert "<code>cam-rig report own.yaml --out own.html</code>" in page
@@ -139,7 +139,7 @@ def test_page_of_a_user_defined_scene(own_scene, tmp_path, monkeypatch):
 
 
 def test_numbers_of_the_page_equal_those_of_the_commands(own_scene, tmp_path):
-    """Jump speeds and rows of the page equal those of cam-rig jump and simulate.
+    """Jump speeds and rows of the page equal those of `cam-rig jump` and `simulate`.
 
     Both are on the rig of --rig.
     """
@@ -158,7 +158,7 @@ def test_numbers_of_the_page_equal_those_of_the_commands(own_scene, tmp_path):
     text = out.read_text(encoding="utf-8")
     assert f"| {row.peak_force:.1f} |" in text and f"| {jump:.1f} |" in text
     assert "Jump speed: one rigid mass, from rest as in steady state." in text
-    assert ".md`; with" in text  # no date, so that the page is the same every day
+    assert ".md`; with" in text  # no date: the page is reproducible
     assert "<img" not in text
 
 
@@ -187,7 +187,7 @@ def test_recording_is_compared_with_the_run(tmp_path):
 def test_page_of_a_torsional_scene(tmp_path):
     """The page of a torsional scene has jump speeds and twist, but no orders.
 
-    It states that these have no closed form.
+    It states that their force has no closed form.
     """
     out = tmp_path / "a.md"
     done("torsion", "--out", out)

@@ -1,4 +1,4 @@
-"""Tests of signals: a command ends soon and leaves no process or file."""
+"""Signals: a command ends soon and leaves no process or file."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from .conftest import BIN, GOLDEN
 
 pytestmark = pytest.mark.usefixtures("hangup_enabled")
 LONG = pytest.mark.long
-#: Wall time (s) in which a command must end, ample for a busy machine.
+#: Wall-clock time (s) in which a command must end, ample for a busy machine.
 PATIENCE_S = 60.0
-#: Wall time (s) in which its children must end after it.
+#: Wall-clock time (s) in which its child processes must end after it.
 GRACE_S = 10.0
 #: Environment variable that identifies a command and all processes that it starts.
 MARK = "CAM_RIG_TEST_SIGNALS"
-#: Command -> wall time (s) within which it receives a signal.
+#: Dict from command to the wall-clock time (s) within which it receives a signal.
 COMMANDS = {
     "panel --no-rerun --out {out}": 8.0,
     "view {golden} --web": 12.0,
@@ -42,16 +42,17 @@ COMMANDS = {
 def find_faults(
     command: str, folder: Path, number: int, group: bool, moments: list[float]
 ) -> list[str]:
-    """Send signals to a command and return all faults, with its output if there are any.
+    """Send signals to a command and return all faults, with its output if any.
 
     The command runs in a separate session with separate folders. A signal is sent after each of the
     waits in `moments` (s, wall clock), which start when the command handles signals. Before that
-    the interpreter handles signals, and loses one in a hundred.
+    the interpreter handles signals, and loses one in a hundred. With `group` the signals go to the
+    process group.
     """
     folders = {name: folder / name for name in ("tmp", "out", "home")}
     for path in folders.values():
         path.mkdir(mode=0o700, parents=True)
-    folders["run"] = Path(tempfile.mkdtemp())  # the path of a socket may have 107 bytes
+    folders["run"] = Path(tempfile.mkdtemp())  # a socket path may have 107 bytes
     words = command.format(out=folders["out"], golden=GOLDEN).split()
     environment = os.environ | {MARK: str(folder), "TMPDIR": str(folders["tmp"])}
     environment |= {"XDG_RUNTIME_DIR": str(folders["run"]), "ROS_LOG_DIR": str(folders["home"])}
@@ -99,13 +100,13 @@ def remaining_processes(mark: str) -> list[str]:
 
 
 def marked_processes(mark: str) -> Iterator[str]:
-    """Yield the command lines of processes with a mark in their environment."""
+    """Yield the command lines of processes with this mark in their environment."""
     variable = f"{MARK}={mark}".encode()
     for entry in Path("/proc").iterdir():
         try:
             if entry.name.isdigit() and variable in (entry / "environ").read_bytes().split(b"\0"):
                 yield (entry / "cmdline").read_bytes().decode()
-        except OSError:  # the process has ended, or belongs to another user
+        except OSError:  # ended, or of another user
             continue
 
 

@@ -1,4 +1,4 @@
-"""Tests of the start of a command: interrupts, environment, imported libraries."""
+"""Start of a command: interrupts, environment, imported libraries."""
 
 import os
 import re
@@ -91,6 +91,10 @@ FIGURES = {"matplotlib", "rerun", "jinja2", "shapely", "ezdxf"}
     ],
 )
 def test_command_does_not_import_unused_libraries(words, without):
+    """A command does not import large libraries that it does not use.
+
+    The imports would delay its start.
+    """
     done = ended(sys.executable, "-c", CODE, *words)
     assert done.returncode == 0, done.stderr
     assert set(done.stdout.rpartition("modules:")[2].split()) & without == set()

@@ -1,4 +1,4 @@
-"""Tests of cam-rig noise, listen and vibration: JSON, pictures and sound files."""
+"""Commands noise, listen and vibration: JSON, pictures and sound files."""
 
 import json
 import wave
@@ -28,7 +28,7 @@ def test_noise_json_and_plot(sweep, tmp_path):
 def test_listen_writes_a_sound_file(tmp_path):
     """`listen` writes a 16-bit sound file at 48 kHz with the level in its JSON.
 
-    Full scale and peak agree too. A second call writes the same file.
+    Its peak agrees with the JSON, too. A second call writes the same file.
     """
     out = tmp_path / "new" / "cam.wav"
     arguments = ("--cam", "tm21", "--rpm", "300", "--seconds", "1", "--json", "-")
@@ -46,7 +46,7 @@ def test_listen_writes_a_sound_file(tmp_path):
     assert level == pytest.approx(levels["LZeq"], abs=0.01)
     assert not sound["overload"]
     done("listen", "quick", *arguments, "--out", tmp_path / "again.wav")
-    assert (tmp_path / "again.wav").read_bytes() == out.read_bytes()  # the background is seeded
+    assert (tmp_path / "again.wav").read_bytes() == out.read_bytes()  # the background has a seed
 
 
 def test_loss_of_contact_is_marked():

@@ -28,7 +28,7 @@ def blocks(page: Path) -> list[tuple[str, str, str]]:
 def commands(page: Path, program: str) -> list[list[str]]:
     """Return the arguments of each call of a program in the code of a page.
 
-    They are split as a shell would pass them on.
+    The arguments are split like those of a shell.
     """
     code = re.findall(r"(?<!`)`([^`\n]+(?:\n[^`\n]+)?)`(?!`)", FENCE.sub("", text(page)))
     lines = [line for _, _, content in blocks(page) for line in content.splitlines()]
@@ -44,7 +44,7 @@ def commands(page: Path, program: str) -> list[list[str]]:
 
 
 def rows(page: Path, first: str) -> list[list[str]]:
-    """Return the cells of a page's table whose first heading is `first`, row by row."""
+    """Return the rows of the table on a page whose first heading is `first`."""
     table = re.search(rf"^\| {first} \|.*\n\|[-:| ]+\n((?:\|.*\n)+)", text(page), re.M)
     assert table, f"{page.name}: no table of {first!r}"
     return [[c.strip() for c in line.split("|")[1:-1]] for line in table[1].splitlines()]

@@ -1,4 +1,4 @@
-"""The tables of docs/nodes.md and docs/results.md agree with the code."""
+"""Tests of the tables in docs/nodes.md and docs/results.md against the code."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ PAGE = DOCS / "nodes.md"
 
 
 def test_table_of_topics():
-    """The table of nodes.md agrees with the topics of the code.
+    """The table of topics in nodes.md agrees with the topics of the code.
 
-    It lists name, type, QoS, rate and owner of each topic, states whether a bag contains the
+    It has the name, type, QoS, rate and publisher of each topic, states whether a bag contains the
     topic, and describes its content.
     """
     expected = [
@@ -49,7 +49,7 @@ def test_table_of_topics():
 
 
 def test_table_of_parameters():
-    """The table of nodes.md lists each parameter of each node, and marks live ones.
+    """The table of nodes.md lists the parameters of each node, and marks live ones.
 
     `scene` and `on_finish` are listed once for all nodes.
     """
@@ -74,7 +74,10 @@ def size_of(bag: Path) -> list[str]:
 
 
 def test_the_bag_of_quick():
-    """The size that nodes.md prints for one tick per turn is that of the golden bag."""
+    """The size of a bag in nodes.md, for one tick per turn, is that of the golden bag.
+
+    The golden bag is the reference recording of the scene quick in bags/golden.
+    """
     asked, *figures = rows(PAGE, "`ticks_per_turn`")[0]
     assert asked == "1" and figures == size_of(ROOT / "bags" / "golden")
 
@@ -82,7 +85,7 @@ def test_the_bag_of_quick():
 @pytest.mark.long
 @pytest.mark.ros
 def test_the_bag_of_quick_with_more_ticks(tmp_path):
-    """A run with more ticks per turn gives the bag size that nodes.md prints.
+    """A run of quick with more ticks per turn gives the bag size of nodes.md.
 
     The number of messages agrees to 1 %, because rounding decides at which angle of a dwell the
     force is largest, and thus how many messages are published.
@@ -99,11 +102,11 @@ def test_the_bag_of_quick_with_more_ticks(tmp_path):
     assert int(found[1]) == pytest.approx(int(figures[1]), rel=0.01)
 
 
-# -- docs/results.md is of the code: every result, each of its tables, each of their columns
+# -- docs/results.md lists every result of the code, with all tables and columns
 
 
 def test_the_page_of_results_is_that_of_today():
-    """docs/results.md equals the page that is generated from the results' columns.
+    """docs/results.md equals the page that is generated from the result classes.
 
     `make docs` generates the page again.
     """
@@ -111,7 +114,7 @@ def test_the_page_of_results_is_that_of_today():
 
 
 def test_every_result_has_a_schema_of_its_own_and_something_that_gives_it():
-    """Each result has a unique, versioned schema and a command or function as source."""
+    """Each result has a unique schema with a version, and a command or function."""
     schemas = [one.schema for one in results()]
     assert len(set(schemas)) == len(schemas) > 20
     for one in results():
@@ -122,9 +125,9 @@ def test_every_result_has_a_schema_of_its_own_and_something_that_gives_it():
 
 
 def test_every_key_is_in_snake_case_and_stands_once():
-    """Keys of tables and columns are in snake case, and unique within their table.
+    """Names of tables and columns are in snake case, and unique within their table.
 
-    Data are in SI: no column of the data is in mm, µm, degrees, %, ms or MPa.
+    Data are in SI, so no column is in mm, µm, degrees, %, ms or MPa.
     """
     for one in results():
         assert one.columns, one
@@ -141,9 +144,9 @@ LEVELS = np.array([[200, 78.3], [250, 81.7], [300, 83.4], [350, 85.8], [400, 90.
 
 @pytest.mark.slow
 def test_every_figure_is_there():
-    """Each `plot_function` of a result names an existing function.
+    """Each `plot_function` of a result is the name of an existing function.
 
-    A result without a figure raises ConfigError that refers to its tables.
+    The figure of a result without such a function raises ConfigError that refers to the tables.
     """
     drawn = [one.plot_function for one in results() if one.plot_function]
     assert len(drawn) > 15
@@ -154,10 +157,10 @@ def test_every_figure_is_there():
 
 
 def test_a_result_has_the_tables_of_the_page():
-    """The data of a result have the declared tables and columns, and no others.
+    """The data of a result have exactly the declared tables and columns.
 
-    The results are those that are computed quickly: a contour, a motion, a level and a read
-    bag.
+    The results are those that are computed quickly: a contour, a motion, a sound level and a run
+    that is read from a bag.
     """
     cam, rig = cam_rig.load_cam("conjugate"), cam_rig.load_rig("tm21")
     motion = cam_rig.simulate(cam_rig.build_law(cam), rig, rpm=300, turns=2, sample_rate=1000)

@@ -1,4 +1,4 @@
-"""Files, commands, code and equations that the documents name exist and work."""
+"""Tests that the documents refer only to existing files, commands and code."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from tools.docs.equations import CODE, EQUATION, convert_equations, line
 from ..processes import ended
 from .conftest import DOCS, PAGES, ROOT, blocks, commands, text
 
-#: Folders of the tree whose files the documents name.
+#: Pattern of a path in this repository.
 TREE = r"(?:cam_rig|config|test|tools|benchmark|examples|launch|docs|bags)/[\w./*-]*\w/?"
-#: Names that stand for any, and files that a run makes.
+#: Pattern of placeholders and of files that are written by a run.
 ANY = re.compile(r"NAME|mine|^bags/(?!golden|README)")
 
 
@@ -40,9 +40,9 @@ def test_files_that_a_page_names_exist(page):
 
 
 def test_short_names_in_the_lists_exist():
-    """A file named without a folder in a list of architecture.md exists.
+    """A file without a folder in a list of architecture.md exists.
 
-    Its folder is that of the path named before it in the same list item.
+    Its folder is that of the previous path in the same list item.
     """
     for cell in re.findall(r"^(?:-|\d+\.) (.*)", text(DOCS / "architecture.md"), re.M):
         folder = None
@@ -55,26 +55,26 @@ def test_short_names_in_the_lists_exist():
 
 
 def test_every_picture_is_shown():
-    """Each picture in docs/ is named on a page."""
+    """Each picture in docs/ is used on a page."""
     words = "".join(text(page) for page in PAGES)
     for picture in (p for kind in ("png", "svg", "webp") for p in DOCS.rglob(f"*.{kind}")):
         assert picture.name in words
 
 
 def test_the_readme_is_short():
-    """README.md has at most 80 lines, two screens."""
+    """README.md has at most 80 lines, about two screens."""
     assert len(text(ROOT / "README.md").splitlines()) <= 80
 
 
 def test_list_of_rooms_is_whole():
-    """The list in architecture.md has each package of cam_rig, and no other."""
+    """The list in architecture.md has each subpackage of cam_rig, and no other."""
     page = text(DOCS / "architecture.md")
     named = set(re.findall(r"^- `cam_rig/(\w+)`:", page, re.M))
     folders = {p.parent.name for p in (ROOT / "cam_rig").glob("*/__init__.py")}
     assert named == folders
 
 
-# -- every command that the documents name is one: verb, options, make target, node -----------
+# -- every command, option, make target and node in the documents exists
 
 
 VERBS = {name: command(name) for name in COMMANDS}
@@ -90,9 +90,9 @@ def test_the_page_of_commands_is_that_of_today():
 
 @pytest.mark.parametrize("document", PAGES, ids=[page.name for page in PAGES])
 def test_commands_of_a_page_exist(document):
-    """Each command with its options on a page exists.
+    """Each command on a page exists, with its options.
 
-    So does each make target, node, launch file, script and extra.
+    The same applies to each make target, node, launch file, script and extra.
     """
     for verb, *arguments in commands(document, "cam-rig"):
         if not verb.isupper():
@@ -112,7 +112,7 @@ def test_commands_of_a_page_exist(document):
         assert f'"{extra}": ' in setup, extra
 
 
-# -- the Python of the documents runs as it stands --------------------------------------------
+# -- the Python code of the documents runs without changes
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_commands_of_a_page_exist(document):
 def test_blocks_run_one_after_the_other(page, monkeypatch):
     """The Python blocks of a page run in order in one namespace without an error.
 
-    They run in the root of the source. Their assertions check the numbers on the page.
+    They run in the root of the repository. Their assertions check the numbers on the page.
     """
     monkeypatch.chdir(ROOT)
     code = [content for language, _, content in blocks(page) if language == "python"]
@@ -131,7 +131,7 @@ def test_blocks_run_one_after_the_other(page, monkeypatch):
         exec(compile(block, page.name, "exec"), names)
 
 
-# -- the drawings of the theory pages are those that their script draws today -----------------
+# -- the drawings of the theory pages equal the output of their script
 
 
 def outline(path):
@@ -152,12 +152,12 @@ def test_drawing_is_that_of_today(name, tmp_path):
     assert outline(tmp_path / name) == outline(DOCS / name)
 
 
-# -- the documents as a site: whole, and without any other machine ----------------------------
+# -- the documents as a web site: complete, and without files of other hosts
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """Folder of the site, which mkdocs has built without a warning."""
+    """Folder of the web site, built by mkdocs without a warning."""
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", folder]
     done = ended(*command, cwd=ROOT, env=os.environ | {"NO_MKDOCS_2_WARNING": "1"}, timeout=500)
@@ -201,16 +201,16 @@ def test_nothing_comes_from_another_machine(site):
         assert not re.search(r"(?:url\(|@import )[\"']?https?:", style.read_text(encoding="utf-8"))
 
 
-# -- the course: students get lessons without answers, teachers one page with all of them -------
+# -- the course: lessons without answers for students, and a page with answers for teachers
 
 COURSES = sorted(DOCS.joinpath(folder) for folder in LANGUAGES)
 
 
 @pytest.mark.parametrize("course", COURSES, ids=lambda folder: folder.name)
 def test_the_editions_of_the_course(course):
-    """Each lesson has answers, which only the teacher's page contains.
+    """Each lesson has answers, which only the page of the teacher contains.
 
-    Answers and student's page together are the whole source of the lesson.
+    The answers and the page of the student together are the whole source of the lesson.
     """
     teacher = teacher_page(DOCS, str(course.relative_to(DOCS)))
     lessons = sorted(course.glob("[1-9]*.md"))
@@ -225,7 +225,7 @@ def test_the_editions_of_the_course(course):
 
 @pytest.mark.long
 def test_answers_are_on_the_teachers_page_alone(site):
-    """An answer of lesson 1, 1.44 m/s, is only on the teacher's page of the site."""
+    """An answer of lesson 1, 1.44 m/s, is only on the page of the teacher."""
     pages = {
         path.name: path.read_text(encoding="utf-8")
         for path in (site / "course").glob("*.html")
@@ -234,7 +234,7 @@ def test_answers_are_on_the_teachers_page_alone(site):
     assert list(pages) == ["teacher.html"]
 
 
-# -- the TeX of every page becomes MathML, and nothing of it is left --------------------------
+# -- the TeX of each page is converted to MathML without remains
 
 
 def equations(page: Path) -> list[str]:
@@ -264,7 +264,7 @@ def test_every_equation_of_a_page_is_drawn(page: Path) -> None:
 def test_an_inline_equation_stays_in_its_paragraph() -> None:
     """An equation at the start of a line remains in the paragraph around it.
 
-    Markdown would take the element <math> for the start of a block.
+    Markdown would otherwise start a new block at the element <math>.
     """
     page = convert_equations("The speed is\n$v = 2 s$, in m/s.")
     html = markdown.markdown(page, extensions=["md_in_html"])
@@ -272,7 +272,7 @@ def test_an_inline_equation_stays_in_its_paragraph() -> None:
 
 
 def test_the_line_of_an_equation() -> None:
-    """TeX is converted to the equations of the report, and unknown TeX is an error.
+    """TeX is converted to a line of text for the report, and unknown TeX is an error.
 
     The cases are fractions, roots, subscripts, dots and primes.
     """

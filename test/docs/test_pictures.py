@@ -1,4 +1,7 @@
-"""Pictures of the documents, and `make pictures`, which draws them from a bag."""
+"""Tests of the pictures of the documents, and of `make pictures`.
+
+The command draws the pictures from a bag.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ from .conftest import DOCS, PAGES
 
 @pytest.fixture(scope="module")
 def archive(bag: SmallBag) -> TurnArchive:
-    """Turns of the small bag, which has two cams and two speeds."""
+    """Turns of the small bag of the tests, which has two cams and two speeds."""
     return read_turns(bag.path)
 
 
@@ -52,8 +55,8 @@ def test_every_picture_of_a_document_is_there(page: Path) -> None:
 def test_the_viewers_picture_shows_every_curve() -> None:
     """The picture of the viewer in docs/ contains the colour of each curve.
 
-    It has the expected size. Its compression changes colours by less than the tolerance of the
-    comparison.
+    At least 40 pixels have that colour, within a tolerance that exceeds the effect of compression.
+    The picture has the size of the browser window.
     """
     with Image.open(DOCS / main.VIEWER) as picture:
         pixels = np.asarray(picture.convert("RGB"))
@@ -65,7 +68,7 @@ def test_the_viewers_picture_shows_every_curve() -> None:
 def test_a_photograph_is_of_the_bags_own_layout(bag, tmp_path, monkeypatch):
     """`photograph_viewer` serves a bag as a page, and writes the pixels of that page.
 
-    It passes the colours that must be visible to the browser, which is replaced here.
+    It passes the colours that must be visible to the browser, which is a fake here.
     """
     pixels = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
 
@@ -84,7 +87,7 @@ def test_a_photograph_is_of_the_bags_own_layout(bag, tmp_path, monkeypatch):
 @pytest.mark.long
 @pytest.mark.skipif(why_no_browser() is not None, reason=f"no browser: {why_no_browser()}")
 def test_the_viewer_is_photographed(bag: SmallBag, tmp_path: Path) -> None:
-    """Chromium loads the page of a bag, and its photograph has the expected size."""
+    """Chromium loads the page of a bag, and the screenshot has the expected size."""
     screenshot.photograph_viewer(bag.path, tmp_path / "a.png")
     with Image.open(tmp_path / "a.png") as picture:
         assert picture.size == (WIDTH, HEIGHT)
@@ -92,9 +95,9 @@ def test_the_viewer_is_photographed(bag: SmallBag, tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_the_command_writes_all_but_what_needs_a_browser(bag, tmp_path, monkeypatch):
-    """Without a browser `pictures` writes all pictures but that of the viewer.
+    """Without a browser `pictures` writes all pictures except that of the viewer.
 
-    The output reports that the picture of the viewer is left as it is.
+    The output reports that the picture of the viewer is not changed.
     """
     monkeypatch.setattr(pictures, "FRAMES", 6)
     monkeypatch.setattr("tools.docs.browser.why_no_browser", lambda: "none is installed")
@@ -109,7 +112,10 @@ def test_the_command_writes_all_but_what_needs_a_browser(bag, tmp_path, monkeypa
 
 
 def test_the_cam_with_the_highest_jump_is_animated(archive, tmp_path, monkeypatch):
-    """The cam with the largest gap in flight is animated, here poly345 at 700 rpm."""
+    """The cam with the largest gap in flight is animated, here poly345 at 700 rpm.
+
+    The bag contains this cam and a cam with a smaller gap.
+    """
     shown: list[str] = []
     monkeypatch.setattr(pictures, "animate", lambda _, turn, path: shown.append(turn.cam))
     monkeypatch.setattr(pictures, "side_by_side", lambda *_: None)
@@ -119,7 +125,7 @@ def test_the_cam_with_the_highest_jump_is_animated(archive, tmp_path, monkeypatc
 
 
 def test_a_speed_that_was_not_reached_is_an_error(archive: TurnArchive) -> None:
-    """A speed without a whole turn raises BagError that names cam and speed."""
+    """A speed without a complete turn raises BagError with cam and speed."""
     with pytest.raises(BagError, match="no whole turn of 'poly345' at 500 rpm"):
         archive.turn("poly345", 500.0)
 
@@ -127,7 +133,7 @@ def test_a_speed_that_was_not_reached_is_an_error(archive: TurnArchive) -> None:
 def test_the_curves_are_the_turns(archive: TurnArchive) -> None:
     """The drawn curves are the lifts of law and follower in mm, and the force in N.
 
-    They extend from 0 to 360° of the turn.
+    They extend over the turn, from 0 to 360°.
     """
     turn = archive.turn("poly345", 700.0)
     figure, (lift, force) = plt.subplots(2)
@@ -143,7 +149,7 @@ def test_the_curves_are_the_turns(archive: TurnArchive) -> None:
 
 
 def test_the_gap_is_drawn_in_flight_and_a_force_in_contact(archive: TurnArchive) -> None:
-    """In flight a red line has the length of the gap. In contact an arrow replaces it."""
+    """In flight a red line has the length of the gap. In contact an arrow is drawn."""
     turn = archive.turn("poly345", 700.0)
     gaps = gap(archive.loaded, turn)
     figure, axes = plt.subplots()
@@ -158,11 +164,11 @@ def test_the_gap_is_drawn_in_flight_and_a_force_in_contact(archive: TurnArchive)
     plt.close(figure)
 
 
-# -- pictures of a page are taken again where the browser could not, and not for ever ---------
+# -- screenshots are repeated after a failure of the browser, until a deadline
 
 
 class FailingPage:
-    """Stand-in for a browser page that fails a number of times before each screenshot."""
+    """Fake browser page that fails a number of times before each screenshot."""
 
     url = "http://127.0.0.1/"
 
@@ -184,7 +190,10 @@ class FailingPage:
 
 @pytest.mark.parametrize("failures", [0, 1, 7])
 def test_a_failure_is_tried_again(failures: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`photographs` yields complete pictures although screenshots fail up to 7 times."""
+    """`photographs` yields complete pictures although screenshots fail up to 7 times.
+
+    Three pictures in a row are complete.
+    """
     monkeypatch.setattr(browser, "PAUSE_S", 0.001)
     taken = photographs(FailingPage(failures), time.monotonic() + 30.0)  # type: ignore[arg-type]
     for _ in range(3):
@@ -194,7 +203,7 @@ def test_a_failure_is_tried_again(failures: int, monkeypatch: pytest.MonkeyPatch
 def test_trying_ends() -> None:
     """If the browser never takes a picture, CamRigError is raised at the deadline.
 
-    The error contains the message of the browser.
+    The message contains that of the browser.
     """
     with pytest.raises(CamRigError, match=r"cannot take a picture .*Unable to capture screenshot"):
         next(photographs(FailingPage(10**9), time.monotonic() + 0.2))  # type: ignore[arg-type]
@@ -203,7 +212,7 @@ def test_trying_ends() -> None:
 def test_only_near_colours_are_counted() -> None:
     """`count` counts only pixels that are within the limit in each colour channel.
 
-    One of four pixels is.
+    Of the four pixels only the first is within the limit.
     """
     pixels = np.array([[[86, 180, 233], [86, 180, 200], [60, 180, 233], [0, 0, 0]]], np.uint8)
     assert count(pixels, 0x56B4E9FF) == 1

@@ -1,4 +1,4 @@
-"""Commands of a tutorial run in order and print the numbers that the page shows."""
+"""Tests that the commands of a tutorial run and print the numbers on its page."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
 
 
 def follow(page: Path, within: float = 0.0) -> int:
-    """Run the commands of a page after its files are written, and return their number.
+    """Run the commands of a page in order, and return their number.
 
-    Each number that the page shows must be printed by its command. ``within`` is the relative
-    tolerance of a number. With a tolerance, the last digit of a decimal may also differ by one.
-    It is needed for searches, whose last steps depend on the processor's arithmetic.
+    The files of the page are written first. Each number in an output on the page must be printed by
+    its command. ``within`` is the relative tolerance of a number. If it is not zero, the last digit
+    of a decimal may also differ by one. Searches need it, because their last steps depend on the
+    arithmetic of the processor.
     """
     ran = 0
     for kind, name, content in steps(page):
@@ -57,7 +58,7 @@ def _apart(number: str, within: float) -> float:
 def steps(page: Path) -> Iterator[tuple[str, str, str]]:
     """Yield the files and commands of a page in order: kind, name or command, content.
 
-    The content of a command is the output that the page shows.
+    The content of a command is its output on the page.
     """
     for language, words, content in blocks(page):
         title = re.search(r'title="([^"]+)"', words)
@@ -86,8 +87,8 @@ def run(command: str) -> str:
     return printed
 
 
-#: Page, how many commands it has at least, the share by which a search's number may differ: where
-#: a search ends depends on the processor.
+#: Cases: page, smallest number of commands, relative tolerance of the numbers. The result of a :
+#: search depends on the arithmetic of the processor.
 PAGES = [("own_cam", 7, 0.0), ("campaign", 3, 0.0), ("design", 6, 1e-3), ("real_run", 3, 1e-3)]
 
 
@@ -95,10 +96,10 @@ PAGES = [("own_cam", 7, 0.0), ("campaign", 3, 0.0), ("design", 6, 1e-3), ("real_
 @pytest.mark.slow
 @pytest.mark.parametrize(("page", "least", "within"), PAGES)
 def test_every_command_of_the_page_runs(page, least, within, tmp_path, monkeypatch):
-    """The commands of a tutorial run in a new folder and print the page's numbers.
+    """The commands of a tutorial run in a new folder and print its numbers.
 
-    The folder of real_run contains the golden bag and the bag of the example's bench. Other
-    folders are empty.
+    For the page real_run the folder contains the golden bag and the bag of the example
+    simulated_bench.py. For the other pages it is empty.
     """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200" if page == "real_run" else "100")
@@ -116,7 +117,7 @@ LESSONS = sorted((DOCS / "course").glob("[1-9]*.md"))
 @pytest.mark.slow
 @pytest.mark.parametrize("lesson", LESSONS, ids=lambda page: page.stem)
 def test_every_command_of_a_lesson_runs(lesson, tmp_path, monkeypatch):
-    """The commands of a lesson run in an empty folder and print the lesson's numbers."""
+    """The commands of a lesson run in an empty folder and print its numbers."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "160")
     assert follow(lesson, 1e-3 if lesson.stem == "8_design" else 0.0) >= 1
@@ -130,7 +131,7 @@ def test_a_lesson_in_spanish_has_the_same_commands(lesson):
 
 @pytest.mark.parametrize("lesson", LESSONS, ids=lambda page: page.stem)
 def test_a_lesson_shows_a_picture_that_one_of_its_commands_makes(lesson):
-    """A lesson shows pictures of its commands, each smaller than 100 kB.
+    """A lesson shows only pictures of its commands, each smaller than 100 kB.
 
     The Spanish edition shows the same pictures.
     """
@@ -144,14 +145,14 @@ def test_a_lesson_shows_a_picture_that_one_of_its_commands_makes(lesson):
 @pytest.mark.ros
 @pytest.mark.slow
 def test_every_command_of_the_first_hour(tmp_path, ros_domain, monkeypatch):
-    """The commands of first_hour.md, runs of nodes included, print the page's numbers."""
+    """The commands of first_hour.md print the numbers of the page, with ROS nodes."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     assert follow(DOCS / "first_hour.md") >= 10
 
 
 def test_the_table_is_the_shipped_one():
-    """The readings in own_cam.md are those of the shipped file without its comments."""
+    """The readings in own_cam.md are those of the shipped file, without its comments."""
     shown = next(text for _, words, text in blocks(DOCS / "own_cam.md") if "gl110.csv" in words)
     shipped = (ROOT / "config" / "cams" / "gunt_gl110_convex.csv").read_text(encoding="utf-8")
     lines = [line for line in shipped.splitlines() if not line.startswith("#")]

@@ -1,4 +1,8 @@
-"""Shared functions of the tests: runs in ticks, flights, changed laws, quadrature."""
+"""Shared functions of the tests: runs, flights, changed laws and quadrature.
+
+A tick is one of the intervals of time into which a run is divided. A flight is a motion without
+contact.
+"""
 
 from __future__ import annotations
 
@@ -31,17 +35,17 @@ from cam_rig.units import NS, TURN
 
 #: ns in a millisecond.
 MS = NS // 1000
-#: Rigid follower of the paper.
+#: Rigid follower of the paper: mass, spring, damping, preload, stem stiffness, in SI.
 ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
-#: Two masses of the paper.
+#: Two masses of the paper with the elastic stem between them, in SI.
 TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
-#: Two masses with a strongly damped stem. It does not chatter, so that no rounding error grows from
-#: landing to landing.
+#: Two masses with a strongly damped stem. It does not bounce after a landing, so no rounding error
+#: is amplified from landing to landing.
 CALM = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
 
 
 class Run(NamedTuple):
-    """Samples, events and last state of a run."""
+    """Samples (rows of `Samples`), events and last state of a run."""
 
     rows: np.ndarray
     events: list[Event]
@@ -58,9 +62,10 @@ def run_in_ticks(
     state: FollowerState | None = None,
     nudge: float = 0.0,
 ) -> Run:
-    """Run a model over an interval in ticks between times (ns since its start).
+    """Run a model over the interval `whole`, divided into ticks.
 
-    ``nudge`` (rad) is added to the angle of every second tick.
+    `cuts` are the borders of the ticks, in ns since its start. `rate` is the sample rate in Hz.
+    `nudge` (rad) is added to the start angle of every second tick, to imitate rounding.
     """
     rows, events = [], []
     for i, (a, b) in enumerate(itertools.pairwise(cuts)):
@@ -81,16 +86,17 @@ def run_in_ticks(
 
 
 def tick_borders(tick: int, total: int) -> list[int]:
-    """Return the borders (ns) of the ticks of a duration (ns)."""
+    """Return the borders (ns) of ticks of length `tick` (ns) over `total` (ns)."""
     return [*range(0, total, tick), total]
 
 
 def land(
     flight: Flight, law: Law, angle: float, speed: float, limit: float, noise: float = 0.0
 ) -> Gap:
-    """Find the end of a flight that starts at a cam angle (rad).
+    """Return the gap at the end of a flight that starts at a cam angle (rad).
 
-    ``noise`` is the rounding error of the acceleration (m/s²), as in `FlightOverCam`.
+    The search ends `limit` s after the start. `noise` is the rounding error of the acceleration
+    (m/s²), as in `FlightOverCam`.
     """
     lift_off = start_free_motion(free_table(flight.system), flight.start)
     gap, gap_rate = flight.gap_state or (0.0, 0.0)
@@ -107,7 +113,11 @@ def land(
 
 
 def assert_same(run: Run, expected: Run, tolerance: float, columns=slice(None)) -> None:
-    """Assert that two runs have the same rows (in ``columns``), events and last state."""
+    """Assert that two runs have the same samples, events and last state.
+
+    `tolerance` is relative to the largest value of each row. `columns` selects the compared
+    samples.
+    """
     (rows, events, state), (other_rows, other_events, end) = run, expected
     size, limit = np.abs(other_rows[1:5]).max(axis=1), max(tolerance, 1e-10)
     assert (np.abs(rows - other_rows)[1:5, columns].max(axis=1) < limit * size).all()
@@ -120,12 +130,15 @@ def assert_same(run: Run, expected: Run, tolerance: float, columns=slice(None)) 
 
 
 def off_joints(law: Law, angle: np.ndarray) -> np.ndarray:
-    """Return for each sample if it is off the joints, where it may have either limit."""
+    """Return for each sample True if it is not at a joint of the law.
+
+    At a joint a sample may have the value of either side.
+    """
     return np.abs(angle[:, None] % TURN - law.breaks).min(axis=1) > 1e-9
 
 
 def turned(law: Law, angle: float, factor: float = 1.0) -> Law:
-    """Return a law that starts at ``angle`` (rad), with its lift times ``factor``."""
+    """Return the law with angle 0 moved to `angle` (rad) and the lift times `factor`."""
     law = with_joints(law, angle)
     i = int(np.searchsorted(law.breaks, angle))
     breaks = np.append(law.breaks[i:], law.breaks[1 : i + 1] + TURN) - law.breaks[i]
@@ -144,9 +157,9 @@ def with_joints(law: Law, *angles: float) -> Law:
 
 
 def bumped(law, middle, width, height):
-    """Return a law with an added bump h (1 − x²)³ of two pieces.
+    """Return the law with an added smooth bump h (1 − x²)³, x from −1 to 1.
 
-    ``middle`` and ``width`` are in rad, and ``height`` is in m.
+    `middle` and `width` are in rad, and `height` is in m. The bump has two polynomial pieces.
     """
     low, high, degree = middle - 0.5 * width, middle + 0.5 * width, max(6, law.degree)
     law, u = with_joints(law, low, middle, high), np.linspace(0.0, 1.0, degree + 1)
@@ -161,7 +174,10 @@ def bumped(law, middle, width, height):
 
 
 def noisy(law, pieces, amplitude, rng):
-    """Return the C¹ law of Hermite cubics through noisy points of a law."""
+    """Return a C¹ law of cubics through noisy points of a law.
+
+    `pieces` is the number of points per turn. The noise has the standard deviation `amplitude` (m).
+    """
     breaks = np.linspace(0.0, TURN, pieces + 1)
     breaks[-1] = TURN
     points = law(breaks[:-1]) + amplitude * rng.standard_normal(pieces)
@@ -178,9 +194,10 @@ class _Walk(Separation):
 def lift_off(
     law: Law, p: TwoMassParameters, speed: float, start: np.ndarray, limit: float
 ) -> float | None:
-    """Return the time (s) of the first loss of contact, by a search from part to part.
+    """Return the time (s) of the first loss of contact, or None within `limit` s.
 
-    The run starts from (η, η̇) at θ = 0. Returns None if contact is not lost within ``limit`` s.
+    The run starts from the vibration (η, η̇) at θ = 0. It is the package's simulation, stopped at
+    the first event.
     """
     walk = _Walk(law, p, speed)
     with suppress(EndlessEventsError):
@@ -189,9 +206,9 @@ def lift_off(
 
 
 def exact_law(law: Law, angle: mp.mpf) -> list[mp.mpf]:
-    """Return s, s' and s'' at a cam angle (rad) with the digits of mpmath.
+    """Return s, s' and s'' at a cam angle (rad) in mpmath precision.
 
-    The floats of the law are exact numbers here.
+    The floats of the law are taken as exact numbers.
     """
     inside = angle - mp.floor(angle / mp.mpf(TURN)) * mp.mpf(TURN)
     i = max(k for k in range(law.spans.size) if mp.mpf(law.breaks[k]) <= inside)
@@ -204,14 +221,14 @@ def exact_law(law: Law, angle: mp.mpf) -> list[mp.mpf]:
 
 
 def gauss(edges: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return Gauss-Legendre nodes and weights, ``count`` between adjacent edges."""
+    """Return Gauss-Legendre nodes and weights, `count` between adjacent edges."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     half = 0.5 * np.diff(edges)[:, None]
     return (np.asarray(edges)[:-1, None] + half * (nodes + 1.0)).ravel(), (half * weights).ravel()
 
 
 def cut_at_joints(law: Law, speed: float, start: float, end: float) -> np.ndarray:
-    """Return start and end (s) with the times of the joints between them.
+    """Return start and end (s) and the times of the law's joints between them.
 
     The cam is at angle 0 at time 0.
     """

@@ -1,4 +1,7 @@
-"""Infinite series of bounces in a finite time: few events, and then contact."""
+"""Infinite series of bounces in a finite time end in contact after few events.
+
+The tests also cover rapid bounces on a stiff stem, and a force that just touches zero.
+"""
 
 from dataclasses import replace
 
@@ -16,14 +19,14 @@ from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
 
 SPEED, THROWN, PRELOAD = 0.1, 0.2, 30.0
-#: Roller mass (kg) and stem stiffness (N/m). The end mass is a wall, and the stem is the spring of
-#: the roller.
+#: Roller mass (kg) and stem stiffness (N/m). The end mass is so large that it acts as a wall, so
+#: the stem is the spring of the roller.
 ROLLER, STEM = 0.5, 1e5
 LIFT = 0.05
 
 
 def law_of(name):
-    """Return a law by its name: a dwell of 298° followed by a hump, or a disc."""
+    """Return the law "hump" (a dwell of 298° and a hump) or "disc" (no lift)."""
     if name == "disc":
         return Law("disc", np.array([0.0, TURN]), np.zeros((2, 1)))
     rise = LIFT * np.repeat([0.0, 1.0], 3)
@@ -31,9 +34,10 @@ def law_of(name):
 
 
 def landing_times(mass, stiffness, load, restitution, count):
-    """Return the landing times (s) of an undamped mass thrown up against a spring.
+    """Return the landing times (s) of an undamped mass that is thrown up once.
 
-    They are sums of 2 atan(v Ω m/P)/Ω with Ω² = k/m. Each landing multiplies v by e.
+    They are sums of 2 atan(v Ω m/P)/Ω with Ω² = k/m and the preload P. Each landing multiplies v by
+    the restitution e.
     """
     rate = np.sqrt(stiffness / mass)
     velocities = THROWN * restitution ** np.arange(count)
@@ -41,7 +45,10 @@ def landing_times(mass, stiffness, load, restitution, count):
 
 
 def check(landings, times, accumulated, restitution, mass):
-    """Assert that each landing is at its time, to 1e-5 of the duration of the series."""
+    """Assert that each landing is at its exact time and has its impulse.
+
+    The tolerance of the times is 1e-5 of the duration of the series.
+    """
     actual = np.array([event.time for event in landings])
     np.testing.assert_allclose(actual, times[: actual.size], rtol=0, atol=1e-5 * accumulated)
     assert actual[-1] == pytest.approx(accumulated, rel=1e-4)
@@ -54,7 +61,11 @@ def check(landings, times, accumulated, restitution, mass):
     ("cam", "restitution"), [("hump", 0.5), ("hump", 0.9), ("hump", 0.99), ("disc", 0.5)]
 )
 def test_one_mass(cam, restitution, monkeypatch):
-    """After ln(v₀/v)/ln(1/e) landings bounces are below rounding: contact follows."""
+    """A series of bounces of one mass ends in contact after few landings.
+
+    After ln(v₀/v)/ln(1/e) landings the bounces are below rounding. The landings dissipate the
+    initial kinetic energy.
+    """
     monkeypatch.setattr(OneMassTrajectory, "max_events", 40.0 / np.log(1.0 / restitution))
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, restitution)
     flying = FollowerState(0.0, THROWN, 0.0, in_contact=False)
@@ -88,7 +99,7 @@ def test_two_masses(cam, restitution, monkeypatch):
 
 
 def test_too_many_events_are_an_error(monkeypatch):
-    """More events than the limit raise an error with limit, duration and speed."""
+    """More events than allowed raise an error with the limit, duration and speed."""
     monkeypatch.setattr(OneMassTrajectory, "max_events", 100)
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, 0.99)
     flying = FollowerState(0.0, THROWN, 0.0, in_contact=False)
@@ -98,18 +109,18 @@ def test_too_many_events_are_an_error(monkeypatch):
         MODELS["one_mass"].advance(law_of("hump"), follower, flying, interval, 100)
 
 
-# Chatter: after a landing the stiff stem throws the roller up repeatedly, at 25 kHz.
+# -- chatter: after a landing the stiff stem throws the roller up repeatedly, at 25 kHz
 
 FAST = 450.0 * np.pi / 30.0
 
 
 @pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
 def test_events_are_those_of_fifty_digits(name):
-    """All events agree with 50 digits to 1e-13 s, and the motion to 2e-12."""
-    # No bounce is lost or added, although each starts from the result of the previous one and
-    # passes its error on. Sixty bounces on the stem enlarge a rounding error a hundred times, so
-    # that the last digit of the stiffness or of the speed changes a time by 1e-13 s. If it changes
-    # more, the limit is five times this change, because rounding depends on the processor.
+    """All events agree with 50-digit arithmetic to 1e-13 s, and the motion to 2e-12."""
+    # No bounce may be lost or added, although each bounce starts from the result of the previous
+    # one. Sixty bounces on the stem amplify a rounding error a hundred times, so that a change of
+    # the last digit of stiffness or speed changes a time by 1e-13 s. If it changes more, the limit
+    # is five times this change, because rounding depends on the processor.
     case = CASES[name]()
     wanted, got = study.read_reference(case), study.solve(case)
     assert [kind for kind, _ in got.events] == [kind for kind, _ in wanted.events]
@@ -119,7 +130,10 @@ def test_events_are_those_of_fifty_digits(name):
 
 
 def last_digit(case, got):
-    """Return the change of event times (s) and motion by the last digit of a number."""
+    """Return the change of event times (s) and of the motion by a last-digit change.
+
+    The changed number is the stiffness or the speed.
+    """
     name = "stem_stiffness" if hasattr(case.model, "stem_stiffness") else "stiffness"
     changes = []
     for last in (-1e-15, 1e-15):
@@ -130,9 +144,9 @@ def last_digit(case, got):
     return np.max(changes, axis=0)
 
 
-# The contact force touches zero, or falls slightly below it. Near its minimum F = ½F''(θ² − θ₀²).
-# The follower lifts off at −θ₀. As the second derivative of the gap is −F/m, it lands at exactly
-# +3θ₀, with the impulse (8/3) F'' θ₀³/ω.
+# -- the contact force touches zero, or falls slightly below it. Near its minimum at θ = 0 it is F =
+# ½F''(θ² − θ₀²). The follower lifts off at −θ₀. As the second derivative of the gap is −F/m, it
+# lands at exactly +3θ₀, with the impulse (8/3) F'' θ₀³/ω.
 
 FOLLOWER = FollowerParameters(1.3, 4030.0, 8.642, 0.0, 3.3e8)
 TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 1000.0)
@@ -140,7 +154,7 @@ TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 1000.0)
 
 @pytest.fixture(scope="module")
 def minimum(laws):
-    """Return angle and value of the smallest force without preload, and F''."""
+    """Angle (rad) and value of the smallest force without preload, and F'' there."""
     law, p = laws["poly345"], FOLLOWER
 
     def force(angle, order):
@@ -155,7 +169,7 @@ def minimum(laws):
 
 
 def one_turn(law, preload):
-    """Return the events of one mass in one turn."""
+    """Return the events of one mass in one turn with this preload (N)."""
     p = replace(FOLLOWER, preload=preload)
     interval = Interval(0, round(TURN / FAST * NS), 0.0, FAST)
     return MODELS["one_mass"].advance(law, p, None, interval, 1000)[1].events
@@ -163,13 +177,16 @@ def one_turn(law, preload):
 
 @pytest.mark.parametrize("hair", [1e-13, 1e-12, 1e-9])
 def test_a_force_that_touches_zero_gives_no_event(laws, minimum, hair):
-    """The follower stays on the cam if its force touches zero to rounding."""
+    """The follower stays on the cam if its force touches zero within rounding."""
     assert one_turn(laws["poly345"], -minimum[1] * (1.0 + hair)) == ()
 
 
 @pytest.mark.parametrize("hair", [1e-5, 1e-4])
 def test_a_slightly_negative_force_gives_a_flight(laws, minimum, hair):
-    """The follower lifts off at −θ₀ and lands at 3θ₀, to the next order in θ₀."""
+    """The follower lifts off at −θ₀ and lands at 3θ₀ from the minimum of the force.
+
+    The tolerances are the next order in θ₀.
+    """
     angle, depth, curvature = minimum
     half = np.sqrt(2.0 * hair * abs(depth) / curvature)
     off, on = one_turn(laws["poly345"], abs(depth) * (1.0 - hair))
@@ -181,7 +198,7 @@ def test_a_slightly_negative_force_gives_a_flight(laws, minimum, hair):
 
 @pytest.mark.parametrize("hair", [1e-12, 1e-9, 1e-7])
 def test_a_gap_below_rounding_gives_two_events(laws, minimum, hair):
-    """A flight with a gap below rounding has a lift-off and a landing of no impulse."""
+    """A flight with a gap below rounding has a lift-off and a landing without impulse."""
     off, on = one_turn(laws["poly345"], abs(minimum[1]) * (1.0 - hair))
     assert (off.kind, on.kind) == ("lift-off", "landing")
     assert off.angle < minimum[0] < on.angle
@@ -190,7 +207,7 @@ def test_a_gap_below_rounding_gives_two_events(laws, minimum, hair):
 
 @pytest.fixture(scope="module")
 def two_mass_touch(laws):
-    """Return the preload (N) at which the force touches zero in the first turn."""
+    """Preload (N) at which the force of two masses touches zero in the first turn."""
     trajectory = Separation(laws["poly345"], TWO, FAST)
     trajectory.run(TURN / FAST)
     assert trajectory.events == []
@@ -203,7 +220,7 @@ def two_mass_touch(laws):
 
 @pytest.mark.parametrize("hair", [0.0, 1e-12, 1e-9, -1e-6, -1e-5, -1e-4])
 def test_two_masses_touch(laws, two_mass_touch, hair):
-    """A force within 64 rounding errors of zero is contact, a lower one a flight."""
+    """A force within 64 rounding errors of zero is contact. A lower force is a flight."""
     p = replace(TWO, preload=two_mass_touch * (1.0 + hair))
     trajectory = Separation(laws["poly345"], p, FAST)
     trajectory.run(TURN / FAST)

@@ -1,4 +1,4 @@
-"""Backends of the kernels: plain Python and compiled code return the same bits."""
+"""Backends of the simulation: plain Python and compiled code give the same bits."""
 
 import math
 import os
@@ -30,7 +30,7 @@ from .helpers import ONE, TWO
 
 
 def bumpy(rng):
-    """Return a C¹ cubic law of random pieces, some with one velocity jump."""
+    """Return a C¹ law of random cubics, in some cases with one velocity jump."""
     count = int(rng.integers(2, 30))
     breaks = np.array([0.0, *np.sort(rng.uniform(0.1, TURN - 0.1, count - 1)), TURN])
     points = 0.01 * rng.standard_normal(count)
@@ -42,9 +42,9 @@ def bumpy(rng):
 
 
 def random_runs(laws, seed):
-    """Return a law, the parameters of both models, and an interval.
+    """Return a random law, parameters of one and of two masses, and an interval.
 
-    The speed is random, and constant or a ramp.
+    The speed of the interval is constant or a ramp.
     """
     rng = np.random.default_rng(seed)
     names = ["poly345", "tm21", "bezier15", "cycloidal"]
@@ -66,7 +66,7 @@ def random_runs(laws, seed):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(24))
 def test_both_backends_return_the_same_bits(laws, monkeypatch, seed):
-    """Events, samples and end states of both models are equal to the last bit."""
+    """Events, samples and end states of both backends are equal to the last bit."""
     law, one, two, interval = random_runs(laws, seed)
     for model, p in (("one_mass", one), ("two_mass", two)):
         results = []
@@ -80,7 +80,10 @@ def test_both_backends_return_the_same_bits(laws, monkeypatch, seed):
 
 
 def test_masses_without_pairs(laws, monkeypatch):
-    """Without pairs of states the matrix exponential gives the same events."""
+    """Without pairs of eigenvectors the matrix exponential gives the same events.
+
+    Their times agree within 1e-12 s.
+    """
     p, runs = replace(TWO, restitution=0.5), []
     unpaired = replace(free_masses(p), pairs=None)
     for system, value in ((free_masses(p), PLAIN), (unpaired, PLAIN), (unpaired, COMPILED)):
@@ -98,7 +101,10 @@ def test_masses_without_pairs(laws, monkeypatch):
 
 @pytest.mark.parametrize("kind", [int, np.float32, Fraction])
 def test_a_number_of_any_kind(laws, monkeypatch, kind):
-    """Integers and fractions give the bits of floats without a new compilation."""
+    """Integers, fractions and numpy floats give the bits of Python floats.
+
+    They cause no second compilation.
+    """
     monkeypatch.setenv(VARIABLE, COMPILED)
     law, results = laws["poly345"], []
     for number in (float, kind):
@@ -127,7 +133,10 @@ def test_binomials_beyond_the_table():
 
 
 def test_the_backend_of_a_call(monkeypatch):
-    """Half a second of plain Python is followed by compiled code, unless overridden."""
+    """After half a second of plain Python the compiled code is selected.
+
+    An environment variable overrides the selection.
+    """
     monkeypatch.delenv(VARIABLE, raising=False)
     monkeypatch.setattr(backend._plain_time, "seconds", 0.0)
     assert select_backend() == PLAIN
@@ -139,13 +148,13 @@ def test_the_backend_of_a_call(monkeypatch):
 
 
 def double(value):
-    """Return twice a value: a kernel that compiles in a tenth of a second."""
+    """Return twice a value. This function compiles in a tenth of a second."""
     return 2.0 * value
 
 
 @pytest.fixture
 def cache(monkeypatch, tmp_path):
-    """Empty folder for compiled code. `double` is not loaded."""
+    """Empty folder for compiled code, with no function loaded yet."""
     monkeypatch.setenv(VARIABLE, COMPILED)
     monkeypatch.setattr(backend, "_ready", {})
     monkeypatch.setattr(backend, "_cache_folder", lambda: tmp_path)
@@ -153,7 +162,7 @@ def cache(monkeypatch, tmp_path):
 
 
 def call_in_new_process(capsys):
-    """Return the standard error of a call of `double` as if by a new process."""
+    """Return the standard error of a call of `double` that loads its code anew."""
     backend._ready.clear()
     assert backend.dispatch(double, 3.0) == 6.0
     return capsys.readouterr().err
@@ -172,7 +181,10 @@ def truncated(data):
     ],
 )
 def test_damaged_code_is_compiled_again(cache, capsys, suffix, damage):
-    """Damaged code gives one line on stderr, the right result, and is replaced."""
+    """Damaged stored code is reported in one line, compiled again and replaced.
+
+    The result is correct.
+    """
     assert call_in_new_process(capsys) == "events: compiling double, once (about 15 s)\n"
     assert call_in_new_process(capsys) == ""
     (path,) = cache.rglob(f"*.{suffix}")
@@ -184,7 +196,7 @@ def test_damaged_code_is_compiled_again(cache, capsys, suffix, damage):
 
 @pytest.mark.parametrize("reason", ["missing", "disabled", "broken"])
 def test_plain_python_if_numba_does_not_work(cache, capsys, monkeypatch, reason):
-    """Without numba, or if it fails, kernels run in plain Python with the same result.
+    """Without numba, or if it fails, the same result is computed in plain Python.
 
     A failure is reported once, in one line.
     """
@@ -202,7 +214,7 @@ def test_plain_python_if_numba_does_not_work(cache, capsys, monkeypatch, reason)
     assert backend._ready == {double: double}
 
 
-#: Program that compiles a kernel in about 2 s, and prints its result or "interrupted".
+#: Program that compiles a function in about 2 s, and prints its result or "interrupted".
 PROGRAM = """
 import signal
 import numpy as np
@@ -218,12 +230,12 @@ try:
 except KeyboardInterrupt:
     print("interrupted")
 """
-#: Standard error of a process that compiles the kernel.
+#: Standard error of a process that compiles this function.
 COMPILES = "events: compiling find_rigid_zero, once (about 15 s)\n"
 
 
 def start(folder):
-    """Start `PROGRAM` with its compiled code in a folder, and return the process."""
+    """Start `PROGRAM` with a folder for compiled code, and return the process."""
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM],
         stdout=subprocess.PIPE,
@@ -235,7 +247,10 @@ def start(folder):
 
 
 def test_an_interrupt_while_compiling(tmp_path):
-    """Ctrl-C raises KeyboardInterrupt in the caller, without further output."""
+    """Ctrl-C during the compilation raises KeyboardInterrupt in the caller.
+
+    Nothing else is printed.
+    """
     process = start(tmp_path)
     assert process.stderr.readline() == COMPILES
     time.sleep(0.3)
@@ -245,10 +260,13 @@ def test_an_interrupt_while_compiling(tmp_path):
 
 
 def test_two_processes_compile_at_once(tmp_path):
-    """Both processes print the same result, and store code that a third process loads."""
+    """Two processes that compile at the same time both get the correct result.
+
+    The code that they store is valid for a third process.
+    """
     both = [start(tmp_path), start(tmp_path)]
     outputs = [process.communicate(timeout=60.0) for process in both]
     speed, errors = start(tmp_path).communicate(timeout=60.0)
     assert (float.fromhex(speed) > 0.0, errors) == (True, "")
-    # A process that starts late may load the code of the other process.
+    # A process that starts late may already load the code of the other process.
     assert all(out == speed and errors in ("", COMPILES) for out, errors in outputs)

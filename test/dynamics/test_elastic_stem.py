@@ -1,4 +1,4 @@
-"""Residual vibration of a mass on its stem is exact at any time."""
+"""Residual vibration of one mass on an elastic stem, exact at any time."""
 
 import numpy as np
 import pytest
@@ -17,9 +17,10 @@ SPEED = 300.0 * np.pi / 30.0
 
 @pytest.mark.parametrize("damping", [3e4, 1e6, 1e7, 1e8, 1e9])
 def test_overdamped_states_against_fifty_digits(laws, damping):
-    """After two turns from rest, rates with a ratio of 1e9 keep their digits.
+    """With decay rates that differ by 1e9, two turns from rest keep their digits.
 
-    Positions are exact to 1e-14 of the lift, and velocities to 1e-12 of their peak.
+    Compared with 50 digits, positions are exact to 1e-14 of the lift, and velocities to 1e-12 of
+    their peak.
     """
     law, stem = laws["poly345"], 3.3e8
     follower = FollowerParameters(1.3, 4030.0, damping, 0.0, stem)
@@ -33,7 +34,10 @@ def test_overdamped_states_against_fifty_digits(laws, damping):
 
 @pytest.mark.variants(3)
 def test_uniform_samples_equal_single_states(law, follower):
-    """Matrix products and closed form give the same motion, acceleration and force."""
+    """Uniform samples by matrix products equal single states by the closed form.
+
+    The tolerance is 1e-11 of the largest value.
+    """
     model, start = response(law, follower, SPEED), np.array([1e-7, -1e-4])
     step, count = 1.0 / 96_000, 40_000
     got = sample(model, start, 1.0, 1e-3, step, count, outputs(follower))
@@ -45,7 +49,7 @@ def test_uniform_samples_equal_single_states(law, follower):
 
 @pytest.mark.variants(3)
 def test_samples_satisfy_the_equation_of_motion(law, follower):
-    """m ẍ + c ẋ + (k + k_stem) x = k_stem s is satisfied to rounding."""
+    """The samples satisfy m ẍ + c ẋ + (k + k_stem) x = k_stem s to rounding."""
     times = np.linspace(0.01, 0.3, 500)
     x, v, a, force = motion(law, follower, SPEED, 0.0, np.array([1e-7, 0.0]), times)
     p, s = follower, law(SPEED * times)
@@ -54,12 +58,15 @@ def test_samples_satisfy_the_equation_of_motion(law, follower):
     assert np.abs(force - p.preload - p.stem_stiffness * (s - x)).max() < 1e-15 * p.stem_stiffness
 
 
-# A follower that never leaves the cam
+# -- a follower that cannot leave the cam: angles at which its force would be negative
 
 
 @pytest.mark.variants(3)
 def test_the_force_is_negative_only_in_loss_intervals(law, follower):
-    """F < 0 in a loss interval and F ≥ 0 elsewhere, except near the ends."""
+    """`loss_intervals` returns the angles at which the contact force is negative.
+
+    Samples within 1e-9 rad of an end are not compared.
+    """
     angle = np.linspace(0.0, TURN, 5001)[1:-1]
     for rpm in (100.0, 400.0, 700.0):
         speed = rpm * np.pi / 30.0

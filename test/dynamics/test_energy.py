@@ -1,7 +1,7 @@
 """Energy balance: the work of the cam is stored, dissipated or lost in landings.
 
-The Gauss-Legendre rule on intervals without joints and events is exact to rounding, so that the
-balance is satisfied to 1e-10 if all events are correct.
+The integrals use the Gauss-Legendre rule on intervals without joints and events, where it is exact
+to rounding. Any missing or wrong event would violate the balance.
 """
 
 import itertools
@@ -64,7 +64,10 @@ def balance_error(law, p, speed, milliseconds):
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
 @pytest.mark.parametrize("milliseconds", [110, 300, 333])
 def test_one_mass(laws, follower, name, restitution, milliseconds):
-    """A run with flights satisfies the balance to 1e-10, also if it ends in a flight."""
+    """A run with flights satisfies the energy balance to 1e-10.
+
+    This applies also if the run ends in a flight.
+    """
     p = replace(follower, restitution=restitution)
     error, trajectory = balance_error(laws[name], p, 600.0 * RPM, milliseconds)
     assert any(event.kind == "landing" for event in trajectory.events)
@@ -73,7 +76,10 @@ def test_one_mass(laws, follower, name, restitution, milliseconds):
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_one_mass_with_velocity_jumps(edge, restitution):
-    """The work of an impact is its impulse times the new cam velocity."""
+    """At a velocity jump of the cam, the work is the impulse times the new velocity.
+
+    The energy balance is satisfied to 1e-10.
+    """
     p = replace(helpers.ONE, restitution=restitution)
     error, trajectory = balance_error(edge, p, 100.0 * RPM, 550)
     assert sum(event.energy_lost for event in trajectory.events) > 0.1
@@ -81,7 +87,7 @@ def test_one_mass_with_velocity_jumps(edge, restitution):
 
 
 def stored_in_two(p, state):
-    """Return the energy (J) of both masses, both springs and the preload."""
+    """Return the energy (J) of two masses, both springs and the preload."""
     z, v, y, w = state[:4]
     kinetic = 0.5 * p.roller_mass * v**2 + 0.5 * p.end_mass * w**2
     springs = 0.5 * p.stem_stiffness * (z - y) ** 2 + 0.5 * p.spring_stiffness * y**2
@@ -93,7 +99,7 @@ TWO = [
     ("poly345", STEM, 600.0, 1.0, 1e-12),
     ("poly345", FREE, 450.0, 2.3, 1e-12),
     ("poly345", replace(FREE, stem_stiffness=1e10), 600.0, 1.0, 1e-12),
-    ("tm21", STEM, 450.0, 1.3, 1e-12),  # the force jumps, and the roller lifts off at a joint
+    ("tm21", STEM, 450.0, 1.3, 1e-12),  # lifts off at a joint
     ("poly345", replace(SOFT, restitution=0.5), 600.0, 1.0, 1e-10),
     ("poly345", replace(SOFT, restitution=0.9), 450.0, 1.0, 1e-10),
     ("poly345", replace(STEM, restitution=0.5), 450.0, 1.0, 1e-10),
@@ -103,9 +109,10 @@ TWO = [
 
 @pytest.mark.parametrize(("cam", "p", "rpm", "turns", "limit"), TWO)
 def test_two_masses(laws, edge, cam, p, rpm, turns, limit):
-    """Each landing loses the relative kinetic energy of the roller times (1 − e²).
+    """Runs of two masses satisfy the energy balance.
 
-    The limit is relative to ∫|F ṡ| dt.
+    Each landing loses the relative kinetic energy of the roller times (1 − e²). The limit is
+    relative to ∫|F ṡ| dt.
     """
     law, speed = edge if cam == "edge" else laws[cam], rpm * RPM
     trajectory = Separation(law, p, speed)
@@ -121,7 +128,7 @@ def test_two_masses(laws, edge, cam, p, rpm, turns, limit):
             power = force * speed * law(speed * times, 1)
             work, flow = work + weights @ power, flow + weights @ np.abs(power)
             dissipated += weights @ (p.stem_damping * (v - w) ** 2 + p.damping * w**2)
-    for event in trajectory.events:  # the work of an impulse is at the velocity of the cam
+    for event in trajectory.events:  # an impulse works at the cam's velocity
         by_impulse = event.impulse * speed * law.at(event.angle)[1]
         work, flow = work + by_impulse, flow + abs(by_impulse)
     first, last = trajectory.phases[0], trajectory.phases[-1]
@@ -131,11 +138,11 @@ def test_two_masses(laws, edge, cam, p, rpm, turns, limit):
     assert abs(work - dissipated - lost - (end - start)) / flow < limit
 
 
-# Cam on an elastic shaft
+# -- cam on an elastic shaft
 
 
 def stored_in_shaft(motion, times):
-    """Return the energy (J) of cam, follower, spring and shaft."""
+    """Return the energy (J) of cam, follower, spring and shaft at the times (s)."""
     p, f = motion.parameters, motion.parameters.follower
     twist, _, angle, speed = motion.at(times)[:4]
     s, s1 = motion.law(angle), motion.law(angle, 1)
@@ -146,7 +153,10 @@ def stored_in_shaft(motion, times):
 
 @pytest.mark.variants(3)
 def test_shaft(law, follower):
-    """The work of a flywheel at constant speed is stored or dissipated."""
+    """The work of a flywheel at constant speed is stored or dissipated.
+
+    The balance of the elastic shaft is satisfied to 1e-11 of the total work.
+    """
     shaft, duration = TorsionalParameters(follower, 0.02, 8e3, 0.4), 2.3 * TURN / SPEED
     motion = solve(law, shaft, TorsionalState(2e-4, -0.1, 0.7, SPEED), 0.0, duration)
     times, weights = gauss(motion.path.edges, 48)
@@ -162,7 +172,7 @@ def test_shaft(law, follower):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("speed", [0.0, 3.0])
 def test_shaft_without_damping(law, follower, speed):
-    """Without damping the stored energy changes by the work of the flywheel only."""
+    """Without damping the stored energy changes only by the work of the flywheel."""
     p = TorsionalParameters(replace(follower, damping=0.0), 0.02, 5e3)
     motion = solve(law, p, TorsionalState(0.05, 5.0, 2.6, speed), 0.0, 0.3)
     instants = np.linspace(0.0, 0.3, 2000)
@@ -176,7 +186,10 @@ def test_shaft_without_damping(law, follower, speed):
 
 
 def test_free_vibration_of_a_shaft_is_exact(follower):
-    """I ψ̈ + c ψ̇ + k ψ = 0 is exact for weak, critical (c = 20) and strong damping."""
+    """The twist ψ with I ψ̈ + c ψ̇ + k ψ = 0 is exact to 2e-13 of its peak.
+
+    The damping is weak, critical (c = 20) and strong.
+    """
     disc, times = Law("round", np.array([0.0, TURN]), np.zeros((1, 1))), np.linspace(0.0, 0.2, 501)
     for damping in (0.0, 0.4, 19.9, 20.0, 300.0):
         p = TorsionalParameters(follower, 0.02, 5e3, damping)

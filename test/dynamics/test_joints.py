@@ -1,4 +1,7 @@
-"""Jumps of s'': acceleration and force on both sides, and very narrow segments."""
+"""Joints of a law: jumps of s'', and very narrow segments.
+
+A joint is the angle between two polynomial pieces of a law.
+"""
 
 from dataclasses import replace
 
@@ -18,25 +21,25 @@ from ..conftest import dwell, rise
 from .helpers import TWO, with_joints
 
 SPEED = 120.0 * np.pi / 30.0
-#: Sample rate (Hz) of samples 1 ns apart, the resolution of rig time.
+#: Sample rate (Hz) for samples 1 ns apart, the resolution of the simulated time.
 FINEST = 1_000_000_000
 
 
 @pytest.fixture(scope="module", params=["harmonic", "tm21"])
 def jumping(request, laws, harmonic):
-    """Return a law whose acceleration jumps."""
+    """Law whose acceleration jumps: simple harmonic, then the TM21's arcs."""
     return harmonic if request.param == "harmonic" else laws["tm21"]
 
 
 def joints_of(law):
-    """Return the pieces at whose start s'' jumps, with the limits on both sides."""
+    """Return the joints at which s'' jumps: piece index and s'' on both sides."""
     second = law.derivative_ordinates(2)
     pieces = np.flatnonzero(np.abs(law.jumps(2)) > 1e-6 * np.abs(second).max())
     return [(int(i), float(second[-1, i - 1]), float(second[0, i])) for i in pieces]
 
 
 def around(law, model, parameters, piece):
-    """Return acceleration and force before and after a joint, and all rows."""
+    """Return acceleration and force before and after a joint, and all samples."""
     joint = float(law.breaks[piece]) or TURN
     stamp = int(joint / SPEED * NS)
     interval = Interval(stamp - 2, stamp + 4, SPEED * (stamp - 2) / NS, SPEED)
@@ -47,9 +50,10 @@ def around(law, model, parameters, piece):
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "two_mass"])
 def test_the_force_on_the_cam_jumps(jumping, follower, model):
-    """At a joint ẍ jumps by ω² Δs'', and F by m ω² Δs'' with the mass on the cam.
+    """At a joint ẍ jumps by ω² Δs'', and the contact force by m ω² Δs''.
 
-    For two masses m is the roller mass. The tolerance is 1 ns of jerk.
+    m is the mass on the cam, for two masses that of the roller. The tolerance is the jerk over 1
+    ns.
     """
     p = TWO if model == "two_mass" else follower
     mass = getattr(p, "roller_mass", None) or p.mass
@@ -75,7 +79,10 @@ def test_a_stem_makes_the_jump_continuous(jumping, follower):
 
 @pytest.mark.parametrize("kind", ["one", "two"])
 def test_motion_around_joints_against_fifty_digits(jumping, many_digits, kind):
-    """The motion from 10 ns before to 10 ns after each joint agrees with 50 digits."""
+    """The motion from 10 ns before to 10 ns after each joint agrees with 50 digits.
+
+    The tolerance is 1e-12 of the largest value.
+    """
     model = Oscillator(1.3, 8.642, 4030.0, 1.26e6)
     if kind == "two":
         model = TwoMasses(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
@@ -92,7 +99,7 @@ def test_motion_around_joints_against_fifty_digits(jumping, many_digits, kind):
 def test_lift_off_at_a_jump_of_the_force(harmonic, follower, model, rpm):
     """A force that jumps to a negative value at a joint gives a lift-off there.
 
-    The force does not have a zero, only a change of sign.
+    The force changes its sign without being zero.
     """
     speed, start = rpm * np.pi / 30.0, np.radians(200.0)
     fall = int(np.flatnonzero(harmonic.breaks > np.radians(239.0))[0])
@@ -106,7 +113,7 @@ def test_lift_off_at_a_jump_of_the_force(harmonic, follower, model, rpm):
     assert events[0].angle == pytest.approx(joint, abs=4.0 * np.spacing(joint))
 
 
-# Very narrow segments, events at the ends of segments, and a segment of a whole turn
+# -- very narrow segments, events at the ends of segments, and a segment of a whole turn
 
 FAST = 600.0 * np.pi / 30.0
 TURN_NS = 60 * NS // 600
@@ -114,19 +121,19 @@ TURN_NS = 60 * NS // 600
 
 @pytest.fixture(scope="module")
 def parameters(paper_rig):
-    """Return the parameters of each model for one rig."""
+    """Parameters of each model for one rig."""
     return {name: model.parameters(paper_rig) for name, model in MODELS.items()}
 
 
 def one_turn(law, name, parameters, turns=1):
-    """Return the last state and the block of a run over turns."""
+    """Return the last state and the samples of a run over some turns."""
     interval = Interval(0, turns * TURN_NS, 0.0, FAST)
     return MODELS[name].advance(law, parameters[name], None, interval, 4000)
 
 
 @pytest.mark.parametrize("name", ["one_mass", "two_mass"])
 def test_lift_off_at_the_end_of_a_segment(laws, parameters, name):
-    """A smooth joint just after or before a lift-off does not change the events.
+    """An additional smooth joint close to a lift-off does not change the events.
 
     The lift-off is found once, in the last 1e-12 of its segment or in the first of the next one.
     Its angle is exact to the rounding of a force of 1e3 N divided by the slope of the force.
@@ -158,7 +165,7 @@ def test_a_dwell_of_a_nanoradian(make_cam, parameters, name):
 
 @pytest.mark.parametrize("name", list(MODELS))
 def test_adjacent_dwells_of_a_nanoradian(parameters, name):
-    """A follower on twenty dwells of 1e-9 rad in a row is exactly at rest."""
+    """On twenty successive dwells of 1e-9 rad the follower is exactly at rest."""
     breaks = np.concatenate([[0.0], 1.0 + 1e-9 * np.arange(20), [TURN]])
     law = Law("slices", breaks, np.zeros((6, breaks.size - 1)))
     _, block = one_turn(law, name, parameters)
@@ -170,9 +177,13 @@ def test_adjacent_dwells_of_a_nanoradian(parameters, name):
 
 
 def test_a_rise_of_a_nanoradian_is_a_step(laws):
-    """The response of a stem to a rise over 1e-9 rad is x = h (1 − cos Ωt)."""
-    # The rise takes 1e-9/ω s, in which the phase of the stem advances by 2e-8 rad. This is the
-    # tolerance. Velocities of 1e9 m/s and accelerations of 1e19 m/s² in the rise must not matter.
+    """The response of a stem to a rise over 1e-9 rad is that to a step.
+
+    It is x = h (1 − cos Ωt).
+    """
+    # The rise takes 1e-9/ω s, in which the phase of the stem advances by 2e-8 rad. This gives the
+    # tolerance. Velocities of 1e9 m/s and accelerations of 1e19 m/s² in the rise must have no
+    # effect.
     follower, speed = FollowerParameters(1.3, 4030.0, 0.0, 0.0, 1e5), 10.0
     rise = 0.01 * np.repeat([0.0, 1.0], 3)
     columns = [0.0 * rise, rise, 0.0 * rise + 0.01, rise[::-1]]

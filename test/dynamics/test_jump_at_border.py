@@ -1,4 +1,4 @@
-"""Velocity jumps within rounding of the border of two intervals."""
+"""Velocity jumps of the cam within rounding of the border of two intervals."""
 
 from dataclasses import replace
 
@@ -17,9 +17,10 @@ from .helpers import ONE, TWO
 @pytest.mark.parametrize("overshoot", [-2e-9, -6e-10, 0.0, 6e-10, 2e-9])
 @pytest.mark.parametrize("speeds", [(64.7, 56.9), (64.7, 64.7), (50.0, 70.0)])
 def test_a_flight_passes_a_jump_at_the_border_once(make_cam, model, overshoot, speeds):
-    """The fall ends at 360°, and the interval up to 1e-9 rad beside it.
+    """A flight over a border at a velocity jump includes this jump exactly once.
 
-    The gap of a landing is zero to rounding, so the jump was subtracted exactly once.
+    The fall ends at 360°, and the first interval ends up to 2e-9 rad before or after it. If the
+    jump were counted twice or not at all, the gap at the next landing would not be zero.
     """
     segments = (
         dwell(49.7),
@@ -29,7 +30,8 @@ def test_a_flight_passes_a_jump_at_the_border_once(make_cam, model, overshoot, s
     )
     law = cam_rig.build_law(make_cam(*segments, lift=0.0269))
     parameters = replace(ONE if model == "one_mass" else TWO, restitution=0.0)
-    # the first angle is such that the interval ends at the overshoot despite the rounding to ns
+    # The first angle is chosen so that the interval ends at the overshoot despite the rounding to
+    # ns.
     middle = round(NS * TURN / speeds[0])
     stop = middle + round(NS * 0.9 * TURN / speeds[1])
     first = Interval(0, middle, TURN + overshoot - speeds[0] * middle / NS, speeds[0])

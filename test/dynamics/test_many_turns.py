@@ -27,8 +27,8 @@ EPS = float(np.finfo(float).eps)
 @pytest.mark.parametrize("turns", [20_000, pytest.param(TURNS, marks=pytest.mark.long)])
 def test_one_call_over_all_turns(laws, follower, turns):
     """Samples of one interval of many turns are exact to the rounding of the angle."""
-    # The angle of 1e5 turns, 6.3e5 rad, is rounded to eps times itself. The slope of the law
-    # converts this to an error of the lift.
+    # The angle of 1e5 turns, 6.3e5 rad, is rounded to eps times itself. Multiplied by the slope of
+    # the law this is an error of the lift.
     law, rate = laws["poly345"], 7
     interval = Interval(0, turns * TURN_NS, 0.0, SPEED)
     rows = MODELS["kinetostatic"].advance(law, follower, None, interval, rate)[1].rows
@@ -44,7 +44,8 @@ def test_one_call_over_all_turns(laws, follower, turns):
 
 def test_free_vibration_keeps_its_phase(laws):
     """The free vibration of an undamped stem is r₀ cos Ωt after 3.2e8 rad of phase."""
-    # The phase of one turn (1593 rad) is rounded to eps times itself, and the errors add up.
+    # The phase of one turn (1593 rad) is rounded to eps times itself, and the errors of all turns
+    # add up.
     flat = Law("flat", laws["poly345"].breaks, 0.0 * laws["poly345"].ordinates)
     follower = FollowerParameters(1.3, 4030.0, 0.0, 0.0, 3.3e8)
     duration = TURNS * TURN / SPEED
@@ -61,7 +62,8 @@ def test_free_vibration_keeps_its_phase(laws):
 
 def test_forced_resonance_grows_for_all_turns(laws):
     """At resonance the vibration after N turns is N times that after one turn."""
-    # If the rate of a mode is off its harmonic by eps, the phase error after N turns is 9·2π N eps.
+    # If the natural frequency is off its harmonic by eps, the phase error after N turns is 9·2π N
+    # eps.
     matrix = np.array([[0.0, 1.0], [-((9.0 * SPEED) ** 2), 0.0]])
     drive = np.array([[0.0, 0.0, 0.0], [(9.0 * SPEED) ** 2, 0.0, 0.0]])
     model = LinearResponse(laws["poly345"], SPEED, matrix, drive, np.zeros(2))
@@ -72,7 +74,7 @@ def test_forced_resonance_grows_for_all_turns(laws):
     assert np.abs((last / TURNS - first) / size).max() < 18.0 * np.pi * TURNS * EPS
 
 
-# A long run is computed in blocks, and its memory is that of one block
+# -- a long run is computed in blocks, and needs the memory of one block
 
 ROOT = Path(__file__).parents[2]
 LIMIT_MB = 300.0
@@ -104,7 +106,10 @@ LONG = ("elastic_stem", 300, "one_mass", 60, "two_mass", 60, "torsional", 20, "k
 
 @pytest.mark.parametrize("runs", [RUNS, pytest.param(LONG, marks=pytest.mark.long)])
 def test_memory_does_not_grow(runs):
-    """The memory of a process does not grow after the first turns of a run."""
+    """The memory of a process does not grow after the first turns of a run.
+
+    Between half of the run and its end it grows by less than 5 MB.
+    """
     # The samples of one hour (172.8 million of six floats) would need 8.3 GB.
     done = subprocess.run(
         [sys.executable, "-c", STREAM, *map(str, runs)],

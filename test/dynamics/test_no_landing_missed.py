@@ -1,4 +1,7 @@
-"""No landing and no lift-off is missed, against a fine scan of gap and force."""
+"""No landing or lift-off is missed, compared with fine samples of gap and force.
+
+The tests also cover the intervals of time and the grid of samples.
+"""
 
 import itertools
 import math
@@ -25,7 +28,10 @@ from .helpers import MS, ONE, TWO, bumped, land, noisy, run_in_ticks, tick_borde
 
 
 def scan(trajectory, samples, force_at):
-    """Return the number of events, the least gap (m) and the least contact force (N)."""
+    """Return the number of events, the smallest gap (m) and the smallest force (N).
+
+    `samples` is the number of samples per turn. `force_at(phase, times)` returns the contact force.
+    """
     gap, force, speed = 0.0, np.inf, trajectory.speed
     for phase in trajectory.phases:
         count = 50 + int((phase.end - phase.begin) * speed / TURN * samples)
@@ -39,14 +45,14 @@ def scan(trajectory, samples, force_at):
 
 
 def two_masses(law, p, rpm, turns, samples):
-    """Return the scan of two masses from rest, see `scan`."""
+    """Return the `scan` of two masses from rest over some turns."""
     trajectory = Separation(law, p, rpm * RPM)
     trajectory.run(turns * TURN / trajectory.speed)
     return scan(trajectory, samples, lambda phase, t: phase_states(trajectory, phase, t)[4])
 
 
 def one_mass(law, p, rpm, turns, samples):
-    """Return the scan of one mass from rest, with the force at each tenth sample."""
+    """Return the `scan` of one mass from rest, with the force at each tenth sample."""
     speed = rpm * RPM
     interval = Interval(0, round(turns * TURN / speed * 1e9), 0.0, speed)
     trajectory = OneMassTrajectory(law, p, interval)
@@ -70,7 +76,10 @@ MORE_NOISE = [
     [(two_masses, TWO, 5e-6, 0, 1), (one_mass, ONE, 5e-6, 1, 1), *MORE_NOISE],
 )
 def test_a_measured_law_with_noise(laws, run, p, amplitude, seed, turns):
-    """On 1440 pieces with noise the gap and the force are never negative."""
+    """On a law of 1440 pieces with noise, gap and force are never negative.
+
+    Rounding of 1e-14 m and 1e-6 N is allowed.
+    """
     law = noisy(laws["poly345"], 1440, amplitude, np.random.default_rng(seed))
     events, gap, force = run(law, p, 450.0, turns, 20_000)
     assert events > 50 or amplitude < 1e-6
@@ -81,7 +90,10 @@ def test_a_measured_law_with_noise(laws, run, p, amplitude, seed, turns):
 @pytest.mark.parametrize("apart", [24.0, pytest.param(0.75, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("run", "p"), [(two_masses, TWO), (one_mass, ONE)])
 def test_a_narrow_bump_is_not_missed(laws, run, p, apart):
-    """A bump of 0.3° and 1 mm causes events, and no negative gap or force."""
+    """A bump of 0.3° and 1 mm at any angle causes events, and no event is missed.
+
+    Gap and force are never negative beyond rounding.
+    """
     for degrees in np.arange(0.7, 359.8, apart):
         law = bumped(laws["poly345"], np.radians(degrees), np.radians(0.3), 1e-3)
         events, gap, force = run(law, p, 480.0, 1, 20_000)
@@ -90,14 +102,17 @@ def test_a_narrow_bump_is_not_missed(laws, run, p, apart):
         assert force > -1e-6, degrees
 
 
-# The roller is never below the cam, for any division of time into intervals.
+# -- the roller is never below the cam, for any division of time into intervals
 
-#: The paper's follower with rebounds.
+#: The paper's two masses with the restitution 0.5.
 PAPER = replace(TWO, restitution=0.5)
 
 
 def min_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_mass"):
-    """Return the least gap (m) and the number of events of a ramp in ticks."""
+    """Return the smallest gap (m) and the number of events of a speed ramp in ticks.
+
+    `speed` is in rad/s, `acceleration` in rad/s². A tick takes `milliseconds`, the run `total` ms.
+    """
     whole = Interval(0, total * MS, 0.0, speed, acceleration)
     rows, events, _ = run_in_ticks(
         law, model, p, whole, tick_borders(milliseconds * MS, total * MS)
@@ -112,10 +127,11 @@ def min_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_mas
 @pytest.mark.parametrize("acceleration", [2.0, 30.0])
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_no_tick_of_a_ramp_loses_a_landing(laws, cam, restitution, acceleration, milliseconds):
-    """The gap is never negative in a ramp, also with ticks that are short dwells.
+    """The gap is never negative on a speed ramp, also in ticks of 1 ms.
 
-    The law of a ramp covers one tick, so it may be zero everywhere. The rounding error of the gap
-    must include that of the roller's displacement.
+    On a ramp the motion of a tick is computed with a law for this tick, which may be zero
+    everywhere in a dwell. The rounding error of the gap must include that of the roller's
+    displacement.
     """
     p = replace(PAPER, restitution=restitution)
     gap, events = min_gap(laws[cam], p, 52.0, acceleration, milliseconds)
@@ -127,8 +143,8 @@ def test_no_tick_of_a_ramp_loses_a_landing(laws, cam, restitution, acceleration,
 def test_one_mass_lands_on_a_slope_at_the_end_of_a_tick(make_cam, milliseconds):
     """A landing at the end of a tick is not missed if the law has a slope there.
 
-    The law of a ramp ends with the tick. It must not count as a plateau, below which the follower
-    once sank by 20 µm until the end of the tick.
+    The law for one tick of a ramp ends with the tick. If its end were taken for a dwell, the
+    follower would sink 20 µm below the cam until the end of the tick.
     """
     event = rise(110, 1, "constant_velocity"), dwell(60), rise(100, 0)
     law = build_law(make_cam(dwell(50), *event, dwell(40), lift=0.04))
@@ -140,9 +156,9 @@ def test_one_mass_lands_on_a_slope_at_the_end_of_a_tick(make_cam, milliseconds):
 
 @pytest.mark.parametrize("spring", [4030.0, 1.0, 0.1])
 def test_a_weak_spring_with_a_large_preload(laws, spring):
-    """The follower lands, although its position of rest is up to 1 km below the cam.
+    """A follower lands although its position of rest is up to 1 km below the cam.
 
-    Samples have a relative rounding error of 1e-9 of that distance.
+    Samples have a rounding error of 1e-9 of that distance.
     """
     p = replace(PAPER, spring_stiffness=spring, preload=100.0)
     gap, events = min_gap(laws["poly345"], p, 62.0, 0.0, 200)
@@ -162,7 +178,7 @@ def test_a_roller_below_the_cam_lands_at_once(laws):
     assert trajectory.events[0].time == 0.0
 
 
-# Intervals of constant speed or of a ramp, θ = θ₀ + ω t + α t²/2.
+# -- intervals of constant speed or of a speed ramp, θ = θ₀ + ω t + α t²/2
 
 
 speeds = st.floats(0.0, 1e3)
@@ -187,7 +203,10 @@ def test_time_is_the_inverse_of_the_angle(before, after, part):
 
 
 def test_time_from_rest_and_never():
-    """From rest θ = α t²/2. An angle after the stop of a ramp has an infinite time."""
+    """`time_at` is exact from rest, and infinite for an angle that is not reached.
+
+    From rest θ = α t²/2.
+    """
     start = Interval(0, NS, 0.0, 0.0, 8.0)
     assert start.time_at(4.0) == 1.0
     assert start.time_at(0.0) == 0.0
@@ -200,7 +219,7 @@ def test_time_from_rest_and_never():
 
 @given(speeds, speeds, st.integers(1, NS // 10), st.floats(1.0, 50.0))
 def test_parts_of_a_ramp(before, after, length, max_angle):
-    """Parts of a ramp follow each other, turn by at most an angle, and form the ramp."""
+    """`split` divides a ramp into successive parts that turn by at most a given angle."""
     ramp = Interval(7, 7 + length, 3.0, before, (after - before) * NS / length)
     parts = ramp.split(max_angle)
     assert (parts[0].start_ns, parts[-1].stop_ns) == (ramp.start_ns, ramp.stop_ns)
@@ -215,7 +234,7 @@ def test_parts_of_a_ramp(before, after, length, max_angle):
     assert all(part.acceleration == ramp.acceleration for part in parts)
 
 
-# Grid of samples, which all intervals share.
+# -- grid of sample times, which all intervals share
 
 times_ns = st.integers(0, 4000 * NS)
 rates = st.integers(100, 1_000_000)
@@ -223,7 +242,7 @@ rates = st.integers(100, 1_000_000)
 
 @given(st.lists(times_ns, min_size=2, max_size=8, unique=True), rates)
 def test_consecutive_intervals_share_no_sample_and_miss_none(cuts, rate):
-    """The first sample of an interval follows the last sample of the interval before."""
+    """The first sample of an interval follows the last sample of the previous one."""
     cuts = sorted(cuts)
     pairs = itertools.pairwise(cuts)
     grids = [Interval(a, b, 0.0, 1.0).grid(rate) for a, b in pairs]
@@ -236,7 +255,10 @@ def test_consecutive_intervals_share_no_sample_and_miss_none(cuts, rate):
 
 @given(times_ns, st.integers(1, NS), rates)
 def test_samples_lie_inside(start, length, rate):
-    """The samples are the times k / rate in [start, stop) with the exact first offset."""
+    """The samples of an interval are the times k / rate in [start, stop).
+
+    The offset of the first sample from the start is exact.
+    """
     grid = Interval(start, start + length, 0.0, 1.0).grid(rate)
     low, high = Fraction(start, NS), Fraction(start + length, NS)
     assert grid.count >= 0
@@ -253,15 +275,16 @@ def test_index_after():
     np.testing.assert_allclose(grid.sample_times()[[0, 999]], [0.0, 0.999], rtol=1e-15)
 
 
-# Samples of a block, and rows by their names.
+# -- samples at the end of an interval, and rows by their names
 
 
 @pytest.mark.parametrize("model", ["one_mass", "two_mass", "elastic_stem"])
 @pytest.mark.parametrize("rpm", [250, 500])
 def test_a_sample_at_the_end_of_an_interval(model, rpm):
-    """A sample less than 1 ns before the end equals that of a longer interval.
+    """A sample less than 1 ns before the end of an interval is correct.
 
-    Sample rates such as 48 kHz have such ends, in contact and in flight.
+    It equals that of a longer interval to 1e-9. Sample rates such as 48 kHz have such ends, in
+    contact and in flight.
     """
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     parameters = MODELS[model].parameters(cam_rig.load_rig("paper_table2"))

@@ -23,16 +23,16 @@ def test_no_events_at_200_rpm(laws, follower):
     assert run.state == expected.state
 
 
-# A change of speed between intervals is a jump of the cam's velocity, not of the follower's
+# -- a change of speed between intervals changes the velocity of the cam, not of the follower
 
 MS = NS // 1000
 
 
 def test_a_flight_continues_over_a_change_of_speed(laws, follower):
-    """A change of speed does not affect a follower in flight."""
+    """A change of the cam speed does not affect a follower in flight."""
     law, fast, faster = laws["poly345"], 20.0 * np.pi, 25.0 * np.pi
     stop = 40 * NS // 1000
-    angle = fast * 0.04  # 144°, in the flight since the lift-off at 101.5°
+    angle = fast * 0.04  # 144°, in flight since 101.5°
     state, _ = one_mass.advance(law, follower, None, Interval(0, stop, 0.0, fast), 8000)
     assert not state.in_contact
     following = Interval(stop, stop + NS // 1000, angle, faster)
@@ -46,12 +46,12 @@ def test_a_flight_continues_over_a_change_of_speed(laws, follower):
 @pytest.mark.parametrize("model", ["elastic_stem", "one_mass", "two_mass"])
 @pytest.mark.parametrize("degrees", [90.0, 180.0, 270.0])
 def test_a_change_of_speed_changes_the_cam_velocity_only(laws, paper_rig, model, faster, degrees):
-    """A rise of the surface speed causes an impact, a fall causes a lift-off.
+    """A faster cam surface hits the follower, and a slower one loses contact with it.
 
     There is no event in a dwell, without a change of speed, or with the model elastic_stem.
     """
     # If the cam surface gets faster, the impulse is J = m Δv with the mass on the cam. If it gets
-    # slower, the follower keeps its velocity. In a dwell and without a change there is no event.
+    # slower, the follower keeps its velocity and lifts off. In a dwell the surface has no velocity.
     law, p = laws["poly345"], replace(MODELS[model].parameters(paper_rig), preload=200.0)
     angle, slow, advance = np.radians(degrees), 20.0, MODELS[model].advance
     state, block = advance(law, p, None, Interval(0, MS, angle - slow * 1e-3, slow), 12_007)

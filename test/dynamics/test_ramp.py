@@ -1,4 +1,7 @@
-"""Speed ramps: every model is exact, for every duration of the ticks."""
+"""Speed ramps: every model is exact, for every duration of the ticks.
+
+A tick is one of the intervals of time into which a run is divided.
+"""
 
 import math
 
@@ -18,7 +21,7 @@ SHAFT = TorsionalParameters(ONE, 0.02, 5e3, 0.1)
 
 
 def exact_motion(law, interval, time):
-    """Return s, ṡ and s̈ at a time (s) with the digits of mpmath."""
+    """Return s, ṡ and s̈ at a time (s) in mpmath precision."""
     t, w, a = mp.mpf(time), mp.mpf(interval.speed), mp.mpf(interval.acceleration)
     speed = w + a * t
     s, slope, curvature = exact_law(law, mp.mpf(interval.angle) + w * t + a * t**2 / 2)
@@ -36,14 +39,17 @@ RAMPS = {
 
 @pytest.fixture(params=RAMPS, ids=list(RAMPS))
 def ramp(request):
-    """Return a ramp of each kind."""
+    """Ramp of each kind: from rest, up, down, to rest, and over many turns."""
     return RAMPS[request.param]
 
 
 @pytest.mark.variants(5)
 @pytest.mark.parametrize("name", ["poly345", "bezier15", "tm21"])
 def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
-    """s(θ(t)), ṡ = s' ω, s̈ = s'' ω² + s' α and force are exact to rounding."""
+    """The kinetostatic samples on a ramp are exact to 1e-12 of their maximum.
+
+    They are s(θ(t)), ṡ = s' ω, s̈ = s'' ω² + s' α and the contact force.
+    """
     law = laws[name]
     rows, _, state = run_in_ticks(law, "kinetostatic", ONE, ramp, [0, ramp.stop_ns], rate=97)
     with mp.workdps(40):
@@ -62,7 +68,10 @@ def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
 
 
 def test_substitute_law_is_as_smooth_as_the_law(laws):
-    """The substitute law is the lift over time, as smooth as the law."""
+    """`substitute` returns the lift on a ramp as a law of time.
+
+    It has the continuity of the original law, and the same lift to 1e-15 m.
+    """
     interval = RAMPS["up"]
     law, steady = substitute(laws["poly4567"], interval)
     assert (steady.angle, steady.acceleration) == (0.0, 0.0)
@@ -87,7 +96,7 @@ def test_substitute_law_is_as_smooth_as_the_law(laws):
     ],
 )
 def test_the_duration_of_ticks_does_not_matter(laws, ramp, model, p):
-    """Ticks of 1 ms and 200 ms give the same rows to 1e-10, and the same events."""
+    """Ticks of 1 ms and 200 ms give the same samples to 1e-10, and the same events."""
     law, stop = laws["poly345"], ramp.stop_ns
     fine = run_in_ticks(law, model, p, ramp, range(0, stop + 1, MS))
     coarse = run_in_ticks(law, model, p, ramp, [0, stop])
@@ -102,7 +111,7 @@ def test_the_duration_of_ticks_does_not_matter(laws, ramp, model, p):
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
 def test_a_very_slow_ramp_equals_constant_speed(laws, model):
-    """A ramp with α → 0 gives the motion at constant speed."""
+    """A ramp with an acceleration near zero gives the motion at constant speed."""
     p = CALM if model == "two_mass" else ONE
     law, speed = laws["poly345"], 30.0
     constant = run_in_ticks(law, model, p, Interval(0, 250 * MS, 0.4, speed), [0, 250 * MS])[0]
@@ -111,9 +120,9 @@ def test_a_very_slow_ramp_equals_constant_speed(laws, model):
     assert (np.abs(slow - constant)[1:5] < 1e-10 * size).all()
 
 
-# A law with velocity jumps on a ramp
+# -- a law with velocity jumps on a ramp
 
-#: Step of s' at the joints of `edge`, m/rad.
+#: Step of s' at the joints of the cam `edge`, m/rad.
 STEP = 0.05 / np.radians(90.0)
 #: Ramp from rest that reaches 60° after 0.1 s.
 START = Interval(0, 340 * MS, 0.0, 0.0, 2.0 * math.pi / 3.0 / 0.01)
@@ -123,7 +132,10 @@ START = Interval(0, 340 * MS, 0.0, 0.0, 2.0 * math.pi / 3.0 / 0.01)
 @pytest.mark.parametrize(("model", "p", "mass"), [("one_mass", ONE, 1.3), ("two_mass", CALM, 0.4)])
 @pytest.mark.parametrize("cuts", [[340], [99, 100, 101, 340], [100, 340], [50, 150, 340]])
 def test_an_impact_on_a_ramp(edge, model, p, mass, cuts):
-    """The impulse at a joint is m ω(t) Δs' with the cam speed there."""
+    """The impulse at a velocity jump on a ramp is m ω(t) Δs', with the speed there.
+
+    It occurs at the time at which the ramp reaches the joint (1e-14 s).
+    """
     events = run_in_ticks(edge, model, p, START, [0, *(cut * MS for cut in cuts)])[1]
     first = events[0]
     assert first.kind == "landing"

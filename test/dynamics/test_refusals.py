@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("at_once")
 POSITIVE = (0.0, -1.3, NAN, INF, 1e-300)
 #: Invalid values of a number that must not be negative.
 NOT_NEGATIVE = (-1e-9, NAN, INF, 1e300)
-#: Parameters, names of numbers, invalid values of these numbers, and the limit in the message.
+#: Parameters, names of their numbers, invalid values of these, and the limit in the error message.
 LIMITS = [
     (FOLLOWER, ("mass", "spring_stiffness", "stem_stiffness"), POSITIVE, "finite and > 0"),
     (FOLLOWER, ("damping", "preload"), (*NOT_NEGATIVE, "heavy", None), "finite and ≥ 0"),
@@ -45,7 +45,7 @@ LIMITS = [
 
 @pytest.mark.parametrize(("record", "names", "values", "limit"), LIMITS)
 def test_parameters(record, names, values, limit):
-    """Each number of the parameters is checked against its limit."""
+    """Each number of a follower or shaft is checked against its limit."""
     for name, value in itertools.product(names, values):
         message = re.escape(f"{name} is {value!r}; allowed: {limit}")
         with pytest.raises(DynamicsError, match=message):
@@ -53,7 +53,10 @@ def test_parameters(record, names, values, limit):
 
 
 def test_parameters_of_a_rig(rig, follower, paper_rig):
-    """Parameters are the numbers of the rig in SI. A missing section is an error."""
+    """The parameters of a model are the numbers of the rig in SI units.
+
+    If the rig lacks a section that the model needs, this is an error.
+    """
     for name in (field.name for field in fields(follower)):
         assert getattr(follower, name) == getattr(rig.follower, name).si
     with pytest.raises(ConfigError, match="shaft: is missing; needed by the model torsional"):
@@ -63,7 +66,7 @@ def test_parameters_of_a_rig(rig, follower, paper_rig):
 
 
 def test_the_largest_damping_ratio_is_ten(paper_rig):
-    """A damping ratio above 10 raises an error that names another model.
+    """A damping ratio above 10 raises an error that suggests another model.
 
     A flight with such a damping would take an hour to compute.
     """
@@ -87,7 +90,10 @@ def test_the_largest_damping_ratio_is_ten(paper_rig):
 
 
 def test_contact_time_is_half_a_period(follower):
-    """The contact time is half a period, the first zero of sin(√(k/m) T)."""
+    """The contact time of a landing is half a period of mass and stem.
+
+    It is the first zero of sin(√(k/m) T).
+    """
     rate = math.sqrt(follower.stem_stiffness / follower.mass)
     assert rate * follower.contact_time == pytest.approx(math.pi, rel=1e-15)
 
@@ -105,7 +111,7 @@ def test_speed_and_angle(laws, paper_rig, name):
 
 
 def test_a_law_or_a_state_that_is_not_finite():
-    """A law and a state cannot be created with numbers that are not finite."""
+    """A law or a state with numbers that are not finite cannot be created."""
     for value in (NAN, INF, -INF):
         ordinates = np.zeros((6, 1))
         ordinates[3] = value
@@ -159,7 +165,7 @@ STARTS = [
 
 
 def test_start_of_a_vibration(laws):
-    """An invalid speed, angle or state of a vibration is an error."""
+    """An invalid speed, angle or state at the start of a vibration is an error."""
     for speed, angle, start, message in STARTS:
         with pytest.raises(DynamicsError, match=message):
             motion(laws["poly345"], FOLLOWER, speed, angle, start, np.array([0.0, 0.1]))
@@ -182,7 +188,7 @@ def test_arguments_of_a_trajectory(laws):
 
 @pytest.mark.parametrize(("name", "parameters"), [("elastic_stem", FOLLOWER), ("two_mass", TWO)])
 def test_a_state_of_another_model(laws, name, parameters):
-    """The state of another model is an error."""
+    """A state with the size of another model's state is an error."""
     state = FollowerState(0.0, 0.0, 1.0, True, inner=(0.0, 0.0, 0.0))
     with pytest.raises(DynamicsError, match=r"state: has 3 numbers; allowed: 2"):
         advance = MODELS[name].advance
@@ -220,7 +226,7 @@ TWISTS = [
 
 
 def test_a_twist(laws):
-    """Invalid numbers of a torsional motion and a diverging run are errors."""
+    """Invalid numbers of a torsional motion, and a diverging solution, are errors."""
     constant_speed = replace(SHAFT, flywheel_inertia=None)
     for state, (duration, ramp), message in TWISTS:
         with pytest.raises(DynamicsError, match=message):
@@ -232,7 +238,10 @@ def test_a_twist(laws):
 
 
 def test_a_law_whose_velocity_jumps(edge, paper_rig):
-    """Rigid models reject a velocity jump and name its angle and other models."""
+    """Models without impacts reject a velocity jump of the cam.
+
+    The error states its angle and the models that allow it.
+    """
     message = r"law 'edge': velocity jumps by 0.0318 m/rad at 60°, an infinite force in this model"
     intervals = Interval(0, NS, 0.0, 6.0), Interval(0, NS, 0.0, 0.0, 6.0)
     for name, interval in itertools.product(("kinetostatic", "torsional"), intervals):

@@ -1,4 +1,7 @@
-"""Ticks and the number of turns before do not change the results of a run."""
+"""The division of a run into ticks, and earlier turns, do not change its results.
+
+A tick is one of the intervals of time into which a run is divided.
+"""
 
 import itertools
 from dataclasses import replace
@@ -24,7 +27,7 @@ from .helpers import MS, run_in_ticks, tick_borders
 
 #: Duration of a run, ns.
 TOTAL = 400 * MS
-#: Sample rate, Hz. It is prime, so that no sample is at an event, where rounding would matter.
+#: Sample rate, Hz. It is prime, so that no sample is at an event, where it could have either value.
 RATE = 12_007
 CAMS = ("poly345", "tm21")
 CASES = {
@@ -40,9 +43,9 @@ CASES = {
     "two_mass, chattering": ("two_mass", 450.0, {"stem_stiffness": 3.3e8, "preload": 12.753}),
 }
 #: Relative tolerances other than 1e-10. Bounces continue down to 1e-12 of the lift, where the
-#: rounding of the gap limits the accuracy of landings.
+#: rounding of the gap limits the accuracy of landing times.
 LIMITS = {"one mass, bouncing": 1e-9}
-#: Cases that are not compared. A change of 1e-16 of the preload changes 49 events to 73 events.
+#: Cases that are not compared. A change of the preload by 1e-16 changes 49 events to 73 events.
 CHAOTIC = {("tm21", "two_mass, chattering")}
 #: Each case with one of the two cams. The other pairs are marked `long`.
 PAIRS = [
@@ -54,7 +57,7 @@ PAIRS = [
 
 
 def sensitivity(law, model, parameters, interval, whole):
-    """Return the largest change of each row by a last digit of a parameter.
+    """Return the largest change of each row by a last-digit change of a parameter.
 
     Runs with different ticks cannot agree better than this.
     """
@@ -72,7 +75,7 @@ def sensitivity(law, model, parameters, interval, whole):
 def strong_landings(events):
     """Return the landings above a thousandth of the largest impulse.
 
-    The last landings of a series are rounding.
+    The last landings of a series of bounces are rounding.
     """
     max_impulse = max((event.impulse for event in events), default=0.0)
     return [event for event in events if event.impulse > 1e-3 * max_impulse]
@@ -80,9 +83,9 @@ def strong_landings(events):
 
 @pytest.mark.parametrize(("cam", "name"), PAIRS)
 def test_the_duration_of_ticks_does_not_matter(laws, paper_rig, cam, name):
-    """Ticks of 1 ms and 200 ms give the same rows to 1e-10, and the same landings.
+    """Ticks of 1 ms and 200 ms give the same samples to 1e-10, and the same landings.
 
-    Bounces on a stiff stem enlarge rounding errors a thousand times and more, and rounding depends
+    Bounces on a stiff stem amplify rounding errors a thousand times and more, and rounding depends
     on the processor. If the last digit of the preload or of the stem stiffness changes a row by
     more than 1e-10, the limit is ten times this change.
     """
@@ -104,13 +107,13 @@ def test_the_duration_of_ticks_does_not_matter(laws, paper_rig, cam, name):
         assert abs(state.displacement - last.displacement) <= limit[1]
 
 
-# Flights with special damping
+# -- flights with special damping
 
 
 def test_critical_damping_is_not_a_special_case(laws):
-    """Events at critical damping are those at slightly different damping.
+    """Events at critical damping agree with those at slightly different damping.
 
-    The matrix then has one shape for two modes, and the equilibrium of a weak spring is far away.
+    At critical damping two modes coincide. The weak springs have a distant position of rest.
     """
     for spring in (4030.0, 4.0, 1.0, 0.04):
         critical, times = 2.0 * np.sqrt(spring * 1.3), []
@@ -139,7 +142,7 @@ def test_a_force_of_zero_at_the_start_of_a_phase(laws):
         assert len(times) < 200
 
 
-# Samples and events of one mass that lifts off
+# -- samples and events of one mass that lifts off
 
 RPM_JUMPING = 600.0
 TURN_NS = 60 * NS // 600
@@ -147,7 +150,7 @@ END = 4 * TURN_NS
 
 
 def jumping(laws, p, cuts, rate=8000):
-    """Run one mass on the 3-4-5 cam in ticks between times (ns)."""
+    """Run one mass on the 3-4-5 cam at 600 rpm, in ticks between times (ns)."""
     interval = Interval(0, cuts[-1], 0.0, RPM_JUMPING * RPM)
     return run_in_ticks(laws["poly345"], "one_mass", p, interval, cuts, rate)
 
@@ -159,7 +162,7 @@ def whole(laws, follower):
 
 
 def test_intervals_shorter_than_a_sample(laws, follower, whole):
-    """Intervals of 40 µs, most of them without a sample, lose no sample and no event."""
+    """Ticks of 40 µs, most of them without a sample, lose no sample and no event."""
     first = whole.events[1].time + 0.01
     cuts = [0, *range(20 * MS, round(first * NS), 40_000)]
     cut = jumping(laws, follower, cuts)
@@ -174,7 +177,10 @@ def test_intervals_shorter_than_a_sample(laws, follower, whole):
     restitution=st.sampled_from([0.0, 0.5]),
 )
 def test_each_impulse_appears_once(laws, follower, inner, restitution):
-    """Each impulse of an event is in one block, or pending for the next block."""
+    """Each impulse of an event is in the samples exactly once.
+
+    An impulse after the last sample of a tick is pending for the next tick.
+    """
     p, cuts = replace(follower, restitution=restitution), [0, *sorted(inner)]
     result = jumping(laws, p, [*cuts, 2 * TURN_NS], 1000)
     total = sum(event.impulse for event in result.events)
@@ -184,7 +190,7 @@ def test_each_impulse_appears_once(laws, follower, inner, restitution):
 
 
 def test_events_and_impulses_are_in_order(whole):
-    """Lift-offs and landings alternate, and impulses are at the next sample."""
+    """Lift-offs and landings alternate, and an impulse is at the next sample."""
     kinds = [event.kind for event in whole.events]
     assert kinds[0] == "lift-off"
     assert all(a != b for a, b in itertools.pairwise(kinds))
@@ -195,9 +201,10 @@ def test_events_and_impulses_are_in_order(whole):
     np.testing.assert_allclose(whole.rows[5], expected, rtol=1e-14)
 
 
-# Whole turns are counted separately, so that late turns are exact to the last digit
+# -- whole turns are counted separately, so that late turns are exact to the last digit
 
-#: Speed of 480 rpm, rad/s. A thousand turns are whole seconds, so that they have the same samples.
+#: Speed of 480 rpm in rad/s. A thousand turns are whole seconds, so they have the same sample
+#: times.
 SPEED = 480.0 * RPM
 #: Duration of a turn, ns.
 PERIOD = NS // 8
@@ -213,7 +220,10 @@ LATE = {
 
 
 def run_late(law, model, p, total, tick, turns=0, acceleration=0.0):
-    """Return rows, events and last state of a run that starts after ``turns``."""
+    """Return samples, events and last state of a run that starts after `turns` turns.
+
+    Times and angles are relative to its start.
+    """
     start = turns * PERIOD
     late = Interval(start, start + total, 0.0, SPEED, acceleration, turns)
     rows, events, state = run_in_ticks(law, model, p, late, tick_borders(tick, total), RATE)
@@ -237,7 +247,7 @@ def assert_same_late(late_run, expected, turns):
 
 
 def late_case(rig, name):
-    """Return the model of a case of `LATE` and its parameters."""
+    """Return the name and the parameters of the model of a case of `LATE`."""
     model, changes = LATE[name]
     return model, replace(MODELS[model].parameters(rig), **changes)
 
@@ -259,7 +269,7 @@ def test_late_turns_equal_the_first(laws, paper_rig, name):
 
 
 def test_contact_continues_over_late_borders(laws):
-    """After 1e4 turns borders of ticks give no events while the force is positive.
+    """After 1e4 turns the borders of ticks cause no events in contact.
 
     This is also true if angle and turns are one number with a rounding error of 1e-11 rad.
     """
@@ -291,7 +301,7 @@ def test_an_interval_must_start_at_the_angle_of_the_state(laws, paper_rig):
             )
             with pytest.raises(DynamicsError, match=message):
                 advance(law, p, state, following, RATE)
-            # a state without a cam angle is not compared
+            # A state without a cam angle is not compared.
             advance(law, p, replace(state, cam_angle=None), following, RATE)
 
 

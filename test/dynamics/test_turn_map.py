@@ -1,4 +1,7 @@
-"""The map of a turn agrees with the models and contracts."""
+"""Stroboscopic map: the state of a follower from one turn to the next.
+
+The map agrees with the models, and its derivative contracts as damping and landings require.
+"""
 
 import math
 from dataclasses import replace
@@ -21,7 +24,7 @@ from .test_compiled import bumpy
 
 
 def random_map(laws, seed, fastest=900.0):
-    """Return the map of a random law, one mass and speed, and the generator."""
+    """Return the map of a random law, one mass and speed, and the random generator."""
     rng = np.random.default_rng(seed)
     names = ["poly345", "tm21", "bezier15", "cycloidal", "flat"]
     law = laws[names[int(rng.integers(len(names)))]]
@@ -39,7 +42,7 @@ def random_map(laws, seed, fastest=900.0):
 
 
 def random_two(laws, seed):
-    """Return the map of a random law, two masses and speed, and the generator."""
+    """Return the map of a random law, two masses and speed, and the random generator."""
     rng = np.random.default_rng(seed)
     names = ["poly345", "tm21", "bezier15", "cycloidal", "flat"]
     p = TwoMassParameters(
@@ -59,7 +62,10 @@ def random_two(laws, seed):
 @pytest.mark.variants(12)
 @pytest.mark.parametrize("seed", range(200))
 def test_a_turn_has_the_landings_of_the_model(laws, seed):
-    """Number of landings and speed of the fastest landing are those of the model."""
+    """A turn of the map has the landings of the model of one mass.
+
+    Their number and the speed of the fastest landing (relative 1e-9) are compared.
+    """
     turn_map, _ = random_map(laws, seed)
     p, end = turn_map.parameters, turn_map.duration
     interval = Interval(0, round(end * NS), 0.0, turn_map.speed)
@@ -72,7 +78,7 @@ def test_a_turn_has_the_landings_of_the_model(laws, seed):
     assert abs(run.landings[0] - len(landings)) <= len(at_end)
     if not at_end and landings:
         hit = max(landings, key=lambda e: e.impulse)
-        lost = 2.0 * hit.energy_lost / hit.impulse  # (1 − e) v, as the impulse is m (1 + e) v
+        lost = 2.0 * hit.energy_lost / hit.impulse  # (1 − e) v, with the impulse m (1 + e) v
         max_speed = 0.5 * (hit.impulse / p.mass + lost)
         assert run.max_landing_speeds[0] == pytest.approx(max_speed, rel=1e-9)
 
@@ -81,10 +87,11 @@ def test_a_turn_has_the_landings_of_the_model(laws, seed):
 @pytest.mark.parametrize("seed", range(175))
 @pytest.mark.parametrize(("draw", "turns"), [(random_map, 30), (random_two, 12)])
 def test_volumes_shrink_by_dampers_and_restitution(laws, seed, draw, turns):
-    """The growths of a turn without contact add up to 2 n ln r − (sum of c/m) T.
+    """The growth rates of a turn add up to the contraction by dampers and landings.
 
-    After contact the state of one mass does not depend on its start. For two masses two growths are
-    −∞. If they are on the cam throughout, the other two add up to −(c₁ + c₂) T/m₂.
+    Without contact the sum is 2 n ln r − (sum of c/m) T, with n landings and the restitution r.
+    After contact the state of one mass does not depend on its start. For two masses two rates are
+    then −∞. If they are on the cam throughout, the other two add up to −(c₁ + c₂) T/m₂.
     """
     turn_map, rng = draw(laws, seed)
     p, time = turn_map.parameters, turn_map.duration
@@ -116,7 +123,7 @@ def test_volumes_shrink_by_dampers_and_restitution(laws, seed, draw, turns):
     ("draw", "rtol", "atol"), [(random_map, 1e-13, 0.0), (random_two, 1e-9, 1e-12)]
 )
 def test_the_bits_are_those_of_plain_python(laws, monkeypatch, seed, draw, rtol, atol):
-    """Both backends give equal states, and logarithms to the last digits."""
+    """Plain Python and compiled code give equal states, and logarithms to rounding."""
     runs = []
     for form in (PLAIN, COMPILED):
         monkeypatch.setenv(VARIABLE, form)
@@ -131,7 +138,10 @@ def test_the_bits_are_those_of_plain_python(laws, monkeypatch, seed, draw, rtol,
 @pytest.mark.parametrize("seed", range(80))
 @pytest.mark.parametrize(("draw", "limit"), [(random_map, 1e-10), (random_two, 1e-9)])
 def test_single_turns_equal_a_run(laws, seed, draw, limit):
-    """A turn from the end of a turn is the next, to rounding times the derivative."""
+    """A turn that starts from the end of the previous one continues a run of turns.
+
+    The error is rounding times the derivative.
+    """
     turn_map, _ = draw(laws, seed)
     if turn_map.law.spans.size > 1000:
         pytest.skip("hundreds of bounces on a noisy cam enlarge rounding errors to 1e100")
@@ -146,7 +156,7 @@ def test_single_turns_equal_a_run(laws, seed, draw, limit):
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(60))
 def test_derivatives_are_differences(laws, seed):
-    """Derivatives agree with differences of fourth order."""
+    """The derivatives of the map equal differences of fourth order, to 1e-5."""
     turn_map, _ = random_map(laws, seed)
     start = turn_map.run(10).states[-1]
     if not start.any() or turn_map.law.spans.size > 1000:
@@ -166,7 +176,7 @@ def test_derivatives_are_differences(laws, seed):
 
 
 def test_a_period_on_the_cam_has_no_memory(laws):
-    """After contact the motion has the same bits for every state at the start."""
+    """After a time of contact the motion is the same in all bits for every start."""
     turn_map = StroboscopicMap(laws["tm21"], replace(ONE, restitution=0.7), 370.0 * RPM)
     ends = {tuple(turn_map.run(60, (0.01 * i, 0.1 * i)).states[-1]) for i in range(6)}
     assert ends == {tuple(turn_map.run(60).states[-1])}
@@ -183,7 +193,7 @@ def test_a_follower_that_never_lands():
 
 
 def test_invalid_arguments(laws):
-    """A start below the cam and a speed of 0 are errors."""
+    """A start below the cam, or a speed of 0, is an error."""
     turn_map = StroboscopicMap(laws["poly345"], ONE, 40.0)
     with pytest.raises(DynamicsError, match=r"gap is -0\.001; allowed"):
         turn_map.run(1, (-1e-3, 0.0))
@@ -192,7 +202,7 @@ def test_invalid_arguments(laws):
 
 
 def test_endless_bounces_are_an_error(laws, monkeypatch):
-    """More landings per turn than the limit raise an error."""
+    """More landings per turn than allowed raise an error."""
     monkeypatch.setattr(OneMassTrajectory, "max_events", 50)
     p = replace(ONE, restitution=0.9)
     with pytest.raises(EndlessEventsError, match="more than 50 landings in a turn at"):
@@ -202,6 +212,6 @@ def test_endless_bounces_are_an_error(laws, monkeypatch):
 @pytest.mark.long
 @pytest.mark.slow
 def test_a_million_turns(laws):
-    """A million turns reach a steady state and keep it."""
+    """A million turns reach a periodic motion and keep it to 1e-15."""
     run = StroboscopicMap(laws["tm21"], replace(ONE, restitution=0.7), 500.0 * RPM).run(1_000_000)
     assert np.ptp(run.states[-1000:], axis=0).max() < 1e-15

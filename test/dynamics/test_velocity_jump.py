@@ -1,4 +1,4 @@
-"""Velocity jumps: impacts at upward jumps, lift-offs at downward jumps."""
+"""Velocity jumps of a cam: impacts at upward jumps, lift-offs at downward jumps."""
 
 import dataclasses
 import itertools
@@ -33,23 +33,26 @@ from .helpers import (
     turned,
 )
 
-#: Lift (m) and angle (rad) of the rise of `edge`.
+#: Lift (m) and angle (rad) of the rise of the cam `edge`.
 LIFT, RISE = 0.05, np.radians(90.0)
-#: Step of s' at its joints, m/rad.
+#: Step of s' at the joints of this cam, m/rad.
 STEP = LIFT / RISE
 #: Speed of 60° in 0.1 s: joints are at 0.1, 0.25, 0.35 and 0.5 s of each turn of 0.6 s.
 SPEED = 100.0 * np.pi / 30.0
-#: Borders of ticks at the joints, ns.
+#: Borders of ticks (ns) that are at the joints.
 ON_JOINTS = [0, 100 * MS, 250 * MS, 350 * MS, 500 * MS, 550 * MS]
 
 
 def run(model, law, p, cuts, speed=SPEED, rate=8000, nudge=0.0):
-    """Run a model in ticks, with ``nudge`` (rad) added to every second angle."""
+    """Run a model in ticks, with `nudge` (rad) added to every second start angle."""
     return run_in_ticks(law, model, p, Interval(0, cuts[-1], 0.0, speed), cuts, rate, nudge=nudge)
 
 
 def test_an_impact_at_the_start_of_a_run(edge):
-    """A run that starts at a velocity jump starts with an impact on the follower."""
+    """A run that starts at a velocity jump starts with an impact on the follower.
+
+    The impulse is m Ω Δs'. On an elastic stem the impulse is zero.
+    """
     law = turned(edge, edge.breaks[1])
     for model, p, mass in (("one_mass", ONE, ONE.mass), ("two_mass", CALM, CALM.roller_mass)):
         rows, events, _ = run(model, law, p, [0, MS])
@@ -80,7 +83,7 @@ RAMPS = [Interval(0, 170 * MS, 0.0, 0.0, rate) for rate in (2.0 * np.pi / 0.03, 
 )
 def test_the_duration_of_ticks_does_not_matter(edge, model, p, tolerance, whole):
     """Ticks of 1 ms and of 200 ms give the same run, also on ramps."""
-    # A sample at a joint may have either limit and is not compared.
+    # A sample at a joint may have the value of either side and is not compared.
     total = whole.stop_ns
     fine, coarse = (
         run_in_ticks(edge, model, p, whole, tick_borders(t * MS, total)) for t in (1, 200)
@@ -94,17 +97,20 @@ def test_the_duration_of_ticks_does_not_matter(edge, model, p, tolerance, whole)
     ("model", "p"), [("one_mass", ONE), ("two_mass", CALM), ("elastic_stem", ONE)]
 )
 def test_rounding_neither_loses_nor_repeats_an_impact(edge, model, p):
-    """Ticks that end at joints, with rounded angles, give the same run."""
+    """Ticks that end at velocity jumps, with rounded angles, give the same run."""
     expected = run(model, edge, p, [0, 550 * MS])
     columns = off_joints(edge, expected[0][0] * SPEED)
     for nudge in (-1e-13, -1e-15, 0.0, 1e-15, 1e-13):
-        # an error of 1e-13 rad is an error of 1e-14 s, for a vibration of 16 000 rad/s
+        # An error of 1e-13 rad is an error of 1e-14 s, for a vibration of 16 000 rad/s.
         assert_same(run(model, edge, p, ON_JOINTS, nudge=nudge), expected, 1e-9, columns)
 
 
 @pytest.mark.parametrize("stem", [1e5, 3.3e8])
 def test_stem_against_fifty_digits(edge, stem):
-    """On a stem x and ẋ are continuous at joints, in agreement with 50 digits."""
+    """On a stem the motion over velocity jumps agrees with 50 digits.
+
+    Position and velocity are continuous there.
+    """
     p, grid = dataclasses.replace(ONE, stem_stiffness=stem), np.arange(20) * 0.06
     times = np.sort(np.append(np.random.default_rng(8).uniform(0.0, 1.2, 40), grid[1:]))
     model = Oscillator(p.mass, p.damping, p.spring_stiffness, stem)
@@ -142,13 +148,13 @@ def test_many_turns_in_one_interval(stop):
     assert cut.velocity == pytest.approx(whole.velocity, abs=1e-10 * size)
 
 
-# Exactly one interval contains each velocity jump, whatever the rounding
+# -- exactly one interval contains each velocity jump, whatever the rounding
 
 
 def test_velocity_jumps_of_a_law(edge, laws):
-    """The velocity jumps of a law are its joints with the steps of the slope.
+    """The velocity jumps of a law are the joints at which its slope has a step.
 
-    Of the shipped cams only that with constant velocity has any.
+    Of the shipped cams only the constant-velocity cam has any.
     """
     assert edge.velocity_jumps == pytest.approx({1: STEP, 2: -STEP, 3: -STEP, 4: STEP})
     cornered = {name for name, law in laws.items() if law.velocity_jumps}
@@ -156,7 +162,7 @@ def test_velocity_jumps_of_a_law(edge, laws):
 
 
 def test_rounding_of_a_steep_piece_is_not_a_velocity_jump():
-    """The rounding of the slopes of a rise over 1e-9 rad, 5e7 m/rad, is not a jump."""
+    """The rounding error of a very steep slope (5e7 m/rad) is no velocity jump."""
     breaks = np.array([0.0, 1.0, 1.0 + 1e-9, 4.0, TURN])
     rise = 0.05 * np.array([0.0, 0, 0, 1, 1, 1])
     columns = [np.zeros(6), rise, np.full(6, 0.05), rise[::-1]]
@@ -164,7 +170,7 @@ def test_rounding_of_a_steep_piece_is_not_a_velocity_jump():
 
 
 def test_velocity_jumps_are_in_order_over_turns(edge):
-    """Two turns from 100° have eight velocity jumps at their times."""
+    """Two turns from 100° have eight velocity jumps in order of time."""
     jumps = velocity_jumps_ahead(edge, math.radians(100.0), SPEED, 2.0 * TURN / SPEED)
     degrees = np.array([150, 210, 300, 420, 510, 570, 660, 780]) - 100.0
     np.testing.assert_allclose([k.time for k in jumps], np.radians(degrees) / SPEED, rtol=1e-14)
@@ -172,7 +178,10 @@ def test_velocity_jumps_are_in_order_over_turns(edge):
 
 
 def test_one_interval_contains_a_joint():
-    """The later of two intervals contains their joint, whatever the rounding."""
+    """Of two successive intervals only the later contains the joint at their border.
+
+    This is true for any rounding of the border's angle.
+    """
     saw = Law("saw", np.array([0.0, 1.0, 3.0, 5.0, TURN]), np.array([[0.0, 1, 0, 1], [1, 0, 1, 0]]))
     shifts, gaps = (-1e-13, -1e-15, 0.0, 1e-15, 1e-13, 3e-10), (-1e-13, 0.0, 1e-13)
     for turn, joint, shift, gap in itertools.product((0, 1, 1000), (0, 1, 3), shifts, gaps):
@@ -184,7 +193,7 @@ def test_one_interval_contains_a_joint():
 
 
 def test_the_time_of_a_velocity_jump_is_not_before_its_joint(edge):
-    """At the time of a velocity jump the slope is that of the piece after the joint."""
+    """At the time of a velocity jump the slope is already that after the joint."""
     angles = np.random.default_rng(5).uniform(0.0, TURN, 300)
     for angle in angles.tolist():
         for velocity_jump in velocity_jumps_ahead(edge, angle, 7.3, 2.0):
@@ -194,7 +203,7 @@ def test_the_time_of_a_velocity_jump_is_not_before_its_joint(edge):
 
 
 def test_the_end_of_an_interval_is_before_a_velocity_jump(edge):
-    """The end of an interval at a joint is moved to before it, despite rounding."""
+    """The end of an interval at a joint is moved to just before the velocity jump."""
     for shift in (-1e-12, 0.0, 1e-12):
         for joint in (60.0, 420.0):
             angle = step_before_velocity_jump(edge, math.radians(joint) + shift)
@@ -207,7 +216,10 @@ def test_the_end_of_an_interval_is_before_a_velocity_jump(edge):
 
 
 def test_a_steady_level_needs_a_smooth_law(edge, follower, rig):
-    """The mean power of the force rate is an error for a law with velocity jumps."""
+    """A law with velocity jumps has no steady sound level, which is an error.
+
+    Its force rate has no finite mean power.
+    """
     from cam_rig.acoustics import RadiationParameters
     from cam_rig.acoustics.pressure import steady_power
 

@@ -1,4 +1,4 @@
-"""Every example runs unchanged, and writes its pictures or commands the rig."""
+"""Every example runs unchanged, and writes its pictures or controls the rig."""
 
 import ast
 import json
@@ -14,7 +14,7 @@ import pytest
 from matplotlib.figure import Figure
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-#: Examples that are nodes. They need a running rig.
+#: Examples that are ROS nodes and need a running rig.
 NODES = {"stop_at_lift_off.py"}
 SCRIPTS = sorted({path.name for path in EXAMPLES.glob("*.py")} - NODES)
 #: Part of the output of each script, and the files that it writes into out/.
@@ -33,7 +33,7 @@ LEFT = {
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
-    """Working folder of the examples: temporary, without a screen."""
+    """Run examples in a temporary working folder without a screen."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(mpl.rcParams, "backend", "agg")
 
@@ -66,7 +66,7 @@ def test_a_node_stops_the_drive_at_lift_off(start_rig):
     """
     path = EXAMPLES / "stop_at_lift_off.py"
     assert "cam_rig" not in path.read_text(encoding="utf-8")
-    rig = start_rig("jump_two_mass", pacing="0.5x", autostart=False)  # a tail of many seconds
+    rig = start_rig("jump_two_mass", pacing="0.5x", autostart=False)  # runs on for seconds
     node = rig.start_program(sys.executable, str(path))
     listeners = partial(rig.node.get_subscriptions_info_by_topic, "/diagnostics")
     rig.wait_for(lambda: "stop_at_lift_off" in {one.node_name for one in listeners()})
@@ -107,7 +107,7 @@ def test_the_notebook_runs(capsys):
     assert "dB at 250 rpm (calibrated on poly345)" in capsys.readouterr().out
 
 
-#: Pictures of a lesson's notebook, and values of its cells that the lesson prints in its answers.
+#: Number of pictures of a lesson's notebook, and values of cells that the lesson prints as answers.
 LESSONS = {
     "1_motion_laws": (1, [(2, [2.074, 8.135, 120.0]), (5, [[1.44, 67.75], [1.59, 95.45]])]),
     "4_vibration": (2, [(0, (156.9, 0.0034))]),

@@ -1,7 +1,7 @@
-"""The recipes of Extending in docs/architecture.md, followed edit by edit.
+"""Recipes of the section Extending in docs/architecture.md, followed edit by edit.
 
-Each test edits a copy of the package, and only the files that its recipe names. The feature that
-the recipe promises then works.
+Each test edits a copy of the package, and only the files that its recipe lists. The feature that
+the recipe promises must then work.
 """
 
 import json
@@ -20,7 +20,7 @@ SLICE = ROOT / "examples" / "least_preload"
 
 
 class Copy:
-    """Copy of the package that a recipe edits. ``touched`` are the edited files."""
+    """Copy of the package that a recipe edits. `touched` has the edited files."""
 
     def __init__(self, folder):
         self.folder, self.touched = folder, set()
@@ -29,7 +29,7 @@ class Copy:
             shutil.copytree(ROOT / name, folder / name, ignore=skip)
 
     def insert(self, file, before, text):
-        """Insert text before the first line that contains ``before``."""
+        """Insert text before the first line that contains `before`."""
         path = self.folder / file
         found = path.read_text(encoding="utf-8")
         at = found.rindex("\n", 0, found.index(before)) + 1
@@ -37,14 +37,14 @@ class Copy:
         self.touched.add(file)
 
     def add_slice(self):
-        """Add the example's folder, and its line in the list of commands."""
+        """Add the folder of the example study, and its line in the list of commands."""
         for file in SLICE.glob("*.py"):
             self.add(file, f"cam_rig/studies/least_preload/{file.name}")
         line = '    "least-preload": "cam_rig.studies.least_preload.command",\n'
         self.insert("cam_rig/cli/main.py", '    "vibration": "', line)
 
     def add(self, source, target):
-        """Add a new file."""
+        """Copy a new file into the package."""
         path = self.folder / target
         path.parent.mkdir(exist_ok=True)
         shutil.copyfile(source, path)
@@ -59,18 +59,19 @@ class Copy:
 
 @pytest.fixture
 def copy(tmp_path):
+    """Copy of the package in a temporary folder, which a test can change."""
     return Copy(tmp_path)
 
 
 def recipe(heading):
-    """Return the files that a recipe names."""
+    """Return the files that the recipe under a heading lists."""
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     part = text.split(f"### {heading}\n")[1].split("\n### ")[0]
     return set(re.findall(r"`(cam_rig/[^`]*\.py)`", part))
 
 
 def test_an_experiment_is_a_folder_and_a_line(copy):
-    """The example's folder and a line add a command with table, JSON, plot and help."""
+    """A folder and a line add a study as a command with table, JSON, plot and help."""
     copy.add_slice()
     run = ("-m", "cam_rig.cli.main", "least-preload", "poly345", "bezier15", "--rpm", "480")
     found = json.loads(copy.python(*run, "--json", "-", "--plot", "a.png"))
@@ -81,7 +82,7 @@ def test_an_experiment_is_a_folder_and_a_line(copy):
     assert copy.touched <= recipe("A study")
 
 
-#: Code for the least force without the preload, at 100 001 angles.
+#: Code that prints the smallest force without the preload, at 100 001 angles.
 FORCE = """
 import json, numpy as np
 from cam_rig import build_law, load_cam, load_rig
@@ -95,7 +96,7 @@ print(json.dumps([least(build_law(load_cam(name))) for name in ("poly345", "bezi
 
 @pytest.mark.long
 def test_an_experiment_is_a_function_of_the_package(copy):
-    """Three lines add the function of the command, with the same options."""
+    """Three lines add the function of a study to the package, with the same options."""
     copy.add_slice()
     face = "cam_rig/__init__.py"
     module = "cam_rig.studies.least_preload.study"
@@ -112,7 +113,10 @@ def test_an_experiment_is_a_function_of_the_package(copy):
 
 @pytest.mark.long
 def test_the_report_shows_an_experiment(copy):
-    """A function and a line add a section with figure and table to the report."""
+    """A function and a line add a study to the report as a section.
+
+    The section has a figure and a table.
+    """
     copy.add_slice()
     copy.add(SLICE / "section.jinja", "cam_rig/report/templates/scene/least_preload.jinja")
     sections = "cam_rig/report/scene.py"
@@ -150,7 +154,10 @@ print(render("md", "A page", Made("a command"), {section: content}))
 
 @pytest.mark.long
 def test_a_goal_of_a_design_is_a_record_and_a_line(copy):
-    """A recipe of a record and a line adds the mean of s″² as a goal with a bound."""
+    """A record and a line add a quantity as a goal of designs, with a bound.
+
+    The quantity is the mean of s″².
+    """
     copy.insert("cam_rig/quantities/catalogue.py", '    _at_speed("shaft_torque"', GOAL)
     copy.insert(
         "cam_rig/studies/design/rows.py",
@@ -189,7 +196,7 @@ def test_a_column_is_a_line(copy):
 
 @pytest.mark.long
 def test_a_law_known_by_name_is_a_name_and_a_rise(copy):
-    """A rise of Bernstein ordinates can be named in a cam file."""
+    """A name and Bernstein ordinates add a rise that cam files can use."""
     file = copy.folder / "cam_rig/schema/segments.py"
     text = file.read_text(encoding="utf-8")
     file.write_text(text.replace('["poly345", ', '["poly3", "poly345", '), encoding="utf-8")

@@ -1,4 +1,7 @@
-"""Tests of invalid arguments of `import cam_rig`: one line with the argument."""
+"""Tests of invalid arguments of `import cam_rig`.
+
+Each gives an error of one line with the name of the argument.
+"""
 
 import math
 from functools import partial
@@ -17,7 +20,7 @@ CAM, RIG = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
 LAW = cam_rig.build_law(CAM)
 
 
-#: Two numbers of a rig, one of them as text.
+#: Valid and invalid numbers of a rig: the damping is a text.
 MIXED = {"mass": 1.3, "damping": "8"}
 GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 
@@ -25,7 +28,7 @@ GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 def test_error_of_an_invalid_argument():
     """The error of an invalid argument has its name, its value and the allowed values.
 
-    If a function returns such values, the error names it.
+    If the argument must be the result of a function, the error has the name of that function.
     """
     jump, simulate = partial(cam_rig.jump_speed, LAW, RIG), partial(cam_rig.simulate, LAW, RIG)
     fit = partial(cam_rig.fit_rig, "jumps.csv", "poly345")
@@ -83,9 +86,9 @@ def test_wrong_names_and_numbers_of_arguments():
 
 
 def test_level_is_calibrated_only_for_the_measured_rig():
-    """A level is marked as calibrated only for the rig that was measured.
+    """A sound level is marked as calibrated only for the rig that was measured.
 
-    It is not for another follower, or if the cam would have to pull the follower.
+    It is not calibrated for another follower, or if the cam would have to pull the follower.
     """
     rig = cam_rig.load_rig("tm21")
     assert cam_rig.sound_level(cam_rig.simulate(LAW, rig, rpm=300)).calibrated
@@ -95,7 +98,7 @@ def test_level_is_calibrated_only_for_the_measured_rig():
     assert not cam_rig.sound_level(pulled).calibrated
 
 
-#: Texts, numbers and objects, most of which are invalid for every argument.
+#: Values that are invalid for most arguments: texts, numbers and other objects.
 INVALID = [
     *(None, True, False, 0, -1, 10**12, 2**63 - 1, 10**400, 10**5000, np.int64(-3), np.bool_(True)),
     *(-1.5, 0.5, 1e-300, 1e300, math.nan, math.inf, -math.inf, np.float64(math.nan), 1j),
@@ -105,13 +108,13 @@ INVALID = [
     *(object(), object, math),
 ]
 FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
-#: Functions that compute for many seconds. They are replaced, so that only arguments are checked.
+#: Functions with a long computation, and what is replaced, so that only arguments are checked.
 LONG = {"noise_study": ["cam_rig.studies.noise.study.study_noise"]}
 
 
 @pytest.fixture(scope="module")
 def valid_arguments(tmp_path_factory):
-    """Valid arguments of each function, including defaults, for a short computation."""
+    """Valid arguments of each public function, for a short computation."""
     folder, angle = tmp_path_factory.mktemp("measured"), np.arange(0.0, 360.0, 5.0)
     lifts = np.column_stack([angle, 1e3 * LAW(np.radians(angle))])
     head = "angle [deg],lift [mm]"
@@ -166,7 +169,7 @@ def valid_arguments(tmp_path_factory):
     }
 
 
-#: Errors that are not a ValueError: a missing file, an unwritable folder, a design without a law.
+#: Errors that are no ValueError: a missing file, an unwritable folder, a design without a law.
 FILE_ERRORS = errors.BagError | errors.OutputError | errors.DesignError | errors.MissingLibraryError
 
 
@@ -176,9 +179,9 @@ def check_error_is_one_line(function, arguments):
         function(**arguments)
     except cam_rig.CamRigError as error:
         assert "\n" not in str(error)
-        assert 0 < len(str(error)) < 12_000  # a path of 5000 characters is named
+        assert 0 < len(str(error)) < 12_000  # the message may contain a path of 5000 characters
         assert isinstance(error, ValueError | FILE_ERRORS)
-        assert not OPTION.search(str(error)), error  # an option of a command, not a parameter
+        assert not OPTION.search(str(error)), error  # an option, not a parameter
 
 
 @pytest.mark.variants(2)
@@ -199,7 +202,7 @@ def test_functions_raise_only_errors_of_cam_rig(valid_arguments, name, monkeypat
 
 
 def array_parameters(name):
-    """Return the parameters of a function that can be arrays."""
+    """Return the names of the parameters of a function that can be arrays."""
     hints = get_type_hints(unwrap(getattr(cam_rig, name)))
     return [key for key, hint in hints.items() if "ndarray" in str(hint) and key != "return"]
 

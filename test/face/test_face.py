@@ -1,4 +1,4 @@
-"""Tests of ``import cam_rig``: public names, import time, and commands."""
+"""Tests of ``import cam_rig``: public names, import time, commands and types."""
 
 import doctest
 import inspect
@@ -21,18 +21,20 @@ from cam_rig.show.result import enable_notebook_display
 
 from ..processes import ended
 
-#: Modules of the public names. Their docstrings have examples.
+#: Modules that define public names. Their docstrings contain examples.
 WITH_EXAMPLES = sorted({"cam_rig"} | {getattr(cam_rig, name).__module__ for name in cam_rig._HOMES})
 
 
 @pytest.mark.variants(13)
 @pytest.mark.parametrize("module", WITH_EXAMPLES)
 def test_examples_in_docstrings_are_correct(module, monkeypatch):
+    """The examples in the docstrings of a public module print what they show."""
     monkeypatch.chdir(Path(__file__).parents[2])
     assert doctest.testmod(import_module(module)).failed == 0
 
 
 def test_every_public_function_has_an_example():
+    """The docstring of each public function contains an example."""
     functions = [getattr(cam_rig, name) for name in cam_rig.__all__ if name[0].islower()]
     assert functions
     assert [f.__name__ for f in functions if ">>> " not in f.__doc__] == []
@@ -45,6 +47,7 @@ def test_import_does_not_import_libraries():
 
 
 def test_unknown_name_is_an_attribute_error():
+    """An unknown name raises AttributeError, and `dir` lists every public name."""
     with pytest.raises(AttributeError, match="module 'cam_rig' has no attribute 'simulat'"):
         cam_rig.simulat
     assert set(cam_rig.__all__) <= set(dir(cam_rig))
@@ -58,7 +61,7 @@ def formatter(*known):
 
 @pytest.mark.parametrize("known", [(), (Figure,)])
 def test_notebook_displays_figures(monkeypatch, known):
-    """In a notebook figures are displayed as PNG, unless a printer is set already."""
+    """In a notebook figures are displayed as PNG, unless a printer is already set."""
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     motion = cam_rig.simulate(law, cam_rig.load_rig("tm21"), rpm=60, turns=1, sample_rate=1000)
     figure, made = motion.plot(), {"image/png": formatter(), "image/svg+xml": formatter(*known)}
@@ -76,15 +79,21 @@ GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 
 @pytest.fixture(scope="module")
 def law():
+    """Law of the cam poly345."""
     return cam_rig.build_law(cam_rig.load_cam("poly345"))
 
 
 @pytest.fixture(scope="module")
 def rig():
+    """Rig with the parameters of table 2 of the paper."""
     return cam_rig.load_rig("paper_table2")
 
 
 def test_plotted_force_is_zero_at_the_jump_speed(law, rig, figures):
+    """The plotted contact force crosses zero at the jump speed, within 0.2 N.
+
+    The tolerance is that of the interpolation between the points of the plot.
+    """
     jump = cam_rig.jump_speed(law, rig)
     assert jump.to_pandas()["rpm"].tolist() == [jump.rpm]
     (axes,) = jump.plot().axes
@@ -93,6 +102,7 @@ def test_plotted_force_is_zero_at_the_jump_speed(law, rig, figures):
 
 
 def test_with_follower_does_not_change_the_rig(rig):
+    """`with_follower` returns a changed rig and does not change the original."""
     changed = rig.with_follower(roller_share=0.3)
     assert changed.follower.roller_share.si == 0.3 and rig.follower.roller_share.si == 0.4
 
@@ -107,7 +117,10 @@ def test_contour_has_the_requested_number_of_read_only_points():
 
 
 def test_conjugate_cam_has_two_contours(figures):
-    """The contour of a conjugate cam has two discs, also in its table and figure."""
+    """The contour of a conjugate cam has two discs, also in its table and figure.
+
+    An invalid number of drawn follower positions is refused.
+    """
     shape = cam_rig.contour(cam_rig.load_cam("conjugate"), points=360)
     assert len(shape.discs) == 2
     assert shape.to_pandas()["disc"].nunique() == 2
@@ -118,7 +131,7 @@ def test_conjugate_cam_has_two_contours(figures):
 
 
 def test_bag_and_scene_give_the_same_run(figures):
-    """A run that is read from a bag has the table and samples of its simulated scene."""
+    """A run read from a bag has the table and samples of the simulated scene."""
     recording = cam_rig.read_bag(GOLDEN)
     computed = cam_rig.run_scene(recording.loaded)
     assert recording.complete and computed.complete
@@ -141,12 +154,14 @@ def test_bag_and_scene_give_the_same_run(figures):
 
 
 def test_on_tick_is_called_at_each_tick():
+    """`run_scene` calls `on_tick` once per tick, 16 times for the scene quick."""
     calls = []
     run = cam_rig.run_scene("quick", on_tick=lambda: calls.append(1))
     assert len(calls) == len(run.ticks) == 16
 
 
 def test_cam_is_loaded_by_name_or_path():
+    """A cam is loaded equally by its name, by a path and by the text of a path."""
     path = Path(__file__).parents[2] / "config" / "cams" / "poly345.yaml"
     assert cam_rig.load_cam(path) == cam_rig.load_cam(str(path)) == cam_rig.load_cam("poly345")
 
@@ -158,13 +173,13 @@ NO_COMPUTATION = {
     *("run", "replay", "panel", "view"),
     *("new", "export", "listen", "recover", "report", "urdf"),
 }
-#: Names of `import cam_rig` without a command, from which results are made.
+#: Public names without a command of the same name, which are parts of a computation.
 PARTS = {
     *("Cam", "CamRigError", "Law", "Rig", "__version__"),
     *("build_law", "load_cam", "load_rig", "load_scene"),
     *("contour", "jump_speed", "plot_law", "simulate", "sound_level", "sweep"),
 }
-#: Options for figures and files, which are methods of the result in Python.
+#: Options for figures and files by command. In Python they are methods of the result.
 FILES = {
     "bounce": {"basins"},  # a separate function, `cam_rig.studies.bounce.basins`
     "contact": {"events", "min-radius"},
@@ -172,13 +187,13 @@ FILES = {
     "law": {"out", "save"},
     "compare": {"save"},
     "orders": {"save"},
-    "design": {"out"},  # `text` of a design is the file
+    "design": {"out"},  # the attribute `text` of a design is the file
     "profile": {
         *("out", "positions", "pitch", "cutter", "tolerance", "points", "from", "force"),
         *("unit", "axis", "zero", "mirrored", "layer", "align"),
     },
 }
-#: Options for processes. The function has the parameters executor and workers instead.
+#: Options for parallel processes, in place of the parameters executor and workers.
 WORKERS = {"jobs", "dask"}
 #: Parameters without an option.
 ONLY_IN_PYTHON = {"progress", "executor", "workers", "on_tick"}
@@ -208,7 +223,7 @@ def named_in_help(verb):
 
 
 def test_every_command_is_known():
-    """A command that computes no result names no function in its help."""
+    """The help of a command without a result refers to no Python function."""
     assert set(VERBS) >= NO_COMPUTATION
     for verb in NO_COMPUTATION:
         assert "In Python" not in VERBS[verb].help
@@ -218,8 +233,8 @@ def test_every_command_is_known():
 def test_command_names_its_function_whose_parameters_are_its_options(verb):
     """The function in the help of a command has the options as parameters.
 
-    Thus an error of an option is correct for the parameter in Python. The docstring of the
-    function names the command.
+    Thus an error message about an option is also correct for the parameter. The docstring of the
+    function contains the command.
     """
     function = getattr(cam_rig, named_in_help(verb))
     assert f"cam-rig {verb}" in function.__doc__
@@ -247,14 +262,14 @@ def test_command_names_its_function_whose_parameters_are_its_options(verb):
 
 
 def test_every_function_belongs_to_a_command_or_is_a_part():
-    """Each public function is named by a command, or is listed in `PARTS`."""
+    """Each public function is in the help of a command, or is listed in `PARTS`."""
     assert {named_in_help(verb) for verb in COMPUTING} == set(cam_rig.__all__) - PARTS
 
 
-# -- a type checker of a user's code knows the types of parameters and results
+# -- a type checker of a user's code finds the types of parameters and results
 
 
-#: Script of a user, with the type that a type checker must reveal in each comment.
+#: Script of a user. Each comment is the type that a type checker must find.
 SCRIPT = """
 import numpy as np
 
@@ -293,7 +308,7 @@ cam_rig.simulat
 @pytest.mark.long
 @pytest.mark.slow
 def test_mypy_reports_every_type_and_every_mistake(tmp_path):
-    """mypy --strict reveals the expected types of a user's script, and its mistakes.
+    """mypy --strict finds the types of a user's script, and each of its mistakes.
 
     No type is Any.
     """

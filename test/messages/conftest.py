@@ -1,4 +1,4 @@
-"""Fixtures: robots with each kind of follower."""
+"""Fixtures of robots, each with a different type of follower."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +10,7 @@ from cam_rig.messages.urdf import urdf
 from cam_rig.simulation.scene import open_scene
 
 CONFIG = Path(__file__).parents[2] / "config"
-#: A cam for each kind of follower that a rig can turn.
+#: Cams, each with a different type of follower.
 KINDS = (
     "poly345",
     "eccentric_roller",
@@ -24,7 +24,7 @@ KINDS = (
 
 @pytest.fixture(scope="session")
 def scene_of_kinds():
-    """Scene in which an operator has mounted a cam with each kind of follower."""
+    """Scene with a cam for each type of follower, as if an operator had mounted them."""
     loaded = open_scene(CONFIG / "scenes" / "quick.yaml")
     for name in KINDS:
         loaded.mount(name)
@@ -33,6 +33,6 @@ def scene_of_kinds():
 
 @pytest.fixture(scope="session", params=KINDS)
 def kind(request, scene_of_kinds):
-    """Robot with one of the kinds of followers, and its URDF."""
+    """Robot (model of the rig in ROS) with a type of follower, and its URDF."""
     robot = Robot.of(scene_of_kinds, request.param)
     return SimpleNamespace(robot=robot, urdf=urdf(robot))

@@ -1,4 +1,4 @@
-"""Conversion of laws, blocks, states and motion to messages and back."""
+"""Tests of messages: laws, blocks of samples, cam states and motion, both ways."""
 
 import math
 from types import SimpleNamespace
@@ -30,7 +30,7 @@ def test_laws_and_blocks_are_decoded_bit_for_bit(laws):
 
 
 def test_other_arrays_are_rejected(laws):
-    """An array without the labels, sizes or finite numbers of its kind is refused."""
+    """An array with wrong labels, sizes or non-finite numbers is refused."""
     dimensions, data = codec.encode_law(laws["bezier15"])
     broken, zeros, block = data.ravel().copy(), np.zeros(12), codec.BLOCK_LABEL
     broken[3] = np.nan
@@ -55,9 +55,9 @@ def message(positions, velocities=None, stamp=(3, 7), frame="tm21"):
 
 
 def test_a_cam_state_is_decoded_bit_for_bit():
-    """A cam state is decoded bit for bit after any number of turns.
+    """A cam state is decoded bit for bit, even after ten million turns.
 
-    A single number for the angle would lose the last digits.
+    The message has the whole turns separately, because a single number would lose the last digits.
     """
     for turns in (0, 1, 2_000, 10_000_000):
         rng = np.random.default_rng(turns)
@@ -93,15 +93,18 @@ def test_an_invalid_cam_state_is_rejected(positions, text):
         codec.cam_state_of(message(positions))
 
 
-# Motion at selected instants: extremes, order and messages.
+# -- motion at selected times within a tick: extremes, order and messages
 
-#: Model of a follower that lifts off with some cams, and lands again.
+#: Model of a follower that can lift off and land.
 MODEL = MODELS["one_mass"]
 BOTH = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT)
 
 
 def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate):
-    """Yield start, end and rows of each tick of a turn at a constant speed."""
+    """Yield each tick of a turn at a constant speed: start, end and samples.
+
+    A tick is a step of the rig. Start and end are cam states.
+    """
     simulator = FollowerSimulator(MODEL, follower, sample_rate, {law.name: law})
     before, tick = None, 60.0 / rpm / ticks_per_turn
     for n in range(ticks_per_turn + 1):
@@ -116,10 +119,10 @@ def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(40))
 def test_instants_are_in_order_and_contain_the_extremes_of_the_tick(laws, follower, seed):
-    """The instants of a tick rise in time and contain its extremes of lift and force.
+    """The published times of a tick rise, and contain its extreme lifts and forces.
 
-    Their numbers are those of the samples, for any law, speed, ticks per turn, points and
-    sample rate.
+    The values are those of the samples. Law, speed, ticks per turn, points per turn and sample rate
+    are random.
     """
     chance = np.random.default_rng(seed)
     law = laws[chance.choice(sorted(set(laws) - {"worked_example_constant_velocity"}))]
@@ -153,7 +156,7 @@ def test_instants_are_in_order_and_contain_the_extremes_of_the_tick(laws, follow
 
 
 def test_angle_and_speed_on_a_ramp_are_those_of_the_instant(laws, follower):
-    """On a ramp angle and speed are those of each instant.
+    """On a ramp of speed, each published time has its exact angle and speed.
 
     From rest to 300 rpm in 0.2 s the cam makes half a turn, and ω rises linearly.
     """
@@ -181,7 +184,7 @@ def test_a_wrong_number_of_samples_is_rejected(laws, follower):
 
 
 def serialized_by_rosbags(topic, time_ns, i, n):
-    """Return the message of the n-th instant, serialized by rosbags value by value."""
+    """Return the message of the n-th published time, serialized by rosbags."""
     if topic is topics.JOINT_STATES:
         pairs = ((i.angle, i.lift), (i.speed, i.velocity), (i.torque, i.force))
         numbers = (np.array([cam[n], follower[n]]) for cam, follower in pairs)
@@ -194,9 +197,9 @@ def serialized_by_rosbags(topic, time_ns, i, n):
 
 @pytest.mark.parametrize("ticks_per_turn", [1, 7])
 def test_messages_equal_those_of_rosbags_byte_for_byte(make_loaded_scene, ticks_per_turn):
-    """Derived messages equal those that rosbags serializes, byte for byte.
+    """Messages of a tick equal those that rosbags serializes, byte for byte.
 
-    They are in the order of time, then of the topics.
+    They are sorted by time, then by topic.
     """
     loaded = make_loaded_scene(ticks_per_turn=ticks_per_turn)
     motion, rate = MotionMessages(loaded, 72, BOTH), int(loaded.scene.sample_rate.si)
@@ -214,7 +217,7 @@ def test_messages_equal_those_of_rosbags_byte_for_byte(make_loaded_scene, ticks_
 
 
 def test_only_messages_of_the_wanted_topics_are_made(make_loaded_scene, follower):
-    """Only messages of the wanted topics are made, and none of an unknown cam."""
+    """Only messages of requested topics are made, and no message for an unknown cam."""
     loaded = make_loaded_scene()
     motion, rate = MotionMessages(loaded, topics=BOTH), int(loaded.scene.sample_rate.si)
     tick = next(ticks_of(next(iter(loaded.laws.values())), follower, 150.0, 1, rate))
@@ -228,9 +231,9 @@ def test_only_messages_of_the_wanted_topics_are_made(make_loaded_scene, follower
 
 
 def test_the_example_of_a_template_must_contain_every_number():
-    """A template whose example lacks one of its numbers raises ValueError.
+    """A message template whose example lacks one of its numbers raises ValueError.
 
-    The position of the missing number would be unknown.
+    The position of the missing number in the bytes would be unknown.
     """
     example = lambda number: new("std_msgs/Float64", number)  # noqa: E731
     template = CdrTemplate("std_msgs/msg/Float64", example, 1)

@@ -1,4 +1,4 @@
-"""Consistency of URDF, /tf, markers and the files of the rig."""
+"""Tests of the robot: URDF, /tf and markers agree with each other and the files."""
 
 import os
 import re
@@ -32,7 +32,7 @@ from cam_rig.units import NS
 from ..processes import ended
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
-#: Equality to the six digits of the URDF.
+#: Equality within the six digits of numbers in the URDF.
 near = partial(pytest.approx, rel=1e-5)
 
 
@@ -52,9 +52,10 @@ def homogeneous(rotation, translation):
 
 
 def poses(text, positions):
-    """Return the pose of each child in its parent, shape (4, 4), by (parent, child).
+    """Return the pose of each child link in its parent as a matrix, shape (4, 4).
 
-    The URDF is read without code of the rig. `positions` are joint positions by name.
+    The keys are (parent, child). The URDF is read independently of the code of cam_rig. `positions`
+    are joint positions by name.
     """
     result = {}
     for joint in ElementTree.fromstring(text).iter("joint"):
@@ -80,7 +81,10 @@ AT_REST = {CAM: 0.0, FOLLOWER: 0.0}
 
 
 def test_the_links_form_one_tree(kind):
-    """The links of the URDF form one tree, and each cam of the scene has a link."""
+    """The links of the URDF form one tree, and each cam of the scene has a link.
+
+    Numbers have at most twelve digits.
+    """
     robot, root = kind.robot, ElementTree.fromstring(kind.urdf)
     links = [link.get("name") for link in root.iter("link")]
     children = [joint.find("child").get("link") for joint in root.iter("joint")]
@@ -194,9 +198,9 @@ def test_dimensions_are_those_of_the_files(kind):
 
 
 def test_the_follower_joint_is_the_same_for_all_cams_of_the_scene(scene_of_kinds):
-    """The URDF has the same follower joint and bench for each cam of a scene.
+    """The URDF of each cam of a scene has the same follower joint and bench.
 
-    The limits of the joint include the largest lift of all cams, and lift-off.
+    The limits of the joint include the largest lift of all cams, and the gap in flight.
     """
     limits, bench = [], []
     fastest = max(scene_of_kinds.scene.schedule.speeds.si_list)
@@ -220,7 +224,7 @@ def test_the_follower_joint_is_the_same_for_all_cams_of_the_scene(scene_of_kinds
 
 
 def test_the_bodies_of_the_cam_approximate_its_contour(kind):
-    """The bodies of the cam have the area of its contour along the shaft, to 0.5 %."""
+    """The solids of the cam cover its contour, within 0.5 % of its area."""
     robot = kind.robot
     parts = [Point(0.0, 0.0).buffer(robot.mounted.follower.base_radius.si, 128)]
     for visual in links_of(kind.urdf)[robot.mounted.name].iter("visual"):
@@ -241,11 +245,9 @@ def inertia(link):
 
 
 def test_every_link_has_a_possible_mass_and_inertia(kind):
-    """Each link has a mass and a possible inertia.
+    """Each link has a positive mass and a physically possible inertia.
 
-    Principal moments of inertia satisfy the triangle inequality. Gazebo drops links without a
-    mass.
-
+    Principal moments of inertia satisfy the triangle inequality. Gazebo drops links without a mass.
     Bodies for display and collision are equal, and a comment states each assumption.
     """
     links = links_of(kind.urdf)
@@ -263,7 +265,7 @@ def test_every_link_has_a_possible_mass_and_inertia(kind):
 
 
 def test_inertia_of_a_turned_box():
-    """The inertia of rotated boxes equals that of points that fill them."""
+    """The inertia of rotated bodies equals that of points that fill them, to 0.5 %."""
     rng = np.random.default_rng(3)
     bodies = [
         Body((0.1, 0.2, 0.3), "steel", (0.05, -0.1, 0.2), (0.3, -0.5, 1.1)),
@@ -288,11 +290,14 @@ def test_inertia_of_a_turned_box():
     np.testing.assert_allclose(numbers(element.find("origin").get("xyz")), centre, atol=1e-3)
 
 
-# Transforms of /tf at given joint positions.
+# -- transforms of /tf at given joint positions
 
 
 def matrices(cdr):
-    """Return the transforms, shape (4, 4), of a message by link, and its stamps."""
+    """Return the transforms of a message by (parent, child), and their stamps.
+
+    A transform is a matrix, shape (4, 4).
+    """
     result, stamps = {}, set()
     for stamped in TYPES.deserialize_cdr(cdr, "tf2_msgs/msg/TFMessage").transforms:
         r, t = stamped.transform.rotation, stamped.transform.translation
@@ -307,7 +312,7 @@ def matrices(cdr):
 def test_transforms_equal_the_poses_of_the_urdf(kind):
     """The transforms of a message equal the poses of the URDF, to 1e-11.
 
-    Lifts and angles are random over many turns. The stamps are those of the instants. /tf and
+    Lifts and angles are random over many turns. The stamps are those of the samples. /tf and
     /tf_static together contain each joint once.
     """
     random, count, transforms = np.random.default_rng(7), 10, Transforms(kind.robot)
@@ -325,15 +330,15 @@ def test_transforms_equal_the_poses_of_the_urdf(kind):
             np.testing.assert_allclose(pose, expected[pair], rtol=0, atol=1e-11)
 
 
-# Markers, transformed by /tf into the frames of the cam and the follower.
+# -- markers, transformed by /tf into the frames of the cam and the follower
 
-#: Number of instants.
+#: Number of samples.
 COUNT = 45
 #: Gap in flight (m).
 GAP = 1.3e-3
-#: Cam angle at each instant (rad).
+#: Cam angle at each sample (rad).
 ANGLE = np.linspace(0.001, 12.0, COUNT)
-#: Rig time of each instant (ns).
+#: Rig time of each sample (ns).
 STAMPS = np.arange(COUNT) * 10**7 + 3
 
 
@@ -352,16 +357,16 @@ def time_of(marker):
 
 
 def in_link(robot, lift, link, points):
-    """Return points of the guide, shape (n, 4), in a link, one per instant."""
+    """Return points of the frame of the guide in a link, one point per sample."""
     moving = Transforms(robot).moving(np.zeros(COUNT, np.int64), ANGLE, lift)
     into = np.stack([np.linalg.inv(matrices(cdr)[0][GUIDE, link]) for cdr in moving])
     return np.einsum("nij,nj->ni", into, points)
 
 
 def distance_to_follower(robot, points):
-    """Return the distance (m) of points from roller, point or face.
+    """Return the distance (m) of points from the roller, tip or face of the follower.
 
-    The points are in the link follower.
+    The points are in the frame of the link follower.
     """
     shape, lift_0 = robot.shape, np.zeros(1)
     element = shape.element
@@ -390,8 +395,8 @@ def require_on_both(robot, lift, cam_points, follower_points):
 def test_markers_in_contact_are_the_contact_point_and_the_force(kind):
     """In contact the markers are the contact point and an arrow of the force.
 
-    The point is on cam and follower, and the arrow is along the common normal. Its component
-    along y of the link follower is proportional to the contact force.
+    The point is on cam and follower, and the arrow is along the common normal. The component of the
+    arrow along y of the link follower is proportional to the contact force.
     """
     robot, force = kind.robot, np.linspace(1.0, 50.0, COUNT)
     lift = robot.law(ANGLE)
@@ -415,8 +420,8 @@ def test_markers_in_contact_are_the_contact_point_and_the_force(kind):
 def test_markers_in_flight_are_a_line_along_the_gap_and_its_length(kind):
     """In flight the markers are a line from contour to follower, and its length in µm.
 
-    They have the numbers of those in contact. If a tick contains contact and flight, the force
-    of each instant decides.
+    They have the ids of the markers in contact, which they thus replace. If a tick contains contact
+    and flight, the force of each sample decides.
     """
     robot = kind.robot
     follower_markers, lift = markers.FollowerMarkers(robot), robot.law(ANGLE) + GAP
@@ -435,7 +440,7 @@ def test_markers_in_flight_are_a_line_along_the_gap_and_its_length(kind):
 
 
 def test_the_markers_of_the_cam_have_its_exact_contour(kind):
-    """The markers of a cam are its closed contour and two faces with its area."""
+    """The markers of a cam are its closed contour and a solid with the same area."""
     robot = kind.robot
     ((line, body),) = markers_of([markers.cam_markers(robot)])
     assert (line.type, body.type) == (markers.LINE_STRIP, markers.TRIANGLE_LIST)

@@ -1,4 +1,8 @@
-"""Fixtures and helpers: a served panel with or without nodes, and its pages."""
+"""Fixtures and helpers: a served web panel with or without nodes, and its pages.
+
+The panel has three pages: the drawing board for a motion law, the bench that controls the rig, and
+the lab sheets for students.
+"""
 
 import json
 import signal
@@ -28,17 +32,21 @@ from ..processes import WAIT_S, children, until
 from ..viewer.asking import Visitor, local
 
 BOARD, BENCH = "/changes", "/bench/live"
-#: Largest number of answers on a sheet that a test fills.
+#: Largest number of answers that a test writes on a lab sheet.
 ANSWERS = 4
 
 
 @pytest.fixture
 def board(tmp_path):
+    """Drawing board of the panel with the cam poly345."""
     return Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), tmp_path / "out")
 
 
 def with_moved_ordinate(board, lifts, handle=7):
-    """Return the ordinates with one moved, by default in the middle of the rise."""
+    """Return the ordinates of the drawn law with one of them moved by `lifts`.
+
+    `lifts` is in multiples of the lift. By default the ordinate in the middle of the rise is moved.
+    """
     ordinates = board.ordinates.tolist()
     ordinates[board.drawn.handles[handle].index] += lifts
     return ordinates
@@ -49,7 +57,7 @@ def sheet_of(rig="paper_table2", seed=None, cam="poly345", lab="jump"):
 
 
 def socket_of(visitor, path):
-    """Return a connection to the websocket of a page."""
+    """Return a connection to the websocket at the path of a page."""
     return connect(
         f"ws://{visitor.url.netloc}{path}",
         sock=local(visitor.url.port),
@@ -60,7 +68,10 @@ def socket_of(visitor, path):
 
 
 def received(socket, *kinds):
-    """Return the first message of each kind, answers to sent messages included."""
+    """Return a dict with the first message of each kind that the socket receives.
+
+    Answers to sent messages are included.
+    """
     messages = {}
     while set(messages) != set(kinds):
         message = socket.recv(timeout=WAIT_S)
@@ -70,7 +81,10 @@ def received(socket, *kinds):
 
 
 def blocks_of(data):
-    """Return start (s), step (s) and rows of each tick's block in a page's message."""
+    """Return (start in s, step in s, samples) of each block in a binary message.
+
+    A block has the samples of one tick, shape (6, n).
+    """
     blocks = []
     while data:
         start, step, count = np.frombuffer(data, "<f8", 3).tolist()
@@ -80,7 +94,7 @@ def blocks_of(data):
 
 
 class ServedPages(Visitor):
-    """Client of a served panel with board, bench and lab but without nodes."""
+    """Client of a served panel with drawing board, bench and lab, without ROS nodes."""
 
     def __init__(self, board, bench, lab, address):
         super().__init__(address)
@@ -91,7 +105,7 @@ class ServedPages(Visitor):
         return socket_of(self, path)
 
     def valid_message(self, path):
-        """Return a message that a page may send."""
+        """Return a message that the page at this path may send."""
         if path == BENCH:
             return {"do": "clear"}
         return {"ordinates": self.board.ordinates.tolist(), "rpm": 250}
@@ -99,7 +113,7 @@ class ServedPages(Visitor):
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory):
-    """Serve one panel for the tests of a file."""
+    """Served panel, shared by the tests of a file."""
     folder, sheet = tmp_path_factory.mktemp("panel"), sheet_of()
     pages = BoardPages(Board(sheet.cam, sheet.rig, folder / "out"))
     bench = BenchPages(BenchRunner(sheet.rig, folder, folder / "out"), sheet.cam, pages.board)
@@ -116,7 +130,7 @@ class ServedLab(Visitor):
         self.pages = pages
 
     def request_data(self, index, rpm):
-        """Return the data that the page sends for a set-up at a speed (rpm)."""
+        """Return the data that the page sends for a set-up (index) at a speed (rpm)."""
         return vars(self.pages.notebook.sheet.setups[index]) | {"rpm": rpm}
 
 
@@ -128,10 +142,10 @@ def served_lab(sheet, out):
 
 
 def filled(sheet, folder, off=0.0, student="Ana"):
-    """Return the path of a sheet with answers, each of another set-up.
+    """Return the path of a lab sheet with answers, each of another set-up.
 
-    `off` is the relative error of the answers. If the speed that is read is not the answer, the
-    sheet also has a reading.
+    `off` is the relative error of the answers. If the lab requires an answer in addition to
+    readings, the sheet also has a reading.
     """
     book = Notebook(sheet, folder)
     book.set_student({"student": student})
@@ -146,11 +160,15 @@ def filled(sheet, folder, off=0.0, student="Ana"):
     return book.path
 
 
-# -- in a browser -----------------------------------------------------------------------------
+# -- in a browser
 
 
 @pytest.fixture(scope="module")
 def chromium():
+    """Browser without a window and without WebGL.
+
+    Without an installed browser the test is skipped.
+    """
     if why := why_no_browser():
         pytest.skip(why)
     with open_browser(webgl=False) as browser:
@@ -158,7 +176,7 @@ def chromium():
 
 
 class BrowserPage:
-    """Page of the panel in a browser, with its errors and requests to other hosts."""
+    """Page of the panel in a real browser, with its errors and outside requests."""
 
     def __init__(self, page):
         self.page = page
@@ -177,14 +195,14 @@ class BrowserPage:
             self.outside.append(url)
 
     def open(self, address, path=""):
-        """Open the page of a printed address, and then a path on its server."""
+        """Open the printed address with its token, and then a path on its server."""
         self.page.goto(address)
         self.page.wait_for_url(lambda url: "token" not in url)
         if path:
             self.page.goto(f"http://{urlsplit(address).netloc}{path}")
 
     def enter(self, name, value):
-        """Fill a field and press Enter."""
+        """Fill the field with this element id and press Enter."""
         self.page.locator(f"#{name}").fill(str(value))
         self.page.locator(f"#{name}").press("Enter")
 
@@ -192,9 +210,9 @@ class BrowserPage:
         return str(self.page.evaluate("id => document.getElementById(id)?.textContent", name))
 
     def number(self, name):
-        """Return the first word of a readout as a number, None if it is not a number.
+        """Return the first word of an element as a number, or None if it is not a number.
 
-        The number has the decimal sign of the page's language.
+        The decimal sign is that of the page's language.
         """
         try:
             return float(self.text(name).split()[0].replace(",", "."))
@@ -202,7 +220,10 @@ class BrowserPage:
             return None
 
     def path(self, chart, kind=""):
-        """Return the path of a chart's main curve, or of another kind of curve."""
+        """Return the SVG path of a chart's main curve, or of another kind of curve.
+
+        The other kinds are "ghost" (start law) and "second" (law for comparison).
+        """
         script = """([id, kind]) => [...document.querySelectorAll(`#${id} .curve`)].find(
             (path) => kind ? path.classList.contains(kind)
               : !["ghost", "second"].some((other) => path.classList.contains(other))
@@ -210,14 +231,14 @@ class BrowserPage:
         return str(self.page.evaluate(script, [chart, kind]))
 
     def until(self, condition):
-        """Wait for a condition of the page."""
+        """Wait until a condition of the page is true."""
         until(condition, self._page_texts, lambda: self.page.wait_for_timeout(40), TIMEOUT_S)
 
     def _page_texts(self):
         return [self.text(name) for name in ("status", "graph", "speed", "level")]
 
     def width(self, width):
-        """Return the width (px) of the page in a window of a width (px)."""
+        """Return the width (px) of the page's content in a window of this width (px)."""
         self.page.set_viewport_size({"width": width, "height": 800})
         drawn = "() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))"
         self.page.evaluate(drawn)
@@ -226,7 +247,10 @@ class BrowserPage:
 
 @contextmanager
 def in_browser(chromium, kind, **context):
-    """Open a page in a new context, and check for errors and requests to other hosts."""
+    """Open a page in a new browser context, and check it at the end.
+
+    It must have no errors and no requests to other hosts. `kind` is the class of the page object.
+    """
     page = chromium.new_context(**context).new_page() if context else new_page(chromium)
     shown = kind(page)
     yield shown
@@ -234,11 +258,11 @@ def in_browser(chromium, kind, **context):
     assert shown.errors == [] and shown.outside == []
 
 
-# -- with nodes -------------------------------------------------------------------------------
+# -- with nodes
 
 
 class BenchPage:
-    """Page of the bench without a browser, with its received values and commands."""
+    """Client of the bench's websocket without a browser, with received values."""
 
     def __init__(self, socket):
         self.socket, self.number, self.sound = socket, 0, b""
@@ -255,28 +279,28 @@ class BenchPage:
             return {}
         data = json.loads(message)
         if data["type"] == "live":
-            self.live = self.live | data  # the message contains only changed values
+            self.live = self.live | data  # only changed values are sent
         return data
 
     def until(self, condition):
-        """Wait for a condition of the bench, and return its values."""
+        """Wait until a condition of the bench's values is true, and return them."""
         until(lambda: self.live and condition(self.live), lambda: self.live, self._next)
         return self.live
 
     def request(self, do, **more):
-        """Send a command and return its answer."""
+        """Send a command to the bench and return its answer."""
         self.number += 1
         self.socket.send(json.dumps({"number": self.number, "do": do, **more}))
         return self.answer(self.number)
 
     def answer(self, number):
-        """Return the answer to the command of a number, None for one without a number."""
+        """Return the answer to the command with this number."""
         while (message := self._next()).get("type") != "answer" or message["answer"] != number:
             pass
         return message
 
     def do(self, do, **more):
-        """Send a command that must not be refused, and return its answer."""
+        """Send a command that must be accepted, and return its answer."""
         answer = self.request(do, **more)
         assert answer["success"], answer["message"]
         return answer
@@ -290,24 +314,24 @@ class BenchPage:
         return self.until(lambda live: abs(live["state"].get("rpm", 0.0) - rpm) < 1e-6)
 
     def turned(self, seconds):
-        """Start the cam and wait until it has turned for a rig time (s)."""
+        """Start the cam and wait until it has turned for a simulated time (s)."""
         self.do("call", value="start")
         return self.wait_for_rig_time(seconds)
 
     def wait_for_rig_time(self, seconds):
-        """Wait until the follower's samples have reached a rig time (s)."""
+        """Wait until the received samples reach a simulated time (s)."""
         self.do("watch", value=True)
         return self.until(lambda _: self.motion and self.motion[-1][0] > seconds)
 
     def keep(self):
-        """Keep the bag that is recorded, and return its path."""
+        """Keep the bag that is being recorded, and return its path."""
         kept = len(self.live["kept_bags"])
         self.do("keep")
         return Path(self.until(lambda live: len(live["kept_bags"]) > kept)["kept_bags"][-1])
 
 
 class RunningPanel(Visitor):
-    """Process of cam-rig panel that keeps its bags in the folder `out`."""
+    """Process of `cam-rig panel` that stores kept bags in the folder `out`."""
 
     def __init__(self, process, out):
         self.process, self.out = process, out
@@ -321,12 +345,12 @@ class RunningPanel(Visitor):
             yield BenchPage(socket)
 
     def nodes(self):
-        """Return the process ids of its nodes by name."""
+        """Return the process IDs of the panel's nodes by node name."""
         processes = children(self.process.pid).items()
         return {words[3]: pid for pid, words in processes if words[2:3] == ["cam_rig.nodes"]}
 
     def end(self, number):
-        """End the process by a signal and return its exit code."""
+        """End the panel process by a signal and return its exit code."""
         self.process.send_signal(number)
         return self.process.wait(WAIT_S)
 

@@ -1,4 +1,7 @@
-"""The bench without nodes: set-ups, displayed state, drawn data, and readings."""
+"""The bench page without nodes: set-ups, live state, drawn data, and readings.
+
+A set-up is the cam, model and follower of the rig. A reading is a sound level noted by the user.
+"""
 
 import base64
 import csv
@@ -27,13 +30,13 @@ RIG = cam_rig.load_rig("paper_table2")
 DEFAULT_SETUP = Setup.of(RIG, "poly345")
 SPEED, TICKS = 300.0, 12
 
-# -- set-ups ----------------------------------------------------------------------------------
+# -- set-ups
 
 
 def test_a_set_up_is_written_as_a_scene(tmp_path):
-    """A set-up is written as a scene with its mass, preload, model and speed.
+    """A set-up is written as a scene file with its mass, preload, model and speed.
 
-    All other numbers of the follower are those of the rig's file.
+    All other numbers of the follower are those of the rig file.
     """
     runner.add_cam(cam_rig.load_cam("poly345"), tmp_path / "cams")
     for model in runner.available_models(RIG):
@@ -49,9 +52,9 @@ def test_a_set_up_is_written_as_a_scene(tmp_path):
 
 
 def test_the_bench_starts_with_the_follower_of_the_board():
-    """The bench starts with two masses if the rig splits its mass, else with one.
+    """The bench starts with two masses if the rig has a mass share, else with one.
 
-    Only models are offered whose numbers the rig has.
+    Only models whose parameters the rig has are offered.
     """
     for path in (config_root() / "rigs").glob("*.yaml"):
         rig = cam_rig.load_rig(path)
@@ -67,7 +70,8 @@ def test_the_bench_starts_with_the_follower_of_the_board():
 def test_every_cam_can_be_added_to_the_bench(name, tmp_path):
     """A cam that is added to the bench keeps every number of its law.
 
-    A cam with a desmodromic follower is not offered, because no model turns it.
+    A cam with a desmodromic follower (driven both ways) is not offered, because no model simulates
+    it.
     """
     cam = cam_rig.load_cam(name)
     runner.add_cam(cam, tmp_path)
@@ -78,12 +82,12 @@ def test_every_cam_can_be_added_to_the_bench(name, tmp_path):
     assert np.array_equal(law.breaks, added_law.breaks) and np.array_equal(
         law.ordinates, added_law.ordinates
     )
-    # no model turns a cam with a desmodromic follower, so the bench does not offer it
+    # A desmodromic follower has no spring, and no model simulates it.
     assert (name in runner.cam_names(tmp_path)) is cam.follower.sprung
 
 
 def test_an_invalid_set_up_is_refused():
-    """An invalid value of a set-up is refused with one line that states the rule."""
+    """An invalid value of a set-up is refused in one line that states the rule."""
     for changes, text in (
         ({"model": "soft"}, "model: is 'soft'; allowed on this rig"),
         ({"added_mass": -1}, "added mass: is -1 kg"),
@@ -100,12 +104,12 @@ def test_an_invalid_set_up_is_refused():
         assert text in str(raised.value) and "\n" not in str(raised.value)
 
 
-# -- the displayed state follows the node messages, in any order ------------------------------
+# -- the displayed state follows the messages of the nodes, in any order
 
 
 @pytest.fixture
 def live():
-    """Return the state of a bench whose nodes run."""
+    """State of a bench whose nodes run and whose cam is stopped."""
     state = LiveState(DEFAULT_SETUP)
     state.on_runner_event({"graph": "starting", "domain": 7})
     state.on_node_message(
@@ -117,7 +121,10 @@ def live():
 
 
 def turn(live, first, count):
-    """Add ticks of a constant speed, each with its level."""
+    """Pass ticks of a constant speed to the state, each with its sound level.
+
+    A tick is a time interval of the drive, here a twelfth of a turn.
+    """
     for k in range(first, first + count):
         times = [round(n * 60.0 / SPEED / TICKS * NS) for n in (k, k + 1)]
         live.on_node_message(
@@ -127,9 +134,9 @@ def turn(live, first, count):
 
 
 def test_a_loss_of_contact_within_the_averaged_time_is_noted(live):
-    """A reading is noted as "contact lost" if contact was lost in the averaged time.
+    """A reading has "contact lost" if contact was lost in its averaging time.
 
-    This is so even if the last tick was in contact. A later reading is noted as in contact.
+    This is so even if the last tick was in contact. A later reading has "in contact" again.
     """
     live.on_node_message({"health": ["follower", 0, {}]})
     turn(live, 0, 150)
@@ -147,8 +154,8 @@ def test_a_loss_of_contact_within_the_averaged_time_is_noted(live):
 def test_the_drive_has_its_reported_state(live):
     """The displayed state of the drive follows its messages and ticks.
 
-    The states are stopped, waiting and turning. After an emergency stop it is emergency until
-    the drive reports otherwise.
+    It is stopped, waiting or turning. After an emergency stop it is emergency until the drive
+    reports another state.
     """
     assert (live.graph, live.drive) == ("running", "stopped")
     live.on_node_message(
@@ -169,9 +176,9 @@ def test_the_drive_has_its_reported_state(live):
 
 
 def test_ticks_in_flight_after_a_stop_do_not_count_as_turning(live):
-    """After a stop the bench ignores four ticks in flight and displays "stopped".
+    """After a stop, up to four ticks that still arrive do not display "turning".
 
-    Further ticks mean that another program has started the drive, so it displays "turning".
+    More ticks mean that another program has started the drive, so "turning" is displayed.
     """
     turn(live, 0, 150)
     live.on_service("stop")
@@ -184,9 +191,9 @@ def test_ticks_in_flight_after_a_stop_do_not_count_as_turning(live):
 
 
 def test_a_new_set_up_or_weighting_clears_the_meter_and_keeps_readings(live):
-    """A new weighting or run clears the level, but not the noted readings.
+    """A new weighting or run clears the displayed level, but not the noted readings.
 
-    The next run has the same cam, speed and settings.
+    The next run keeps the cam, the speed and the node settings.
     """
     live.on_node_message({"node": "cam_drive", "values": {"rpm": 280.0, "pacing": "5x"}})
     live.on_node_message({"node": "cam_drive", "values": {"scene": "/no/setting.yaml"}})
@@ -204,7 +211,7 @@ def test_a_new_set_up_or_weighting_clears_the_meter_and_keeps_readings(live):
 
 
 def test_the_number_of_readings_is_bounded(live, monkeypatch):
-    """A reading above the maximum number is refused until the readings are cleared."""
+    """Readings beyond the maximum number are refused until the list is cleared."""
     monkeypatch.setattr(live_state, "MAX_READINGS", 2)
     turn(live, 0, 150)
     live.note()
@@ -215,13 +222,13 @@ def test_the_number_of_readings_is_bounded(live, monkeypatch):
     live.note()
 
 
-# -- a reading is the mean square of a second at one speed, or it is refused ------------------
+# -- a reading is the mean square of a second at one speed, or it is refused
 
 
 def turned(meter, rpm, seconds, level, start=0.0):
-    """Add 12 ticks per turn of a constant speed and level to a meter.
+    """Pass ticks of constant speed and level to a meter, and return the end time (s).
 
-    Returns the end (s).
+    There are 12 ticks per turn.
     """
     tick = 60.0 / rpm / 12
     count = round(seconds / tick)
@@ -232,9 +239,9 @@ def turned(meter, rpm, seconds, level, start=0.0):
 
 
 def test_a_steady_level_is_the_mean_square_of_whole_turns():
-    """The steady level is the energy mean over whole turns at the present speed.
+    """The level of a reading is the energy mean over whole turns at the present speed.
 
-    It is available after the turns to settle, or after 8 time constants.
+    It is available once the motion has settled, and after 8 time constants of the meter.
     """
     for rpm in (20.0, 97.0, 300.0, 3000.0):
         meter = Meter()
@@ -252,7 +259,7 @@ def test_a_steady_level_is_the_mean_square_of_whole_turns():
 def test_no_level_is_read_after_a_change_or_at_standstill():
     """A reading soon after a change of speed is refused with the time to wait.
 
-    It is also refused before the first tick and while the cam is stopped.
+    It is refused also before the first tick and while the cam is stopped.
     """
     meter = Meter()
     meter.add_level(1000, 80.0)
@@ -271,16 +278,16 @@ def test_no_level_is_read_after_a_change_or_at_standstill():
 
 
 def test_readings_are_written_as_csv():
-    """Readings are written as CSV with units in the headings and quoted names."""
+    """Readings are exported as CSV with units in the headings and quoted names."""
     reading = NotedReading("a,b", "one_mass", 300.0, 83.25, "LAF", "in contact", 0.5, 4030.0, 30.6)
     (row,) = csv.DictReader(to_csv([reading]).splitlines())
     assert row["cam"] == "a,b" and float(row["level_db"]) == 83.25
     assert float(row["preload_n"]) == 30.6
 
 
-# -- the page draws the motion of the rig: cam, follower, force and gap -----------------------
+# -- the page draws the motion of the rig: cam, follower, force and gap
 
-#: One cam per follower type.
+#: One cam for each type of follower.
 CAMS = ("poly345", "flat", "inclined_flat", "oscillating_roller", "oscillating_flat", "point")
 
 
@@ -292,9 +299,9 @@ def law_of(name):
 
 @pytest.mark.parametrize("name", CAMS)
 def test_the_drawn_follower_is_that_of_the_profile(name):
-    """The picture has the follower of the profile at each lift.
+    """The picture for the page has the follower's position and rotation at each lift.
 
-    Position and rotation are linear in the lift, and the contact point lies on the contour.
+    Both are linear in the lift (1e-9 mm). The drawn contact point is on the contour within 1 µm.
     """
     cam, law = law_of(name)
     shape, picture = follower_shape(cam, law), drawing.cam_picture(cam, law)
@@ -315,7 +322,7 @@ def test_the_drawn_follower_is_that_of_the_profile(name):
     ("model", "above"), [("one_mass", 480.0), ("two_mass", 430.0), ("kinetostatic", 480.0)]
 )
 def test_the_predicted_turn_is_that_of_a_long_run(model, above):
-    """The predicted turn agrees with the last turn of a simulation of 30 turns.
+    """The turn that the page predicts is the last of a simulation of 30 turns.
 
     Lift, force and contact agree below and above the jump speed.
     """
@@ -336,7 +343,7 @@ def test_the_predicted_turn_is_that_of_a_long_run(model, above):
 
 
 def test_the_marks_of_the_knob_are_the_jump_speeds():
-    """The knob has marks at the jump speeds, first that of the set-up's model.
+    """The speed knob has marks at the jump speeds, first that of the selected model.
 
     A rig without two masses has only the mark of one mass.
     """
@@ -351,9 +358,10 @@ def test_the_marks_of_the_knob_are_the_jump_speeds():
 
 @pytest.mark.parametrize("rpm", [20.0, 333.3, 1000.0])
 def test_a_block_contains_angle_and_gap_of_its_samples(tmp_path, rpm):
-    """A block for the page has about one sample per degree, with angle and gap.
+    """A block of samples for the page has about one sample per degree.
 
-    There is no block without a cam state or for an unknown cam.
+    It contains the cam angle and the gap. There is no block without a cam state or for an unknown
+    cam.
     """
     law, rig = law_of("poly345")[1], cam_rig.load_rig("tm21")
     run = cam_rig.simulate(law, rig, rpm=rpm, turns=1, sample_rate=4000)

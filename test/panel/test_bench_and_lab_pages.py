@@ -16,7 +16,7 @@ from .conftest import BrowserPage, in_browser, sheet_of
 
 pytestmark = pytest.mark.slow
 SIZES = [(360, 640), (768, 1024), (1000, 700), (1280, 800), (1600, 910), (2560, 1440)]
-#: Elements that a person reads or operates.
+#: CSS selector of the elements that a person reads or operates.
 ELEMENTS = (
     "button, input, select, output, meter, h1, h2, a, li, dt, dd, .chip, #knob, #lamp, .chart, "
     "#rig, #forecast, #jumps, #relative, .quiet"
@@ -27,7 +27,7 @@ class Bench(BrowserPage):
     """Page of the bench in a browser, without nodes."""
 
     def open_bench(self, address, language):
-        """Open the page in a language."""
+        """Open the page in this language."""
         chosen = f"sessionStorage.setItem('language', '{language}')"
         self.page.context.add_init_script(chosen)
         self.open(address, "/bench")
@@ -35,9 +35,9 @@ class Bench(BrowserPage):
         assert self.page.evaluate("document.documentElement.lang") == language
 
     def boxes(self, selector=ELEMENTS):
-        """Return left, top, right and bottom (px) of the visible elements.
+        """Return a dict from element to its box: left, top, right and bottom, in px.
 
-        Elements inside another element of the selector are left out.
+        Only visible elements are included, and none inside another element of the selector.
         """
         boxes = self.page.evaluate(
             """(things) => [...document.querySelectorAll(things)]
@@ -53,9 +53,9 @@ class Bench(BrowserPage):
 
 @pytest.mark.parametrize("language", ["es", pytest.param("en", marks=pytest.mark.long)])
 def test_no_element_overlaps_and_the_emergency_stop_is_visible(chromium, served, language):
-    """No element of the bench overlaps another, and the emergency stop is visible.
+    """In every window size no element of the bench overlaps another.
 
-    This applies to each window size and language. The heading names the model.
+    The emergency stop is always visible. The heading states the model in the page's language.
     """
     with in_browser(chromium, Bench) as bench:
         bench.open_bench(served.address, language)
@@ -71,7 +71,7 @@ def test_no_element_overlaps_and_the_emergency_stop_is_visible(chromium, served,
 
 
 def require_apart(bench, width):
-    """Check that no element overlaps another, and that each is within its column."""
+    """Check that no element overlaps another or extends beyond its column."""
     boxes = bench.boxes()
     assert len(boxes) > 25
     for (name, a), (other, b) in itertools.combinations(boxes.items(), 2):
@@ -88,7 +88,8 @@ def require_apart(bench, width):
 def test_the_rig_and_its_prediction_are_drawn_before_it_turns(chromium, served):
     """Before the cam turns, the bench displays the rig and the predicted contact.
 
-    The prediction follows changes of speed and preload. The pointer on a curve turns the cam.
+    The prediction follows changes of speed and preload. Pointing at a curve turns the drawn cam to
+    this angle.
     """
     with in_browser(chromium, Bench) as bench:
         bench.open_bench(served.address, "en")
@@ -113,9 +114,9 @@ def test_the_rig_and_its_prediction_are_drawn_before_it_turns(chromium, served):
         bench.until(lambda: (bench.number("at_lift") or 0.0) > 49.0)
 
 
-# -- the lab sheet ----------------------------------------------------------------------------
+# -- the lab sheet
 
-#: True if the displayed turn is that of the selected speed.
+#: Script that is true if the displayed turn has the selected speed.
 SHOWN = """() => JSON.parse(document.body.dataset.shown || "{}").rpm
   === document.getElementById("rpm").valueAsNumber"""
 
@@ -124,27 +125,28 @@ class LabPage(BrowserPage):
     """Page of a lab sheet that is operated by keyboard."""
 
     def settle(self):
-        """Wait until the displayed force is that of the knob's speed."""
+        """Wait until the displayed force is that at the knob's speed."""
         self.until(lambda: self.page.evaluate(SHOWN))
 
     def press(self, key):
-        """Press a key on the knob and wait for the turn."""
+        """Press a key on the speed knob and wait for the new turn."""
         self.page.locator("#knob").press(key)
         self.settle()
 
     def lost(self):
-        """Return True if the page displays that contact is lost."""
+        """Return True if the page displays "contact lost"."""
         return self.text("contact") == "contact lost"
 
     def press_until(self, key, condition):
-        """Press a key on the knob until a condition is true."""
+        """Press a key on the speed knob until a condition is true."""
         until(condition, step=lambda: self.press(key), wait=TIMEOUT_S)
 
 
 def test_a_reading_by_keyboard_is_within_1_rpm_of_the_true_value(chromium, tmp_path):
-    """A jump speed that is found with the knob's keys is within 1 rpm of the truth.
+    """A jump speed found with the knob's keys is within 1 rpm of the true one.
 
-    A reading in contact is recorded only after a confirmation. Readings remain after a reload.
+    A reading while contact is kept is recorded only after a confirmation. Readings remain after a
+    reload.
     """
     pages, questions, answers = (
         LabPages(sheet_of(seed="group-3"), tmp_path),
@@ -192,7 +194,8 @@ def test_a_reading_by_keyboard_is_within_1_rpm_of_the_true_value(chromium, tmp_p
         record.click()
         page.until(lambda: len(pages.notebook.recorded.readings) == 2)
         assert all(f" {low:g} rpm" in words for words in questions)
-        # Record at once: the page checks the recorded speed, not the speed of the displayed turn.
+        # Record at once: the page must check the recorded speed, not the speed of the displayed
+        # turn.
         page.enter("rpm", high)
         record.click()
         page.until(lambda: len(pages.notebook.recorded.readings) == 3)
@@ -201,7 +204,7 @@ def test_a_reading_by_keyboard_is_within_1_rpm_of_the_true_value(chromium, tmp_p
 
 
 def test_the_theory_is_displayed_on_request(chromium, tmp_path):
-    """On a sheet without a seed, a button displays and hides the line of theory.
+    """On a sheet without a hidden rig (no seed), a button shows the theoretical line.
 
     The page links only to pages that are served.
     """
@@ -225,9 +228,9 @@ def test_the_theory_is_displayed_on_request(chromium, tmp_path):
 
 @pytest.mark.parametrize("lab", ["noise", pytest.param("vibration", marks=pytest.mark.long)])
 def test_readings_and_an_answer_are_recorded_by_keyboard(chromium, tmp_path, lab):
-    """The keyboard records the displayed reading and an answer, in Spanish too.
+    """A reading and an answer are recorded by keyboard, in Spanish too.
 
-    The answer has a decimal comma.
+    The answer has a decimal comma. The page fits windows of 400 to 1600 px.
     """
     pages = LabPages(sheet_of(seed="group-3", lab=lab), tmp_path)
     with serve(pages, home="/lab", language="es") as panel, in_browser(chromium, LabPage) as page:

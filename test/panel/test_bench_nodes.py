@@ -1,4 +1,4 @@
-"""The bench with its nodes: control by pages and other programs, and its bags."""
+"""The bench with its ROS nodes: control by pages and other programs, and its bags."""
 
 import json
 import signal
@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory):
-    """Panel in its ROS domain for the tests of this file."""
+    """Panel and its ROS domain, shared by the tests of this file."""
     out = tmp_path_factory.mktemp("bench") / "out"
     with isolated_domain() as domain, panel_process(out) as panel:
         yield panel, domain
@@ -40,16 +40,16 @@ def running_panel(ros_domain, tmp_path):
 
 
 def contiguous(bag):
-    """Return the duration (s) of a bag's ticks, which must join without a gap."""
+    """Return the duration (s) of a bag, and check that its ticks have no gap."""
     ticks = [tick.interval for tick in read_ticks(bag)]
     assert all(tick.stop_ns == following.start_ns for tick, following in pairwise(ticks))
     return (ticks[-1].stop_ns - ticks[0].start_ns) / NS
 
 
 def test_one_page_has_the_controls(shared):
-    """Only the page with the controls operates the rig.
+    """Of several pages only the one with the controls can operate the rig.
 
-    Another page may call an emergency stop or take over the controls. A bag is kept on request,
+    Another page may request an emergency stop or take over the controls. A bag is kept on request,
     and a new run follows.
     """
     with shared[0].page() as first, shared[0].page() as second:
@@ -77,9 +77,9 @@ def test_one_page_has_the_controls(shared):
 
 
 def test_a_watching_page_receives_every_tick_and_another_none(shared):
-    """A watching page receives the samples of all ticks without a gap.
+    """A page that watches the motion receives the samples of all ticks without a gap.
 
-    They turn at the commanded speed. A page that does not watch receives no samples.
+    They have the commanded speed. A page that does not watch receives no samples.
     """
     panel, _ = shared
     with panel.page() as page, panel.page() as other:
@@ -109,7 +109,7 @@ class BenchInBrowser(BrowserPage):
     """Page of the bench in a browser."""
 
     def open_bench(self, panel):
-        """Open the bench and wait for its nodes."""
+        """Open the bench and wait until its nodes run."""
         self.open(panel.address, "/bench")
         self.until(lambda: self.page.locator("#emergency").is_enabled())
 
@@ -120,25 +120,25 @@ class BenchInBrowser(BrowserPage):
             self.page.keyboard.press("Enter")
 
     def set_speed(self, rpm):
-        """Type a speed (rpm) and wait until the cam turns at it."""
+        """Enter a speed (rpm) and wait until the cam turns at it."""
         self.enter("rpm", rpm)
         self.until(lambda: self.text("speed") == str(rpm))
 
     def note(self, rpm):
-        """Press the button of a reading, and return True if it is noted at a speed (rpm)."""
+        """Press the button that notes a level. Return True if it is at this speed (rpm)."""
         self.page.locator("#note").click()
         self.page.wait_for_timeout(200)
         return f" {rpm} rpm, " in self.text("noted") and "dB" in self.text("noted")
 
     def knob_rpm(self):
-        """Return the speed (rpm) of the knob."""
+        """Return the speed (rpm) that the knob displays."""
         return float(self.page.locator("#knob").get_attribute("aria-valuenow") or "nan")
 
 
 def test_the_knob_sets_and_follows_the_speed(chromium, shared):
-    """The knob sets the speed by keys and by the pointer.
+    """The knob sets the speed by keys and by pointer.
 
-    It also displays a speed that another program sets.
+    It also displays a speed that another program sets by ROS parameter.
     """
     panel, domain = shared
     with in_browser(chromium, BenchInBrowser) as bench:
@@ -158,7 +158,7 @@ def test_the_knob_sets_and_follows_the_speed(chromium, shared):
         bench.page.mouse.move(x + 50, y, steps=8)
         bench.page.mouse.up()
         dragged_rpm = bench.knob_rpm()
-        assert dragged_rpm > 400.0  # a third of the logarithmic scale
+        assert dragged_rpm > 400.0  # a third of its logarithmic scale
         bench.until(lambda: bench.text("speed") == f"{dragged_rpm:.0f}")
         with RigClient(domain) as outside:
             outside.set_parameter("cam_drive", "rpm", 333.0)
@@ -166,7 +166,7 @@ def test_the_knob_sets_and_follows_the_speed(chromium, shared):
         bench.until(lambda: bench.knob_rpm() == 333.0 and rpm_field.input_value() == "333")
 
 
-#: Count the changes of controls and of the rig's picture in three seconds.
+#: Script that counts changes of controls and of the rig's picture in three seconds.
 CHANGES = """() => new Promise((done) => {
   const found = { controls: [], turned: 0 };
   const canvas = document.querySelector("#rig canvas");
@@ -189,7 +189,7 @@ CHANGES = """() => new Promise((done) => {
 def test_controls_do_not_change_while_the_cam_turns(chromium, shared):
     """While the cam turns, the page changes no attribute of a control.
 
-    A page that rewrote them with every message would be laid out again each time.
+    If it rewrote them with every message, the browser would compute the layout each time.
     """
     panel, _ = shared
     with in_browser(chromium, BenchInBrowser) as bench:
@@ -203,7 +203,7 @@ def test_controls_do_not_change_while_the_cam_turns(chromium, shared):
 
 
 def test_a_killed_panel_leaves_no_process_and_a_closed_bag(shared):
-    """After a panel is killed, its nodes end and its bag is closed without a gap."""
+    """After a panel is killed, its nodes end and its bag is complete."""
     panel, _ = shared
     with panel.page() as page:
         page.running()
@@ -220,9 +220,9 @@ def test_a_killed_panel_leaves_no_process_and_a_closed_bag(shared):
 
 @pytest.mark.long
 def test_a_page_and_another_program_control_the_rig(running_panel, ros_domain):
-    """A page and another program both set parameters of the nodes.
+    """A page and another program can both set parameters of the nodes.
 
-    The page displays values that were set outside. The cam keeps turning after a reload.
+    The page displays values set elsewhere. The cam keeps turning while the page is reloaded.
     """
     with running_panel.page() as page:
         live = page.running()
@@ -254,9 +254,9 @@ def test_a_page_and_another_program_control_the_rig(running_panel, ros_domain):
 
 @pytest.mark.long
 def test_a_noted_level_is_that_of_the_exact_model(running_panel):
-    """A noted level agrees with the level of the exact model to 0.2 dB.
+    """A level noted on the bench agrees with the exact model within 0.2 dB.
 
-    Sample rate and background of the bench cause the difference.
+    The difference is due to sample rate and background of the bench.
     """
     cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
     with running_panel.page() as page:
@@ -280,9 +280,9 @@ def test_a_noted_level_is_that_of_the_exact_model(running_panel):
 
 @pytest.mark.long
 def test_another_set_up_starts_another_run_and_a_bag_can_be_kept(running_panel):
-    """A new set-up starts a new run, whose kept bag has the chosen numbers.
+    """A new set-up starts a new run, whose kept bag contains its parameters.
 
-    The bag has every tick up to the end of the run. The weighting is kept.
+    The bag has every tick up to the end of the run. The selected time weighting is kept.
     """
     with running_panel.page() as page:
         page.running()
@@ -308,11 +308,11 @@ def test_another_set_up_starts_another_run_and_a_bag_can_be_kept(running_panel):
 @pytest.mark.long
 @pytest.mark.parametrize("wait", [0.1, 0.4, 1.0])
 def test_a_signal_while_the_rig_is_set_up_ends_the_panel(running_panel, wait):
-    """A signal ends panel and nodes, also while a new set-up starts or ends nodes."""
+    """SIGINT ends panel and nodes, also while a new set-up starts or ends nodes."""
     with running_panel.page() as page:
         page.running()
         page.do("set_up", value={"preload": 40})
-        time.sleep(wait)  # any time must work, and these times failed once
+        time.sleep(wait)  # these times once failed
         nodes = running_panel.nodes()
         assert running_panel.end(signal.SIGINT) == 128 + signal.SIGINT
     until(lambda: not any(map(is_running, nodes.values())))
@@ -320,9 +320,9 @@ def test_a_signal_while_the_rig_is_set_up_ends_the_panel(running_panel, wait):
 
 @pytest.mark.long
 def test_a_drawn_law_is_mounted_on_the_bench(running_panel):
-    """A law that is drawn on the board turns on the bench.
+    """A law from the drawing board can be used on the running bench.
 
-    A law that is mounted again is another cam.
+    Each time it is mounted it gets a new cam name.
     """
     board = json.loads(running_panel.get("/board"))
     ordinates = list(board["ordinates"])
@@ -341,9 +341,9 @@ def test_a_drawn_law_is_mounted_on_the_bench(running_panel):
 
 @pytest.mark.long
 def test_a_run_that_fails_leaves_its_bag(running_panel, ros_domain):
-    """A run that fails reports the reason and keeps its bag.
+    """A run that fails is reported with the reason, and its bag is kept.
 
-    The reason here is a second publisher. A new set-up starts the next run.
+    The reason here is a second publisher on /cam/state. A new set-up starts the next run.
     """
     with running_panel.page() as page:
         page.running()
@@ -361,12 +361,12 @@ def test_a_run_that_fails_leaves_its_bag(running_panel, ros_domain):
 
 @pytest.mark.long
 def test_noted_levels_are_drawn(chromium, running_panel):
-    """Noted levels are drawn, with full markers if contact was lost.
+    """Noted levels are drawn over the speed, with filled markers if contact was lost.
 
-    The CSV file of the readings contains the contact.
+    The CSV file of the readings has the same information.
     """
     law, rig = cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("paper_table2")
-    jump = find_jump(law, follower_of(rig), None).rpm  # the model with which the bench starts
+    jump = find_jump(law, follower_of(rig), None).rpm  # the bench's first model
     with in_browser(chromium, BenchInBrowser) as bench:
         bench.open_bench(running_panel)
         bench.page.locator("#start").click()

@@ -1,4 +1,7 @@
-"""The board without HTTP: its input, the results of a law, and the saved files."""
+"""Drawing board of a motion law without HTTP: input, results and saved files.
+
+The board edits a motion law by the ordinates of its curve, which a page moves by handles.
+"""
 
 import json
 import math
@@ -22,7 +25,7 @@ from .conftest import with_moved_ordinate
 
 
 def test_the_middle_of_the_start_can_be_moved_by_a_twentieth_of_its_lift(board):
-    """A move of the start law's middle by 5 % of the lift causes no fault."""
+    """Moving the middle of the start law by 5 % of the lift keeps the cam valid."""
     law, handle = board.drawn.start.law, board.drawn.handles[7]
     unit = board.drawn.ordinates.copy()
     unit[handle.index] += 1.0
@@ -34,7 +37,7 @@ def test_the_middle_of_the_start_can_be_moved_by_a_twentieth_of_its_lift(board):
 
 
 def test_a_change_moves_free_ordinates_alone(board):
-    """A change from a page moves only free ordinates.
+    """A change from a page moves only the free ordinates.
 
     The ordinates at the ends of segments are kept, whatever the page sends.
     """
@@ -49,7 +52,7 @@ def test_a_change_moves_free_ordinates_alone(board):
 def test_invalid_values_are_refused_and_change_nothing(board):
     """Invalid ordinates or speeds are refused, and the board does not change.
 
-    Each ordinate must be a finite number, and the speed from 1 to 1e5 rpm.
+    Each ordinate must be a finite number, and the speed 1 to 1e5 rpm.
     """
     before, version, count = board.ordinates, board.version, board.ordinates.size
     assert count == 42
@@ -63,12 +66,15 @@ def test_invalid_values_are_refused_and_change_nothing(board):
 
 
 def test_fast_results_are_those_of_the_library(board):
-    """Fast results equal the library's rigid jump speed and contour of the saved cam."""
+    """The immediate results equal jump speed and contour of the saved cam.
+
+    They are those of a rigid follower, for which the library is the reference.
+    """
     board.update(with_moved_ordinate(board, 0.01), 300)
     law = cam_rig.build_law(cam_rig.load_cam(board.save("moved", board.ordinates.tolist())))
     kinds = ("mass", "spring_stiffness", "damping", "preload", "stem_stiffness")
     numbers = {kind: getattr(board.rig.follower, kind).si for kind in kinds}
-    # a rig without a split mass has a follower of one rigid mass
+    # A rig without a mass share has a follower of one rigid mass.
     rig = cam_rig.load_rig("tm21").with_follower(**numbers)
     results = board.evaluate_fast()
     assert results["faults"] == []
@@ -81,7 +87,7 @@ def test_fast_results_are_those_of_the_library(board):
 
 
 def test_full_results_are_those_of_the_library(board):
-    """Full results equal the jump speed and level of the library's functions."""
+    """The complete results equal the jump speed and level of the library's functions."""
     law = board.law()
     results = evaluate_full(board.cam, law, board.rig, 300.0)
     assert results["jump"]["value"] == pytest.approx(cam_rig.jump_speed(law, board.rig).rpm)
@@ -104,7 +110,7 @@ def test_the_level_above_the_jump_speed_is_simulated(board):
 
 
 def test_an_undercut_law_is_reported_as_a_fault(board, monkeypatch):
-    """An undercut law is a fault with its angle, and its DXF is refused.
+    """A law whose contour is undercut is reported with the angle, and has no DXF.
 
     A saved cam file states why the cam cannot be made.
     """
@@ -131,12 +137,9 @@ def test_an_undercut_law_is_reported_as_a_fault(board, monkeypatch):
 
 
 def test_a_follower_out_of_reach_is_a_fault_without_a_contour(tmp_path):
-    """A follower that does not reach the cam is reported as a fault.
-
-    There is no contour.
-    """
+    """A follower that does not reach the cam is reported, and there is no contour."""
     cam = cam_rig.load_cam("oscillating_roller")
-    short = cam.follower.model_copy(update={"arm": cam.lift})  # 20 mm, and the pivot is 90 mm away
+    short = cam.follower.model_copy(update={"arm": cam.lift})  # 20 mm, with the pivot 90 mm away
     board = Board(cam.model_copy(update={"follower": short}), cam_rig.load_rig("tm21"), tmp_path)
     results = board.evaluate_fast()
     assert results["discs"] == [] and [fault["key"] for fault in results["faults"]] == ["error"]
@@ -145,7 +148,10 @@ def test_a_follower_out_of_reach_is_a_fault_without_a_contour(tmp_path):
 
 
 def test_another_law_is_that_of_a_shipped_cam(board):
-    """The law for comparison is found by the name of a shipped cam. A path is refused."""
+    """The law for comparison is selected by the name of a shipped cam.
+
+    A path is refused, because a page must not read other files.
+    """
     assert board.shipped_law("cycloidal")["name"] == "cycloidal"
     for name in ("nobody", "../rigs/tm21", ""):
         with pytest.raises((ConfigError, cam_rig.errors.LawError)):
@@ -155,7 +161,7 @@ def test_another_law_is_that_of_a_shipped_cam(board):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("name", ["bezier15", "poly345", "flat", "oscillating_point", "conjugate"])
 def test_any_law_that_a_page_may_draw_has_results(tmp_path, name):
-    """Any ordinates have results or faults that JSON can contain."""
+    """Any ordinates that a page may send have results or faults that JSON can contain."""
     board = Board(cam_rig.load_cam(name), cam_rig.load_rig("tm21"), tmp_path)
     random = np.random.default_rng(5)
     for size in (1e-9, 1e-3, 0.1, 1.0, 10.0, 90.0):
@@ -168,7 +174,7 @@ def test_any_law_that_a_page_may_draw_has_results(tmp_path, name):
 
 
 def test_extreme_speeds_and_a_velocity_jump_have_results(board, tmp_path):
-    """Full results exist at the lowest and the highest speed of the knob.
+    """There are complete results at the lowest and the highest speed of the knob.
 
     A law with a velocity jump has a contour, and a reason instead of a jump speed.
     """
@@ -182,11 +188,11 @@ def test_extreme_speeds_and_a_velocity_jump_have_results(board, tmp_path):
     assert results["discs"] and "velocity" in results["jump_rigid"]["message"]
 
 
-# -- output of the board: cam files, contour as DXF, design command ---------------------------
+# -- output of the board: cam files, contour as DXF, design command
 
 
 def test_a_saved_file_contains_the_displayed_law(tmp_path):
-    """The law of a saved file equals the displayed law, and its follower is unchanged."""
+    """The law of a saved cam file is the displayed law, with the same follower."""
     for name in ("poly345", "bezier15", "tm21", "measured", "conjugate"):
         cam = cam_rig.load_cam(name)
         board = Board(cam, cam_rig.load_rig("tm21"), tmp_path / name)
@@ -201,7 +207,7 @@ def test_a_saved_file_contains_the_displayed_law(tmp_path):
 
 
 def test_a_file_is_never_overwritten(board):
-    """A save under an existing name is refused, and the file is not changed."""
+    """Saving under an existing name is refused, and the file is not changed."""
     path = board.save("mine", board.ordinates.tolist())
     before = path.read_bytes()
     with pytest.raises(OutputError, match="exists already"):
@@ -210,7 +216,7 @@ def test_a_file_is_never_overwritten(board):
 
 
 def test_a_cam_with_a_large_pressure_angle_can_be_made(tmp_path):
-    """A cam that only exceeds its pressure angle counts as a cam that can be made.
+    """A cam that only exceeds its limit of the pressure angle can still be made.
 
     The failed check is reported.
     """
@@ -224,7 +230,7 @@ def test_a_cam_with_a_large_pressure_angle_can_be_made(tmp_path):
 
 
 def test_the_dxf_is_the_contour_in_mm(board, tmp_path):
-    """The DXF contains the displayed contour in mm, within chord error and rounding."""
+    """The exported DXF contains the displayed contour in mm, within 2 µm."""
     ordinates = with_moved_ordinate(board, 0.05)
     path = tmp_path / "cam.dxf"
     path.write_text(board.dxf(ordinates), encoding="utf-8")
@@ -233,15 +239,15 @@ def test_the_dxf_is_the_contour_in_mm(board, tmp_path):
     displayed = np.array(board.evaluate_fast()["discs"][0]["points"])
     polygon = Polygon(1e3 * points.T)
     distances = [polygon.exterior.distance(Point(*point)) for point in displayed.T]
-    assert max(distances) <= 2e-3  # mm: chord error of 1 µm and rounding of the displayed points
+    assert max(distances) <= 2e-3  # 1 µm chord error plus rounding
     assert polygon.area == pytest.approx(Polygon(displayed.T).area, rel=1e-3)
 
 
 @pytest.mark.long
 def test_the_design_command_can_be_run(tmp_path):
-    """The displayed design command runs in a shell and increases the jump speed.
+    """The displayed `cam-rig design` command runs and increases the jump speed.
 
-    It has the start and rig of the board, and quotes a folder with a space.
+    It contains the start law and rig of the board, and quotes a folder with a space.
     """
     rig = "config/rigs/paper_table2.yaml"
     out = tmp_path / "my cams"
@@ -258,7 +264,7 @@ def test_the_design_command_can_be_run(tmp_path):
 
 
 def test_an_invalid_cam_name_is_refused(board):
-    """A save under an invalid name is refused, and no file is written."""
+    """Saving under an invalid name is refused, and no file is written."""
     for name in ("", "../x", "A", "a/b", "a.yaml", "a" * 101, None, 3, "cam"):
         with pytest.raises(ConfigError, match="name"):
             board.save(name, board.ordinates.tolist())
@@ -266,7 +272,7 @@ def test_an_invalid_cam_name_is_refused(board):
 
 
 def test_an_opened_file_is_the_loaded_file(board):
-    """A cam file that is opened on a page gives the board of the loaded cam.
+    """A cam file that is opened on a page gives the same board as its loaded cam.
 
     A text that is not a cam file is refused, and the board does not change.
     """

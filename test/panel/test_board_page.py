@@ -1,4 +1,4 @@
-"""The drawing board in a real browser, by pointer and keyboard."""
+"""The drawing board page in a real browser, by pointer and keyboard."""
 
 import base64
 import re
@@ -23,7 +23,7 @@ from .conftest import BrowserPage, in_browser, with_moved_ordinate
 pytestmark = pytest.mark.slow
 #: Tolerance of the page's results, relative to their largest value.
 RTOL = 1e-12
-#: Script that evaluates a law by the modules of the page.
+#: Script that computes law and force with the page's own JavaScript modules.
 LAW_IN_PAGE = """async ([ordinates, rpm]) => {
   const { readTable, motion, contactForce } = await import("/static/board/law.js");
   const board = await (await fetch("/board")).json();
@@ -41,20 +41,20 @@ REFUSED = "Failed to load resource"  # Chromium's message for status 409
 
 
 class BoardPage(BrowserPage):
-    """Page of the board."""
+    """Page of the drawing board in a browser."""
 
     def stale(self, name):
         script = "id => document.getElementById(id).classList.contains('stale')"
         return bool(self.page.evaluate(script, name))
 
     def settled(self):
-        """Wait until all numbers are those of the displayed law."""
+        """Wait until all displayed numbers are those of the displayed law."""
         names = ("jump_rigid", "jump", "residual", "level")
         self.until(lambda: self.number("jump_rigid") is not None)
         self.until(lambda: not any(self.stale(name) for name in names))
 
     def grab(self, handle):
-        """Press the pointer on a handle, and return its position."""
+        """Press the pointer on a handle, and return its position (px)."""
         box = self.page.locator(".handle").nth(handle).bounding_box()
         x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         self.page.mouse.move(x, y)
@@ -62,7 +62,7 @@ class BoardPage(BrowserPage):
         return x, y
 
     def drag(self, handle, down):
-        """Press the pointer on a handle, move it, and release it."""
+        """Press the pointer on a handle, move it down by `down` (px), and release it."""
         x, y = self.grab(handle)
         self.page.mouse.move(x, y + down, steps=6)
         self.page.mouse.up()
@@ -78,39 +78,39 @@ class BoardPage(BrowserPage):
 
 @pytest.fixture
 def board(served):
-    """Return the board that the page displays."""
+    """Board that the page displays."""
     return served.board
 
 
 @pytest.fixture(scope="module")
 def window(chromium):
-    """Open one window for all tests of the page, each of which restores the start."""
+    """One browser window for all tests of the page. Each test restores the start law."""
     with in_browser(chromium, BoardPage) as page:
         yield page
 
 
 @pytest.fixture
 def page(window, served, tmp_path):
-    """Return the board's page in its initial state, and check for errors afterwards."""
+    """Page of the board in its initial state. It is checked for errors afterwards."""
     served.board.out = tmp_path / "out"
     served.board.update(served.board.drawn.ordinates.tolist(), START_RPM)
     window.page.set_viewport_size(SIZE)
     window.open(served.address)
     window.settled()
     yield window
-    window.page.evaluate("() => sessionStorage.clear()")  # the language that was chosen
+    window.page.evaluate("() => sessionStorage.clear()")  # removes the selected language
     faults, window.errors, window.outside = [*window.errors, *window.outside], [], []
     assert faults == []
 
 
 def in_page(page, ordinates, rpm):
-    """Return s to s''' and force of ordinates, computed by the page, ``(5, n)``."""
+    """Return s to s''' and force, computed by the page's JavaScript, shape (5, n)."""
     data = page.page.evaluate(LAW_IN_PAGE, [ordinates, rpm])
     return np.frombuffer(base64.b64decode(data), dtype="<f8").reshape(ORDERS + 1, MOTION_POINTS)
 
 
 def library_curves(board, ordinates, rpm):
-    """Return s to s''' and force of ordinates by the library, ``(5, n)``."""
+    """Return s to s''' and force, computed by the library, shape (5, n)."""
     law, rig = board.law(np.array(ordinates)), FollowerParameters.from_rig(board.rig)
     rows = [law(table_angles(), order) for order in range(ORDERS)]
     force = rig.mass * rows[2] * (rpm * RPM) ** 2 + rig.damping * rows[1] * (rpm * RPM)
@@ -121,7 +121,7 @@ def library_curves(board, ordinates, rpm):
 def test_law_force_and_spectrum_of_the_page_are_those_of_the_library(page, board):
     """Law and force that the page computes agree with the library to 1e-12.
 
-    The spectrum agrees with numpy. A change of 1e-6 of an ordinate is detected.
+    The spectrum agrees with numpy. As a control, a change of 1e-6 of an ordinate must be detected.
     """
     ordinates = board.ordinates.tolist()
     for i, handle in enumerate(board.drawn.handles):
@@ -142,7 +142,7 @@ def test_law_force_and_spectrum_of_the_page_are_those_of_the_library(page, board
 
 
 def test_a_dragged_handle_changes_the_law_and_its_results(page, board):
-    """A dragged handle changes its ordinate on page and server, and all results.
+    """Dragging a handle changes its ordinate on page and server, and all results.
 
     The jump speeds are those of the library. The handle follows the pointer.
     """
@@ -183,16 +183,16 @@ def test_a_dragged_handle_changes_the_law_and_its_results(page, board):
 
 
 def handle_error_mm(page, board, i):
-    """Return the difference (mm) of a handle's ordinate between page and board."""
+    """Return the difference (mm) of a handle's ordinate between page and server."""
     displayed = float(page.page.locator(".handle").nth(i).get_attribute("aria-valuenow") or "nan")
     return abs(board.ordinates[board.drawn.handles[i].index] * 1e3 * board.cam.lift.si - displayed)
 
 
 @pytest.mark.long
 def test_all_pages_display_the_same_board_and_a_reload_keeps_it(chromium, page, board, served):
-    """A change on one page appears on all pages and remains after a reload.
+    """A change on one page appears on all open pages and remains after a reload.
 
-    A browser in Spanish has Spanish pages.
+    A browser in Spanish gets Spanish pages.
     """
     with in_browser(chromium, BoardPage, locale="es-EC") as other:
         other.open(served.address)
@@ -215,9 +215,9 @@ def test_all_pages_display_the_same_board_and_a_reload_keeps_it(chromium, page, 
 
 
 def test_the_keyboard_moves_undoes_and_resets(page, board):
-    """Keys move a handle, undo, redo and reset, and keep its focus.
+    """Keys move a handle, undo, redo and reset, and the handle keeps the focus.
 
-    Keys of the knob change only speed and force.
+    Keys on the speed knob change only speed and force.
     """
     index = board.drawn.handles[5].index
     page.page.locator("#link").focus()
@@ -253,9 +253,10 @@ def test_the_keyboard_moves_undoes_and_resets(page, board):
 
 
 def test_a_law_that_cannot_be_made_is_reported_and_the_last_good_force_stays(page, board):
-    """An undercut law is reported, and its DXF refused.
+    """An undercut law is reported, and its DXF is refused.
 
-    The force remains that of the last law that can be made. After undo no fault is displayed.
+    The displayed force remains that of the last law that can be made. After undo no fault is
+    displayed.
     """
     force = page.path("force")
     page.page.locator(".handle").nth(7).focus()
@@ -278,7 +279,7 @@ def test_a_law_that_cannot_be_made_is_reported_and_the_last_good_force_stays(pag
 
 
 def test_the_drawn_law_can_be_saved_copied_and_downloaded(page, board, tmp_path):
-    """The page saves the law as a file, copies its design command and loads a DXF.
+    """The page saves the law, copies its design command and downloads a DXF.
 
     A second save under the same name is refused.
     """
@@ -301,14 +302,14 @@ def test_the_drawn_law_can_be_saved_copied_and_downloaded(page, board, tmp_path)
     assert waiting.value.suggested_filename == "mine.dxf"
     waiting.value.save_as(tmp_path / "mine.dxf")
     (points,) = read_dxf(tmp_path / "mine.dxf").curves
-    assert np.hypot(*points).min() == pytest.approx(0.065, abs=1e-6)  # the base circle
+    assert np.hypot(*points).min() == pytest.approx(0.065, abs=1e-6)  # the base circle, m
 
 
 @pytest.mark.long
 def test_the_start_another_law_and_a_design_are_displayed_for_comparison(page, board):
-    """The start law, another law and a finished design are drawn as further curves.
+    """Start law, another law and a finished design are drawn for comparison.
 
-    The board can be changed during the design.
+    The board can be changed while the design is computed.
     """
     assert page.path("chart2", "ghost") != ""
     page.page.locator("#second").select_option("cycloidal")
@@ -331,9 +332,9 @@ def test_the_start_another_law_and_a_design_are_displayed_for_comparison(page, b
 
 
 def test_no_element_sticks_out_and_the_chosen_language_stays(page):
-    """The page fits windows of 400 to 1600 px, with each handle within its chart.
+    """The page fits windows of 400 to 1600 px, with every handle inside its chart.
 
-    The chosen language remains after a reload. Spanish numbers have a decimal comma.
+    The selected language remains after a reload. Spanish numbers have a decimal comma.
     """
     page.page.locator("#languages [lang=es]").click()
     page.until(lambda: "Velocidad de la leva" in page.page.locator("#controls").inner_text())
@@ -363,7 +364,7 @@ def test_no_element_sticks_out_and_the_chosen_language_stays(page):
 def test_any_cam_and_rig_can_be_drawn(chromium, tmp_path, cams):
     """The page draws contour and handles of each kind of law.
 
-    The token disappears from the address after the redirection from a file.
+    The token disappears from the address after the redirection from a local file.
     """
     opened = tmp_path / "panel.html"
     for name in cams:
@@ -385,7 +386,7 @@ def test_any_cam_and_rig_can_be_drawn(chromium, tmp_path, cams):
 def test_a_start_that_cannot_be_made_displays_the_force_of_its_motion(chromium, tmp_path):
     """If the start law cannot be made, the force of its motion is displayed.
 
-    The page states this, because there is no last law that can be made.
+    The page states this, because there is no earlier law that can be made.
     """
     good = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), tmp_path)
     cam = cam_rig.load_cam(good.save("undercut", with_moved_ordinate(good, 0.5)))
@@ -397,9 +398,10 @@ def test_a_start_that_cannot_be_made_displays_the_force_of_its_motion(chromium, 
 
 
 def test_a_wide_pull_moves_the_neighbouring_ordinates(page, board):
-    """A wide pull moves neighbouring ordinates by a raised cosine of the cam angle.
+    """With a selected width, moving a handle also moves neighbouring ordinates.
 
-    Next to a dwell the pull is shorter, so that the joint stays as smooth.
+    They move by a raised cosine of the cam angle. Near a dwell it is narrower, so that the joint
+    stays as smooth.
     """
     page.page.locator("#width").select_option("20")
     page.page.locator(".handle").nth(7).focus()
@@ -432,9 +434,9 @@ def test_a_wide_pull_moves_the_neighbouring_ordinates(page, board):
 
 
 def test_a_lost_connection_during_a_drag_loses_no_change(chromium, served, board):
-    """A drag continues over a lost connection, and its changes reach the server.
+    """Dragging continues while the connection is lost, and no change is lost.
 
-    The server's older state does not replace them.
+    The older state of the server does not replace the changes.
     """
     board.update(board.drawn.ordinates.tolist(), START_RPM)
     sockets = []
@@ -460,14 +462,14 @@ def test_a_lost_connection_during_a_drag_loses_no_change(chromium, served, board
         shown.settled()
 
 
-# -- cursor, opened files, links --------------------------------------------------------------
+# -- cursor, opened files, links
 
 
 def test_the_cam_turns_to_the_cursor_under_its_follower(page, board):
     """The cam is drawn at the angle of the cursor, with the follower at its lift.
 
-    The displayed s, v, a and F are those of the library. The pointer on a chart or a slider
-    moves the cursor.
+    The displayed s, v, a and F are those of the library. The cursor is moved by pointing at a chart
+    or by a slider.
     """
     for move in ("chart2", "force", "slider"):
         if move == "slider":
@@ -497,9 +499,9 @@ def test_the_cam_turns_to_the_cursor_under_its_follower(page, board):
 
 
 def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromium):
-    """A saved file that is opened on one page is drawn on every page.
+    """A saved file that is opened on one page is displayed on every page.
 
-    A file that is not a cam is reported.
+    A file that is not a cam file is reported.
     """
     page.drag(7, -12.0)
     page.settled()
@@ -529,9 +531,9 @@ def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromiu
 
 
 def test_a_link_opens_the_same_law(page, board, served, chromium):
-    """A link restores speed and ordinates of its law, and one undo reverts both.
+    """A link restores the speed and the ordinates of its law, and undo reverts both.
 
-    A link of another cam is refused.
+    A link for another cam is refused.
     """
     page.drag(9, 9.0)
     page.enter("rpm", 412)
@@ -553,5 +555,5 @@ def test_a_link_opens_the_same_law(page, board, served, chromium):
 
 
 def clear_refusals(page):
-    """Remove the browser's messages on refused requests from the errors of a page."""
+    """Remove the browser's messages about refused requests from the errors of a page."""
     page.errors[:] = [error for error in page.errors if REFUSED not in error]

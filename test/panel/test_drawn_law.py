@@ -1,4 +1,4 @@
-"""Motion law as a linear function of its ordinates, compared with the library."""
+"""Law of the drawing board: linear in its ordinates, compared with the library."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ RTOL = 1e-12
 
 
 def moved(drawn, amount=0.05):
-    """Return the ordinates with every free one moved at random."""
+    """Return the ordinates with every free ordinate moved at random."""
     ordinates = drawn.ordinates.copy()
     free = [handle.index for handle in drawn.handles]
     ordinates[free] += amount * np.random.default_rng(3).standard_normal(len(free))
@@ -28,7 +28,7 @@ def moved(drawn, amount=0.05):
 
 
 def from_table(drawn, ordinates):
-    """Return s to s''' ``(4, n)`` by the page's table, as a page computes them."""
+    """Return s to s''' from the table that a page uses, shape (4, n)."""
     table = drawn.table
     columns = table.first[:, None].astype(int) + np.arange(table.table.shape[2])
     return table.constant + np.einsum("okw,kw->ok", table.table, ordinates[columns])
@@ -37,10 +37,10 @@ def from_table(drawn, ordinates):
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("name", CAM_NAMES)
 def test_any_ordinates_give_the_law_of_the_library(name):
-    """The page's table gives the law of the library for any ordinates.
+    """For any ordinates the page's table gives the law of the library, to 1e-12.
 
-    No handle makes a joint less smooth than it was, or than C3. Each has at least half of its
-    largest effect at its angle.
+    Moving a handle makes no joint less smooth than it was, or than C3. At its own angle a handle
+    has at least half of its largest effect.
     """
     drawn = DrawnLaw.of(load_cam(name))
     law = build_law(drawn.start.cam)
@@ -72,10 +72,10 @@ def test_any_ordinates_give_the_law_of_the_library(name):
 
 
 def test_a_law_keeps_its_ordinates_if_some_may_be_moved():
-    """A law of ordinates that may be moved is drawn with the ordinates of its file.
+    """A law given by ordinates is drawn with these if some of them are free.
 
-    If none may be moved, B-splines replace them, as with four ordinates fixed at each end of
-    eight.
+    If no ordinate is free, B-splines replace them. An example is a law of eight ordinates, four of
+    which are fixed at each end.
     """
     for name in ("bezier15", "designed"):
         config = load_cam(name)
@@ -89,7 +89,10 @@ def test_a_law_keeps_its_ordinates_if_some_may_be_moved():
 
 
 def test_a_law_of_polynomials_is_drawn_exactly():
-    """A law of polynomials is drawn as B-splines with equal derivatives, to rounding."""
+    """A law of polynomials is converted to B-splines with equal derivatives.
+
+    The tolerance is rounding.
+    """
     angles, count = np.linspace(0.0, 2.0 * np.pi, 1801), 0
     for name in CAM_NAMES[::3]:
         law = build_law(load_cam(name))
@@ -104,7 +107,10 @@ def test_a_law_of_polynomials_is_drawn_exactly():
 
 
 def test_any_other_law_is_drawn_as_the_nearest_b_spline():
-    """Another law is drawn as a near B-spline, and its distance from it is reported."""
+    """Another law is approximated by B-splines, and the largest error is reported.
+
+    The error is below 2e-5 of the lift.
+    """
     for name, limit in (("cycloidal", 1e-6), ("tm21", 1e-6), ("trigonometric", 2e-5)):
         start, law = DrawnLaw.of(load_cam(name)).start, build_law(load_cam(name))
         angles = np.linspace(0.0, 2.0 * np.pi, 1000)
@@ -115,9 +121,9 @@ def test_any_other_law_is_drawn_as_the_nearest_b_spline():
 
 
 def test_the_drawn_law_has_the_jump_speed_of_the_files_law():
-    """The jump speed of the drawn law is that of the file's law, to 1e-4.
+    """The jump speed of the drawn law is that of the law in the file, to 1e-4.
 
-    Two masses are sensitive to the jerk at the ends of an event.
+    Two masses are sensitive to the jerk at the ends of a rise or fall.
     """
     rig = cam_rig.load_rig("paper_table2")
     for name in ("poly345", "cycloidal", "tm21", "modified_trapezoid"):
@@ -127,9 +133,9 @@ def test_the_drawn_law_has_the_jump_speed_of_the_files_law():
 
 
 def test_the_drawn_law_has_the_joints_of_the_files_law():
-    """Each joint of the file's law has the same continuity in the drawn law.
+    """Each joint of the law in the file has the same continuity in the drawn law.
 
-    All further joints are C4.
+    All additional joints are C4.
     """
     corners = "worked_example_constant_velocity"
     for name in ("poly345", "cycloidal", "measured", "half_rises", corners):
@@ -142,7 +148,7 @@ def test_the_drawn_law_has_the_joints_of_the_files_law():
 
 
 def test_a_law_with_too_many_pieces_is_refused():
-    """A law that needs over 500 ordinates is refused with this limit."""
+    """A law that needs more than 500 ordinates is refused, and the error states this."""
     angles = np.linspace(0.0, 2.0 * np.pi, 601)
     rises = 1e-3 * (1.0 - np.cos(angles)) * (1.0 + 0.1 * np.cos(angles))
     law = Law("many", angles, np.stack([rises[:-1], rises[1:]]))

@@ -1,4 +1,8 @@
-"""Lab sheets: the hidden rig, its observations, the data of a page, and the marks."""
+"""Lab sheets for students: hidden rig, observations, data of a page, and marks.
+
+A seed changes the numbers of the rig within tolerances that the students do not know. They measure
+its jump speed or another quantity, which is then marked.
+"""
 
 import csv
 import json
@@ -22,10 +26,10 @@ from ..cli.conftest import call
 from ..viewer.asking import ask
 from .conftest import ANSWERS, filled, served_lab, sheet_of
 
-# -- the hidden rig: equal on every machine, within its tolerances ----------------------------
+# -- the hidden rig: equal on every machine, within its tolerances
 
-#: 1 + 0.04 (2 x/(2^64 - 1) - 1). x is the first eight bytes of the SHA-256 of the four words, one
-#: per line.
+#: Expected factor 1 + 0.04 (2 x/(2^64 - 1) - 1) for the mass with the seed "alpha". x is the
+#: integer of the first eight bytes of the SHA-256 of four words, one per line.
 ALPHA_MASS = 1.0175396720583243
 
 
@@ -37,22 +41,22 @@ def test_a_seed_gives_the_same_rig_on_every_machine():
 
 
 def test_every_hidden_factor_is_uniform_within_its_tolerance():
-    """Hidden factors of 2000 seeds are within the tolerance and reach both its ends.
+    """Hidden factors of 2000 seeds are uniform within the tolerance.
 
-    Their mean is 1 within its error.
+    They reach 98 % of both limits, and their mean is 1 within 5 standard errors.
     """
     for kind, tolerance in TOLERANCES.items():
         factors = np.array([hidden_factor("jump", f"n{i}", kind, tolerance) for i in range(2000)])
         assert np.abs(factors - 1.0).max() <= tolerance and factors.max() > 1.0 + 0.98 * tolerance
         assert factors.min() < 1.0 - 0.98 * tolerance
-        # standard error of the mean: tolerance / sqrt(3 n)
+        # The standard error of the mean is tolerance / sqrt(3 n).
         assert abs(factors.mean() - 1.0) < 5.0 * tolerance / np.sqrt(3.0 * factors.size)
 
 
 def test_a_spring_is_the_same_in_every_set_up_and_two_springs_differ():
-    """The hidden factor of a spring is equal in every set-up.
+    """A spring has the same hidden factor in every set-up, and two springs differ.
 
-    Two springs have different factors. Without a seed the numbers are those of the set-up.
+    Without a seed the numbers are those of the set-up.
     """
     sheet = sheet_of()
 
@@ -70,7 +74,7 @@ def test_a_spring_is_the_same_in_every_set_up_and_two_springs_differ():
 def test_a_seed_cam_or_rig_without_a_sheet_is_refused(tmp_path):
     """A seed that is not a name is refused.
 
-    A cam or rig that a lab cannot measure is refused too.
+    So is a cam or rig on which the lab's quantity cannot be measured.
     """
     for seed in ("", "a b", "../x", "é", "x" * 41):
         with pytest.raises(ConfigError, match=r"--seed: is .*; allowed: a name"):
@@ -98,9 +102,9 @@ def test_a_seed_cam_or_rig_without_a_sheet_is_refused(tmp_path):
 
 
 def test_the_line_of_theory_is_the_jump_speed_of_a_rigid_follower():
-    """The line of theory, n² = (k s + preload) / (m |s''|), is the rigid jump speed.
+    """The theoretical line n² = (k s + preload) / (m |s''|) is the rigid jump speed.
 
-    It has no damping.
+    Damping is neglected.
     """
     rig = cam_rig.load_rig("tm21").with_follower(damping=0.0)
     sheet = lab_sheet("jump", [cam_rig.load_cam("poly345")], rig)
@@ -109,9 +113,9 @@ def test_the_line_of_theory_is_the_jump_speed_of_a_rigid_follower():
     assert speed * 30.0 / np.pi == pytest.approx(cam_rig.jump_speed(sheet.law, rig).rpm, rel=1e-4)
 
 
-# -- the observation agrees with the true answer ----------------------------------------------
+# -- the observation agrees with the true answer
 
-#: Relative distance from the true speed at which contact is checked: 0.008 rpm at 400 rpm.
+#: Relative difference from the true speed at which contact is checked: 0.008 rpm at 400 rpm.
 SPEED_RTOL = 2e-5
 
 
@@ -119,7 +123,7 @@ SPEED_RTOL = 2e-5
 @pytest.mark.parametrize("seed", [None, "Z9", "group-3", "alpha"])
 @pytest.mark.parametrize("rig", ["paper_table2", "tm21"])
 def test_contact_is_lost_exactly_above_the_true_speed(rig, seed):
-    """A turn just below the true speed keeps contact, and a turn just above loses it."""
+    """A turn just below the true jump speed keeps contact, one above it loses it."""
     sheet = sheet_of(rig, seed)
     for setup in sheet.setups[::3]:
         jump = sheet.true(setup)
@@ -130,7 +134,7 @@ def test_contact_is_lost_exactly_above_the_true_speed(rig, seed):
 def test_a_turn_in_contact_is_the_kinetostatic_force_of_one_mass():
     """The displayed force of one mass is m s'' Ω² + c s' Ω + k s + preload.
 
-    It agrees within the resolution of the sensor.
+    It agrees within the resolution of the simulated sensor, 0.1 N.
     """
     sheet = sheet_of("tm21")
     rpm = 300.0
@@ -145,31 +149,31 @@ def test_a_turn_in_contact_is_the_kinetostatic_force_of_one_mass():
         + follower.preload
     )
     turn = sheet.turn(sheet.setups[0], rpm, 1)
-    # 0.05 N of rounding, and a straight line between two samples of 16 kHz
+    # 0.05 N of rounding, and a straight line between two samples at 16 kHz.
     assert np.abs(turn.curve - force).max() < 0.1
     min_force = rigid_min_force(sheet.law, follower, np.array([speed]))[0]
     assert turn.curve.min() == pytest.approx(min_force, abs=0.15)
 
 
-# -- the page receives observations, but no number of the hidden rig --------------------------
+# -- the page receives observations, but no number of the hidden rig
 
 
 @pytest.fixture(scope="module")
 def hidden(tmp_path_factory):
-    """Served sheet with a seed."""
+    """Client of a served sheet with a hidden rig (seed)."""
     with served_lab(sheet_of(seed="group-3"), tmp_path_factory.mktemp("lab")) as lab:
         yield lab
 
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
-    """Served sheet of the rig's numbers, without a seed."""
+    """Client of a served sheet without a seed, so with the rig's own numbers."""
     with served_lab(sheet_of("tm21"), tmp_path_factory.mktemp("lab")) as lab:
         yield lab
 
 
 def numbers(value):
-    """Return all numbers in plain data, those in texts included."""
+    """Return all numbers in JSON data, those in texts included."""
     if isinstance(value, dict):
         return [n for item in value.values() for n in numbers(item)]
     if isinstance(value, list):
@@ -182,7 +186,7 @@ def numbers(value):
 def test_no_response_contains_a_hidden_number(hidden):
     """No response to a page contains a number within 1e-4 of a hidden number.
 
-    The force is rounded to the resolution of the sensor.
+    Otherwise students could read the answer. The force is rounded to the sensor's resolution.
     """
     sheet = hidden.pages.notebook.sheet
     secret = set()
@@ -209,7 +213,7 @@ def test_no_response_contains_a_hidden_number(hidden):
 def test_theory_is_available_only_without_a_seed(hidden, plain):
     """The theory is refused on a sheet with a seed, whose hidden rig differs from it.
 
-    Without a seed its slope gives the true speeds up to damping.
+    Without a seed its slope gives the true speeds up to damping (10 %).
     """
     status, _, body = ask(hidden.address, "/lab/theory", Cookie=hidden.cookie)
     assert status == 409 and "without a seed" in json.loads(body)["message"]
@@ -217,15 +221,15 @@ def test_theory_is_available_only_without_a_seed(hidden, plain):
     theory = json.loads(plain.get("/lab/theory"))
     (line,) = theory["curves"]
     slope = 1000.0 * line[-1] / (theory["step"] * (len(line) - 1))
-    for setup in sheet.setups:  # damping and angle reduce the speed of the line
+    for setup in sheet.setups:  # damping and angle lower it
         assert 0.9 < sheet.true(setup) ** 2 / (slope * sheet.load(setup)) < 1.0
 
 
 def test_the_lamp_lights_above_the_jump_speed_and_stays_on(hidden):
-    """The lamp is on at every speed above the jump speed.
+    """The "contact lost" lamp is on at every speed above the jump speed.
 
-    It stays on between two resonances, where contact is regained, because contact was lost on
-    the way up.
+    It stays on between two resonances, where contact is regained, because contact was lost on the
+    way up.
     """
     sheet, regained = hidden.pages.notebook.sheet, 0
     for i, setup in enumerate(sheet.setups):
@@ -240,7 +244,7 @@ def test_the_lamp_lights_above_the_jump_speed_and_stays_on(hidden):
 
 
 def test_every_reading_is_written_at_once_and_no_file_is_overwritten(tmp_path):
-    """Each reading is in the file of the sheet when its request is answered.
+    """A reading is in the sheet's file as soon as its request is answered.
 
     The next panel with the same sheet writes another file.
     """
@@ -265,7 +269,7 @@ def test_every_reading_is_written_at_once_and_no_file_is_overwritten(tmp_path):
 def test_invalid_data_and_an_unwritable_folder_are_refused_and_not_recorded(plain, tmp_path):
     """Invalid data of a page are refused with the wrong value, and not recorded.
 
-    A reading that cannot be written is not recorded either.
+    A reading that cannot be written to the file is not recorded either.
     """
     for change, text in (
         ({"rpm": "fast"}, "rpm: is 'fast'; allowed: "),
@@ -289,7 +293,7 @@ def test_invalid_data_and_an_unwritable_folder_are_refused_and_not_recorded(plai
     assert book.recorded.readings == ()
 
 
-# -- cam-rig panel --grade: difference of each answer, and files that are not sheets -----------
+# -- `cam-rig panel --grade`: difference of each answer, and files that are not sheets
 
 
 def mark(*arguments):
@@ -299,14 +303,14 @@ def mark(*arguments):
 
 
 def error(text, *arguments):
-    """Check that `--grade` refuses its arguments in one line, and return the line."""
+    """Check that `--grade` refuses its arguments in one line, and return this line."""
     code, _, err = mark(*arguments)
     assert (code, err.count("\n"), text in err) == (2, 1, True), err
     return err
 
 
 def test_marks_are_the_difference_to_find_jump(tmp_path):
-    """A mark is the relative difference of an answer to the exact jump speed.
+    """A mark is the relative difference of an answer from the exact jump speed.
 
     JSON, CSV and text contain the answers of sheets with and without a seed.
     """
@@ -336,7 +340,7 @@ def test_marks_are_the_difference_to_find_jump(tmp_path):
 
 
 def test_a_sheet_that_a_spreadsheet_saved_is_read(tmp_path):
-    """A sheet that a spreadsheet saved is read like the original.
+    """A sheet that was saved by a spreadsheet is read like the original.
 
     Added commas, a byte order mark, quotation marks and empty lines are ignored.
     """
@@ -399,9 +403,9 @@ def test_no_name_becomes_a_formula_or_a_terminal_command(tmp_path):
 
 
 def test_another_cam_or_rig_is_refused_in_one_line(tmp_path):
-    """`--grade` refuses a cam or rig that is not that of the sheet, in one line.
+    """`--grade` refuses a cam or rig that is not that of the sheet.
 
-    It also refuses a missing file and options of other commands.
+    It also refuses a missing file, and options that it does not use.
     """
     path = filled(sheet_of("tm21"), tmp_path)
     assert mark(path)[0] == 0

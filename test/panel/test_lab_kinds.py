@@ -1,4 +1,7 @@
-"""Every lab: its steps lead to the true answer, and a class loses no reading."""
+"""Every kind of lab: its steps lead to the true answer. A class loses no reading.
+
+The labs measure the jump speed, the stem's vibration, or the noise of two cams.
+"""
 
 import json
 import subprocess
@@ -28,7 +31,7 @@ pytestmark = pytest.mark.variants(2)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("lab", LABS)
 def test_answers_are_correct_within_the_tolerance_only(lab, seed, tmp_path):
-    """Answers are correct within the tolerance of the lab or of the option only."""
+    """An answer is correct only within the tolerance of the lab or of the option."""
     sheet = sheet_of(seed=seed, lab=lab)
     for off, right in ((0.0, 1), (0.1, 0), (-0.1, 0), (0.0099 * sheet.default_tolerance, 1)):
         (marked,) = mark_sheets([filled(sheet, tmp_path, off)], [], None, None).sheets
@@ -41,8 +44,8 @@ def test_answers_are_correct_within_the_tolerance_only(lab, seed, tmp_path):
 def test_the_figure_of_a_class_has_every_sheet_and_answer(tmp_path):
     """The figure of a class has one row per sheet and one point per answer.
 
-    Rows are in the order of their largest difference, those without answers last. Points beyond
-    the tolerance are filled.
+    The rows are ordered by their largest difference, sheets without answers last. Points beyond the
+    tolerance are filled.
     """
     for lab in LABS:
         sheet = sheet_of(lab=lab)
@@ -65,16 +68,17 @@ def test_the_figure_of_a_class_has_every_sheet_and_answer(tmp_path):
         assert ("no answer" in result.summary()[-1]) is bool(LABS[lab].answer)
 
 
-# -- vibration: peaks at a whole number of periods per turn -----------------------------------
+# -- vibration: its amplitude peaks at a whole number of periods per turn
 
 
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("seed", [*SEEDS, "x1", "x2"])
 @pytest.mark.parametrize("cam", ["poly345", "bezier15"])
 def test_the_peaks_of_residual_vibration_give_the_frequency(cam, seed):
-    """Readings every 0.5 rpm give the natural frequency to 0.5 %.
+    """Readings every 0.5 rpm determine the natural frequency of the stem to 0.5 %.
 
-    The waves of a turn give the approximate number of periods, and the peaks the exact one.
+    Counting the waves in a turn gives an approximate number of periods, and the speeds of the peaks
+    the exact number.
     """
     sheet = sheet_of(seed=seed, cam=cam, lab="vibration")
     for setup in sheet.setups:
@@ -96,7 +100,7 @@ def test_the_peaks_of_residual_vibration_give_the_frequency(cam, seed):
 
 
 def test_no_reading_is_recorded_without_contact(tmp_path):
-    """In the lab of vibration a reading at a speed without contact is refused."""
+    """In the vibration lab, a reading at a speed without contact is refused."""
     sheet = sheet_of(lab="vibration")
     heavy = sheet.setups[-1]
     rpm = 1.01 * sheet.contact_lost_rpm[heavy]
@@ -106,7 +110,7 @@ def test_no_reading_is_recorded_without_contact(tmp_path):
         Notebook(sheet, tmp_path).record(vars(heavy) | {"rpm": rpm})
 
 
-# -- noise: the crossing of two cams, from scattering readings --------------------------------
+# -- noise: the crossing of two cams' levels, from readings with scatter
 
 
 @pytest.mark.parametrize("seed", [*SEEDS, "x1", "x2"])
@@ -114,7 +118,7 @@ def test_no_reading_is_recorded_without_contact(tmp_path):
 def test_the_readings_give_the_crossing_of_two_cams(rig, seed):
     """Lines through the readings of two cams cross at the true speed.
 
-    Below the crossing, the same cam is louder at all speeds.
+    Below the crossing the same cam is louder at all speeds, so there is a single answer.
     """
     sheet = sheet_of(rig, seed, lab="noise")
     true = sheet.true(sheet.answerable_setups[0])
@@ -147,14 +151,14 @@ def test_readings_scatter_normally_and_reproducibly():
     assert sheet.turn(setup, rpm, 7).measured == sheet.turn(setup, rpm, 7).measured
 
 
-# -- refused values, and the data that a page receives ----------------------------------------
+# -- refused values, and the data that a page receives
 
 
 @pytest.mark.parametrize("lab", ["vibration", "noise"])
 def test_a_page_sends_an_answer_and_receives_no_true_number(lab, tmp_path):
     """An answer with a decimal comma is recorded, and invalid answers are refused.
 
-    No response contains a true answer. The theory is served on a sheet without a seed.
+    No response contains a true answer. The theory is served only on a sheet without a seed.
     """
     sheet = sheet_of(seed="group-3", lab=lab)
     setup = vars(sheet.setups[0])
@@ -177,15 +181,18 @@ def test_a_page_sends_an_answer_and_receives_no_true_number(lab, tmp_path):
         assert all(np.isfinite(curve).all() for curve in theory)
 
 
-# -- a class on one server: each group has a hidden rig, a page and a file --------------------
+# -- a class on one server: each group has a hidden rig, a page and a file
 
-#: Number of readings that a page records unless its server is killed.
+#: Number of readings that a page records unless its server is killed before.
 READINGS_PER_GROUP = 10
 
 
 @contextmanager
 def class_server(out, groups):
-    """Run `cam-rig panel --lab jump` for all groups, and yield each group's address."""
+    """Run `cam-rig panel --lab jump` for all groups.
+
+    Yields the process and a dict from group to address.
+    """
     seeds = [word for group in groups for word in ("--seed", group)]
     with start_panel(out, "--lab", "jump", *seeds, stderr=subprocess.DEVNULL) as process:
         lines = [process.stdout.readline().strip() for _ in groups]
@@ -204,14 +211,15 @@ def page_of(addresses, group):
 def record_until_killed(addresses, group, on_recorded):
     """Record readings of a group until its server is killed.
 
-    Returns the confirmed speeds, and the speed whose request was not answered or None.
+    Returns the confirmed speeds (rpm), and the speed whose request was not answered, or None.
+    `on_recorded` is called after each reading.
     """
     (page, sheet), confirmed = page_of(addresses, group), []
     setup = {name: values[0] for name, values in sheet["options"].items()}
     for rpm in range(400, 400 + READINGS_PER_GROUP):
         try:
             status, _, _ = page.post(f"/lab/{group}/record", json.dumps(setup | {"rpm": rpm}))
-        except (OSError, HTTPException):  # the server has ended, or ended during its answer
+        except (OSError, HTTPException):  # the server was killed
             return confirmed, rpm
         assert status == 200
         confirmed.append(rpm)
@@ -270,7 +278,7 @@ def test_each_group_has_a_separate_rig_and_page(tmp_path):
 
 
 def test_a_sheet_of_another_rig_is_not_continued(tmp_path):
-    """A file of another rig, or one that another panel writes, is not continued."""
+    """A sheet file is not continued if it is of another rig, or in use by a panel."""
     sheet = sheet_of("tm21", seed="one")
     book = Notebook(sheet, tmp_path)
     book.record(vars(sheet.setups[0]) | {"rpm": 300.0})
@@ -284,11 +292,11 @@ def test_a_sheet_of_another_rig_is_not_continued(tmp_path):
 
 
 def test_an_address_of_this_machine_accepts_only_its_name():
-    """A panel with `--host` is served at that address of this machine.
+    """With `--host` a panel is served at this address of the machine.
 
     The address of another machine is refused.
     """
-    address = "127.0.0.2"  # a loopback address of every machine, other than 127.0.0.1
+    address = "127.0.0.2"  # a second loopback address
     with serve(home="/lab", host=address) as served:
         assert served.access.netloc == f"{address}:{served.access.port}"
         assert Visitor(served.address).home == "/lab"

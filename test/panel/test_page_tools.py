@@ -1,4 +1,4 @@
-"""Type check and accessibility check of the pages by the tools of tools/pages.
+"""Type check and accessibility check of the web pages by the tools in tools/pages.
 
 The types are those in the comments of the scripts and in messages.d.ts.
 """
@@ -26,13 +26,13 @@ TSC = TOOLS / "node_modules/.bin/tsc"
 
 
 def tsc(*arguments):
-    """Run TypeScript's compiler and return the ended process."""
+    """Run the TypeScript compiler and return the finished process."""
     return ended(TSC, *arguments, cwd=TOOLS)
 
 
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
 def test_the_scripts_satisfy_their_types():
-    """tsc checks every script of the pages and finds no error."""
+    """The TypeScript compiler checks every script of the pages and finds no error."""
     result = tsc("--listFiles")
     assert result.returncode == 0, result.stdout
     checked = {Path(line).resolve() for line in result.stdout.splitlines()}
@@ -45,11 +45,14 @@ def test_no_script_disables_the_type_check():
     assert [path.name for path in SCRIPTS if suppression.search(path.read_text("utf-8"))] == []
 
 
-# -- the server sends the messages that messages.d.ts declares --------------------------------
+# -- the server sends the messages that messages.d.ts declares
 
 
 def wrong_types(folder, messages):
-    """Return the output of tsc for messages, given as name to type and message."""
+    """Return the output of the TypeScript compiler for messages.
+
+    `messages` is a dict from a name to (declared type, message).
+    """
     text = "".join(
         f"const {name}: {kind} = {json.dumps(message)};\n"
         for name, (kind, message) in messages.items()
@@ -61,7 +64,7 @@ def wrong_types(folder, messages):
 
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
 def test_every_sent_message_has_its_declared_type(served, tmp_path):
-    """Each message that the server sends has the type that messages.d.ts declares.
+    """Each message that the server sends has the type declared in messages.d.ts.
 
     No field is missing, undeclared or of another type.
     """
@@ -103,10 +106,10 @@ def test_every_sent_message_has_its_declared_type(served, tmp_path):
     assert "'string' is not assignable to type 'number'" in output
 
 
-# -- accessibility: axe-core finds no violation -----------------------------------------------
+# -- accessibility: axe-core finds no violation
 
 AXE = TOOLS / "node_modules/axe-core/axe.min.js"
-#: Paths of the pages, and the element of each that is filled last.
+#: Path of each page, and the element id that is filled last.
 FILLED = {"/": "level", "/bench": "graph", "/lab": "contact"}
 #: Script that makes hidden elements visible, so that they are checked too.
 SHOW_HIDDEN = "document.querySelectorAll('[hidden]').forEach((one) => { one.hidden = false; })"
@@ -122,9 +125,10 @@ CASES = [
 @pytest.mark.skipif(not AXE.exists(), reason="no axe-core: make check-pages")
 @pytest.mark.parametrize(("path", "language", "scheme"), CASES)
 def test_axe_finds_no_violation(chromium, served, path, language, scheme):
-    """axe-core finds no violation of accessibility on a page with its numbers.
+    """axe-core finds no violation of accessibility on a filled page.
 
-    This includes hidden elements, in both languages and colour schemes.
+    Hidden elements are included, in both languages and colour schemes. As a control, an image
+    without a text must be detected.
     """
     looks = {"color_scheme": scheme, "viewport": {"width": 1280, "height": 800}}
     with in_browser(chromium, BrowserPage, bypass_csp=True, **looks) as shown:

@@ -1,4 +1,4 @@
-"""Access to a panel, invalid messages, and pages that read nothing."""
+"""Web server of the panel: access, invalid messages, and clients that do not read."""
 
 import ast
 import asyncio
@@ -42,7 +42,7 @@ PATHS += ["/save", "/dxf"]
 
 @pytest.fixture
 def panel(served):
-    """Return the panel once the pages of the previous test have closed."""
+    """Served panel, once the pages of the previous test have closed."""
     until(lambda: not served.pages._pages and not served.bench._pages)
     yield served
 
@@ -50,7 +50,7 @@ def panel(served):
 def test_every_path_needs_cookie_and_origin(panel):
     """A request without the cookie or from another site is refused with 403.
 
-    A POST request must also name its origin.
+    A POST request must also have an Origin header.
     """
     assert panel.home == "/"
     assert "HttpOnly" in panel.set_cookie and "SameSite=Strict" in panel.set_cookie
@@ -83,7 +83,7 @@ def test_a_websocket_needs_cookie_and_origin(panel):
 def test_only_the_files_of_the_pages_are_served(panel):
     """Each static file of the pages is served with its media type, and no other file.
 
-    The package contains all of them.
+    The Python package contains all of them.
     """
     for path in STATIC.glob("*/*"):
         text = path.read_text(encoding="utf-8")
@@ -103,7 +103,7 @@ def test_only_the_files_of_the_pages_are_served(panel):
 
 
 class OnePage(PanelPages):
-    """Page that is never answered. `requested` is set when it is requested."""
+    """Page that never answers. The event `requested` is set by a request."""
 
     def __init__(self):
         self.requested = threading.Event()
@@ -116,7 +116,7 @@ class OnePage(PanelPages):
 
 
 def test_a_request_cancelled_at_shutdown_leaves_no_traceback(caplog):
-    """A request that is cancelled at shutdown logs no traceback."""
+    """A request that is cancelled by the end of the server logs no traceback."""
     page = OnePage()
     with ThreadPoolExecutor() as threads:
         with serve(page) as served:
@@ -125,25 +125,25 @@ def test_a_request_cancelled_at_shutdown_leaves_no_traceback(caplog):
             assert page.requested.wait(60.0)
         with suppress(HTTPException, OSError):
             assert asking.result(60.0)[0] == 500
-    assert "Cancel 1 running task" in caplog.text  # the request was cancelled, not completed
+    assert "Cancel 1 running task" in caplog.text  # cancelled, not completed
     assert not [record for record in caplog.records if record.exc_info]
     assert "Traceback" not in caplog.text
 
 
 def test_an_aborted_post_prints_nothing(panel, caplog, capfd):
-    """A page that closes during its request causes no traceback.
+    """A client that disconnects during its request causes no traceback.
 
     The server answers further requests.
     """
     page = open_request(panel, "POST /save HTTP/1.1", {"Content-Length": "1000"}, "{")
     page.close()
-    assert panel.get("/languages")  # answered after it by the same loop
+    assert panel.get("/languages")  # answered by the same loop
     assert "Traceback" not in caplog.text + capfd.readouterr().err
     assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_pages_receive_the_requested_language():
-    """Pages receive the language of the option. An unknown language is refused."""
+    """Pages get the language of the option `language`. An unknown one is refused."""
     with serve(OnePage(), language="es") as served:
         offers = json.loads(Visitor(served.address).get("/languages"))
     assert offers == {"language": "es", "languages": ["en", "es"], "pages": ["/"]}
@@ -155,7 +155,7 @@ def test_pages_receive_the_requested_language():
 def test_every_language_has_all_texts_and_no_unused_text():
     """All languages have the same texts with the same placeholders.
 
-    A page uses each text, and every text that a page requests exists.
+    Every text is used by a page, and every text that a page requests exists.
     """
     texts = [json.loads(p.read_text("utf-8")) for p in sorted(STATIC.glob("texts/*.json"))]
     assert len(texts) == 2
@@ -182,7 +182,10 @@ def test_every_language_has_all_texts_and_no_unused_text():
 
 
 def message_template(node):
-    """Return a message with {1}, {2} for its values, or None if it is not literal."""
+    """Return the message of a call with {1}, {2} for its values.
+
+    The result is None if the message is not a literal.
+    """
     if isinstance(node, ast.Constant):
         return node.value
     if not isinstance(node, ast.JoinedStr):
@@ -212,11 +215,11 @@ def test_every_refusal_is_translated():
             assert values[0] == values[1]
 
 
-# -- invalid messages -------------------------------------------------------------------------
+# -- invalid messages
 
 
 def answer_to(page, number):
-    """Return the answer to the message with a number."""
+    """Return the answer to the message with this number."""
     while True:
         message = json.loads(page.recv(timeout=WAIT_S))
         if message["type"] in ("fast", "refused") and message["number"] == number:
@@ -230,7 +233,7 @@ NUMBERS = ["9" * 400, "-" + "9" * 5000, "1e999", "NaN", "-Infinity", "1e308", "-
 
 
 def value(rng, depth=0):
-    """Return a random value as JSON or as almost valid JSON."""
+    """Return a random value as JSON, or as almost valid JSON."""
     kind = rng.randrange(4 if depth > 3 else 6)
     if kind == 0:
         return rng.choice(["true", "false", "null"])
@@ -262,9 +265,9 @@ NEARLY += ['{"do": 1}', '{"do": "set"}', '{"do": "set_up", "value": [1]}']
 @pytest.mark.parametrize("path", [BOARD, BENCH])
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_invalid_messages_are_refused_in_one_line_and_the_page_stays(panel, path, seed, caplog):
-    """Each invalid message on a websocket is refused in one line without a change.
+    """Each invalid message on a websocket is refused in one line.
 
-    The page accepts the next valid message.
+    It changes nothing, and the next valid message is accepted.
     """
     rng, count, before = random.Random(seed), panel.board.ordinates.size, panel.board.version
     names = ("number", "ordinates", "rpm") if path == BOARD else ("number", "do", "value", "name")
@@ -325,7 +328,7 @@ def test_invalid_requests_are_refused_in_one_line_and_the_connection_stays(panel
 
 
 def test_a_huge_message_closes_only_its_page(panel):
-    """A message that is too long closes the connection of its page only."""
+    """A message that is too long closes only the connection of its page."""
     with panel.page(BOARD) as good, panel.page(BOARD) as page:
         page.send("x" * (MAX_MESSAGE + 1))
         with pytest.raises(ConnectionClosed) as closed:
@@ -335,11 +338,11 @@ def test_a_huge_message_closes_only_its_page(panel):
         assert answer_to(good, 1)["type"] == "fast"
 
 
-# -- pages that read nothing ------------------------------------------------------------------
+# -- clients that do not read
 
 
 def open_request(panel, first, more, body=""):
-    """Return a socket on which a request was sent and no answer is read."""
+    """Return a socket on which a request was sent, and whose answer is not read."""
     page = socket.socket()
     page.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     page.connect(("127.0.0.1", panel.url.port))
@@ -349,14 +352,14 @@ def open_request(panel, first, more, body=""):
     return page
 
 
-#: Headers that request a websocket.
+#: Headers of a request for a websocket.
 UPGRADE = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
 UPGRADE |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ=="}
 
 
 @pytest.mark.parametrize("path", [BOARD, BENCH])
 def test_only_a_page_that_reads_nothing_is_dropped(panel, path, monkeypatch):
-    """A page that reads nothing is dropped, and other pages are answered meanwhile."""
+    """A client that does not read is disconnected, and other pages are answered."""
     monkeypatch.setattr(server, "MESSAGE_PERIOD_S", 0.0)
     monkeypatch.setattr(server, "SEND_TIMEOUT_S", 1.0)
     pages = panel.pages._pages if path == BOARD else panel.bench._pages
@@ -368,7 +371,7 @@ def test_only_a_page_that_reads_nothing_is_dropped(panel, path, monkeypatch):
         while len(pages) == 3:
             assert time.monotonic() < deadline, "the page that reads nothing was not dropped"
             number += 1
-            # a large state, which soon fills the network buffers
+            # A large state fills the network buffers soon.
             monkeypatch.setattr(panel.bench.live, "log", ["x" * 200_000 + str(number)])
             first.send(json.dumps(panel.valid_message(path) | {"number": number}))
             answer_to(first, number)
@@ -381,7 +384,7 @@ def test_only_a_page_that_reads_nothing_is_dropped(panel, path, monkeypatch):
 
 
 def test_an_incomplete_request_blocks_no_other(panel):
-    """A page is answered while the request of another page is incomplete."""
+    """A request is answered while another client's request is still incomplete."""
     length = {"Content-Length": "100"}
     with open_request(panel, "POST /lab/student HTTP/1.1", length, '{"student"'):
         assert panel.send("/lab/student", {"student": "A"})[0] == 200
@@ -389,7 +392,7 @@ def test_an_incomplete_request_blocks_no_other(panel):
 
 
 def test_only_the_newest_state_is_queued(panel, monkeypatch):
-    """A page that is notified rarely receives the last state, not each one before it."""
+    """A page that gets few messages receives the newest state, not each earlier one."""
     monkeypatch.setattr(server, "MESSAGE_PERIOD_S", 0.5)
     with panel.page(BOARD) as first, panel.page(BOARD) as second:
         for number in range(1, 41):
@@ -404,13 +407,13 @@ def test_only_the_newest_state_is_queued(panel, monkeypatch):
     assert speeds == sorted(speeds) and len(speeds) < 40
 
 
-# -- slow results and designs -----------------------------------------------------------------
+# -- slow results and designs
 
 
 def test_slow_results_are_those_of_the_last_law_and_a_killed_worker_is_replaced(panel):
-    """Slow results have the version and speed of the newest change.
+    """Slow results have the version and the speed of the newest change.
 
-    A killed worker process is reported, and another one starts.
+    If their worker process is killed, this is reported, and another one starts.
     """
     change = {"ordinates": panel.board.ordinates.tolist()}
     with panel.page(BOARD) as page:
@@ -430,7 +433,7 @@ def test_slow_results_are_those_of_the_last_law_and_a_killed_worker_is_replaced(
 
 
 def child_processes(*arguments):
-    """Return the child processes whose commands contain these words."""
+    """Return the IDs of child processes whose command lines contain these words."""
     return [pid for pid, command in children(os.getpid()).items() if {*arguments} <= {*command}]
 
 
@@ -461,9 +464,9 @@ def test_one_design_runs_at_a_time_and_can_be_stopped(panel):
 
 @pytest.mark.slow
 def test_a_design_that_fails_reports_the_reason(panel):
-    """A design that cannot run is answered with the reason.
+    """A design that cannot be computed is answered with the reason.
 
-    The reasons are a start that is not saved, an invalid name, and an unsupported follower.
+    Reasons are a start law that is not saved, an invalid name, and an unsupported follower.
     """
     status, reply = design(panel, "nothing")
     assert status == 409 and "nothing.yaml" in reply["message"]
@@ -481,7 +484,7 @@ def test_a_design_that_fails_reports_the_reason(panel):
 @pytest.mark.long
 @pytest.mark.slow
 def test_a_design_reports_its_progress_and_is_written(panel):
-    """A design reports rising jump speeds and writes a cam file with its last law.
+    """A design reports rising jump speeds and writes a cam file with its best law.
 
     The page receives the law of the file. A second design does not overwrite the file.
     """

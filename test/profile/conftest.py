@@ -14,9 +14,9 @@ from cam_rig.units import FloatArray
 
 from ..conftest import assumed
 
-#: Follower on an arm, mm.
+#: Numbers of a follower on an arm, mm.
 ARM = {"base_radius": 40, "pivot_distance": 90, "arm": 75}
-#: Followers by kind: lengths in mm, angles in degrees.
+#: Numbers of each kind of follower: lengths in mm, angles in degrees.
 FOLLOWERS: dict[str, dict[str, float]] = {
     "point": {"base_radius": 40, "eccentricity": 5},
     "roller": {"base_radius": 40, "roller_radius": 8, "eccentricity": -6},
@@ -32,7 +32,7 @@ FOLLOWERS: dict[str, dict[str, float]] = {
 }
 #: Numbers of a follower that are angles.
 ANGLES = {"arms_angle", "inclination", "most_pressure_angle"}
-#: Law, span (degrees) and lift at the end of each segment.
+#: Law, span (degrees) and lift at the end (fraction, None for a dwell) of each segment.
 Segments = list[tuple[str, float, float | None]]
 #: Segments of a cam whose rise and fall differ.
 UNEVEN: Segments = [("dwell", 60, None), ("cycloidal", 110, 1), ("dwell", 40, None)]
@@ -40,32 +40,32 @@ UNEVEN += [("poly345", 120, 0), ("dwell", 30, None)]
 #: Segments with s(θ) + s(θ + π) = s_max and unequal dwells.
 OPPOSITE: Segments = [("dwell", 10, None), ("poly345", 150, 1), ("dwell", 30, None)]
 OPPOSITE += [("poly345", 150, 0), ("dwell", 20, None)]
-#: Kinds that need such segments.
+#: Kinds of followers that need such segments.
 BREADTH = ("constant_breadth", "constant_diameter")
 
 
 @dataclass(frozen=True, eq=False)
 class SampleCam:
-    """A cam and its law."""
+    """Cam and its law."""
 
     cam: CamConfig
     law: Law
 
     def contours(self, angle: FloatArray) -> tuple[Contour, ...]:
-        """Return the contours at cam angles (rad)."""
+        """Return the contours at cam angles (rad), one per disc."""
         return contours_at(self.cam.follower, self.law, angle)
 
     @property
     def discs(self) -> tuple[Disc, ...]:
-        """Discs of the cam with their elements of the follower."""
+        """Discs of the cam with their contact elements of the follower."""
         return discs(self.cam.follower, self.law)
 
 
 def make(kind: str, segments: Segments = UNEVEN, lift: float = 10.0, **numbers: float) -> SampleCam:
-    """Return a cam of a kind of follower.
+    """Return a cam with a kind of follower.
 
-    Each of `segments` is a law, its span in degrees, and the lift at its end (None for a
-    dwell). `lift` is in mm. `numbers` in mm and degrees replace those of `FOLLOWERS`.
+    Each of `segments` is a law, its span in degrees, and the lift at its end (None for a dwell).
+    `lift` is in mm. `numbers` in mm and degrees replace those of `FOLLOWERS`.
     """
     sizes = (FOLLOWERS[kind] | numbers).items()
     sized = {key: assumed(value, "deg" if key in ANGLES else "mm") for key, value in sizes}
@@ -86,7 +86,7 @@ def every_kind() -> list[SampleCam]:
 
 @pytest.fixture(params=list(FOLLOWERS))
 def sample(request: pytest.FixtureRequest, every_kind: list[SampleCam]) -> SampleCam:
-    """Each of the cams of `every_kind`."""
+    """Each of the cams of `every_kind`, one after another."""
     return every_kind[list(FOLLOWERS).index(request.param)]
 
 

@@ -19,12 +19,12 @@ from .conftest import BREADTH, OPPOSITE, UNEVEN, make
 
 
 def named(sample, name):
-    """Return the checks of a name."""
+    """Return the checks with this name."""
     return [check for check in check_cam(sample.cam, sample.law) if check.name == name]
 
 
 def test_possible_cams_pass(followable_laws, cams, every_kind):
-    """Shipped cams and one cam of each kind of follower pass all checks."""
+    """Shipped cams and a cam of each kind of follower pass all checks."""
     for name, law in followable_laws.items():
         assert [str(check) for check in check_cam(cams[name], law) if not check.passed] == []
     require_profile(cams["tm21"], followable_laws["tm21"])
@@ -33,7 +33,7 @@ def test_possible_cams_pass(followable_laws, cams, every_kind):
 
 
 def test_extremes_are_those_of_a_dense_contour(every_kind):
-    """Least radius and greatest pressure angle agree with those of 50 000 points.
+    """Smallest radius and largest pressure angle agree with 50 000 contour points.
 
     No point exceeds the extreme value.
     """
@@ -52,7 +52,7 @@ def test_extremes_are_those_of_a_dense_contour(every_kind):
 
 
 def test_concave_radius_is_pitch_radius_plus_roller(cams, laws):
-    """The concave radius of the TM21 cam is that of its flank plus the roller.
+    """The concave radius of the TM21's cam is that of its flank plus the roller.
 
     A point follower has no limit of the concave radius.
     """
@@ -69,7 +69,7 @@ def test_concave_radius_is_pitch_radius_plus_roller(cams, laws):
 def test_straight_flank_is_not_concave(cams, laws):
     """A straight flank under a roller has no concave radius.
 
-    The remaining curvature is rounding error.
+    Its curvature is only rounding error.
     """
     cam, law = cams["arcs_straight"], laws["arcs_straight"]
     (contour,) = contours(cam.follower, law, 3600)
@@ -120,7 +120,7 @@ def test_base_circle_out_of_reach():
 def test_cam_surrounds_its_shaft():
     """The check of the distance from the axis fails if the contour excludes the axis.
 
-    For the base radius that the error names the contour contains the axis (by shapely).
+    With the base radius that the error suggests, the contour contains the axis.
     """
     down, axis = [("cycloidal", 180, -1), ("cycloidal", 180, 0)], Point(0.0, 0.0)
     far = {"base_radius": 15, "roller_radius": 60, "pivot_distance": 120}
@@ -172,9 +172,9 @@ def test_corner_is_rejected(make_cam):
 
 
 def test_neck_narrower_than_the_roller():
-    """A contour that crosses itself at a neck is rejected.
+    """A contour that crosses itself at a narrow neck is rejected.
 
-    All of its radii of curvature are sufficient.
+    Its radii of curvature are all sufficient, so they do not detect it.
     """
     lobe = [("cycloidal", 48, 1), ("dwell", 14, None), ("cycloidal", 48, 0)]
     neck = [("dwell", 125, None), *lobe, ("dwell", 125, None)]
@@ -188,7 +188,7 @@ def test_neck_narrower_than_the_roller():
 
 
 def test_no_base_radius_if_the_cam_cuts_the_pivot():
-    """If the cam would cut the pivot of its arm, the remedy names no base radius."""
+    """If the cam would cut the pivot of its arm, the remedy suggests no base radius."""
     numbers = {"base_radius": 40, "roller_radius": 9, "pivot_distance": 90, "arm": 75}
     far = [("dwell", 90, None), ("cycloidal", 110, 1), ("dwell", 50, None), ("cycloidal", 110, 0)]
     sample = make("oscillating_roller", far, lift=200, **numbers)
@@ -199,7 +199,7 @@ def test_no_base_radius_if_the_cam_cuts_the_pivot():
 
 
 def test_limit_of_the_pressure_angle():
-    """The limit of the pressure angle is 30° for a guide, 45° for a pivot.
+    """The limit of the pressure angle is 30° for a guide and 45° for a pivot.
 
     The cam file can state another limit. A cam above the limit is poor, but possible.
     """
@@ -215,7 +215,7 @@ def test_limit_of_the_pressure_angle():
 def test_least_base_radius_of_a_face_is_eq_2_42():
     """The minimum base radius of a flat face is r_min − min (s + s'') (eq. 2.42).
 
-    The error of a smaller base radius names it.
+    The error of a smaller base radius states it.
     """
     sample = make("flat", least_curvature_radius=4)
     angle = np.linspace(0.0, 2.0 * np.pi, 400_001)

@@ -17,7 +17,7 @@ def close(actual, expected, limit):
 
 
 def test_uniform_contour_equals_the_contour_at_its_angles(every_kind):
-    """`contours` agrees with `contours_at` to rounding."""
+    """`contours` at equal angles agrees with `contours_at` to rounding."""
     for sample in every_kind:
         fast, slow = (
             contours(sample.cam.follower, sample.law, 720),
@@ -31,7 +31,7 @@ def test_uniform_contour_equals_the_contour_at_its_angles(every_kind):
 def test_rate_tangent_and_curvature_are_derivatives(every_kind, angles):
     """The derivative of the contour by θ is its rate times its tangent.
 
-    The radius of curvature is the arc length per rad of the normal.
+    The radius of curvature is the arc length per rad of the normal's rotation.
     """
     for sample in every_kind:
         ahead, behind = sample.contours(angles + STEP), sample.contours(angles - STEP)
@@ -44,7 +44,7 @@ def test_rate_tangent_and_curvature_are_derivatives(every_kind, angles):
 
 
 def test_roller_equations(angles):
-    """Pitch curve, radius and pressure angle of a roller are those of the equations.
+    """Pitch curve, radius and pressure angle of a roller satisfy the equations.
 
     The equations are eq. 2.19-2.25, eq. 2.46 and tan φ = (d' − ε)/d.
     """
@@ -87,7 +87,7 @@ def test_face_equations(angles):
 def test_conjugate_rollers_keep_their_distance(angles):
     """The rollers of a conjugate cam are 2 R_p + s_max apart at each angle (§2.2.2).
 
-    They have one prime circle. The cam file can require another distance.
+    Both have the prime radius R_p. The cam file can require another distance.
     """
     for numbers, distance in (({}, 0.126), ({"roller_distance": 140.0}, 0.140)):
         first, second = make("conjugate", eccentricity=0.0, **numbers).contours(angles)
@@ -100,7 +100,7 @@ def test_conjugate_rollers_keep_their_distance(angles):
 def test_conjugate_arms_are_one_rocker(angles):
     """The angle between conjugate arms is 2 γ + s_max / arm at each cam angle.
 
-    The rollers have one prime circle. The cam file can require another angle.
+    γ is the angle of an arm on the prime circle. The cam file can require another angle.
     """
     pivot = 0.090 * np.exp(-1j * angles)  # in the cam's frame
     gamma = np.arccos((0.075**2 + 0.090**2 - 0.048**2) / (2 * 0.075 * 0.090))

@@ -1,4 +1,4 @@
-"""Contours from tables and drawings of other programs, and where they are placed."""
+"""Contours from tables and drawings of other programs, and their placement."""
 
 import math
 import os
@@ -30,7 +30,7 @@ X, Y = 30.0 * np.cos(CIRCLE), 20.0 * np.sin(CIRCLE)
 
 @pytest.fixture
 def drawing(tmp_path):
-    """Function that saves a drawing and returns its path."""
+    """Function that saves a DXF drawing and returns its path."""
 
     def save(draw, version="R2010", unit=units.MM):
         document = ezdxf.new(version, units=unit)
@@ -42,16 +42,16 @@ def drawing(tmp_path):
 
 
 def in_space(method, *args, **kwargs):
-    """Return a function that draws one entity."""
+    """Return a function that draws one entity in a document."""
     return lambda document: getattr(document.modelspace(), method)(*args, **kwargs)
 
 
 def height(curve):
-    """Return the lift (m) of a flat face on a contour."""
+    """Return the lift (m) of a flat face on a contour at `ANGLES`."""
     return rest_on_contour(GuidedFace(0.0, 0.0, 0.0), closed_curve(curve), ANGLES)
 
 
-# Drawings.
+# -- drawings
 
 
 def test_dxf_of_other_programs(drawing):
@@ -81,13 +81,13 @@ def test_dxf_of_other_programs(drawing):
 
 
 def stadium_of_bulges(document):
-    """Draw a stadium as a polyline with bulges."""
+    """Draw a stadium (two half circles and two lines) as a polyline with bulges."""
     corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
     document.modelspace().add_lwpolyline(corners, format="xyb", close=True)
 
 
 def stadium_of_old_bulges(document):
-    """Draw a stadium as an old polyline with bulges."""
+    """Draw a stadium as an old polyline (POLYLINE) with bulges."""
     corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
     document.modelspace().add_polyline2d(corners, format="xyb", close=True)
 
@@ -117,9 +117,9 @@ def stadium_of_blocks(document):
     "draw", [stadium_of_bulges, stadium_of_old_bulges, stadium_of_entities, stadium_of_blocks]
 )
 def test_lines_and_arcs_are_exact_in_each_form(drawing, draw, version):
-    """A stadium of lines and arcs is read to 3 nm, in each form of drawing.
+    """A stadium of lines and arcs is read within 3 nm, in each form of drawing.
 
-    A flat face on it is at R + |L/2 cos|.
+    The lift of a flat face on it is R + |L/2 sin θ|.
     """
     if draw is stadium_of_bulges and version == "R12":
         pytest.skip("R12 has no LWPOLYLINE")
@@ -129,9 +129,9 @@ def test_lines_and_arcs_are_exact_in_each_form(drawing, draw, version):
 
 
 def test_circles_and_ellipses_are_exact(drawing):
-    """Circles and ellipses are read to 3 nm, as a flat face shows.
+    """Circles and ellipses are read within 3 nm.
 
-    The face is at sqrt((a sin)² + (b cos)²) on an ellipse, at r + e cos on a circle.
+    The lift of a flat face is sqrt((a sin)² + (b cos)²) on an ellipse and r + e cos on a circle.
     """
     path = drawing(in_space("add_ellipse", (0, 0), (30.0, 0.0), 2.0 / 3.0))
     expected = np.hypot(0.030 * np.sin(ANGLES), 0.020 * np.cos(ANGLES))
@@ -142,7 +142,7 @@ def test_circles_and_ellipses_are_exact(drawing):
 
 
 def test_rational_splines_are_exact(drawing):
-    """Rational splines are read to 5 nm.
+    """Rational splines are read within 5 nm.
 
     They are a circle of 9 control points, and a spline of degree 1.
     """
@@ -183,7 +183,7 @@ def test_lines_alone_are_points_of_a_smooth_curve(drawing):
 
 
 def test_bore_is_left_out_and_layer_selected(drawing):
-    """A bore, a frame and dimensions are left out of the contours of a drawing.
+    """A bore, a frame and dimensions are excluded from the contours of a drawing.
 
     `layer` selects a layer, and an unknown layer is an error.
     """
@@ -207,9 +207,9 @@ def test_bore_is_left_out_and_layer_selected(drawing):
 
 @pytest.mark.parametrize("is_ambiguous", [False, True])
 def test_circle_around_a_cam_is_ambiguous(drawing, is_ambiguous):
-    """A circle around an eccentric curve that could be the cam is refused.
+    """A circle around an eccentric curve that could also be the cam is refused.
 
-    A concentric circle or a frame is left out with a note. `layer` selects the cam.
+    A concentric circle or a frame is excluded with a note. `layer` selects the cam.
     """
 
     def draw(document):
@@ -236,7 +236,7 @@ def test_circle_around_a_cam_is_ambiguous(drawing, is_ambiguous):
 def test_contour_inside_of_its_pitch_curve_is_ambiguous(drawing):
     """Two curves that could both be the cam are refused unless `layer` selects one.
 
-    A much smaller inner curve is a bore.
+    A much smaller inner curve is taken for a bore.
     """
 
     def draw(document, ratio=0.8):
@@ -298,7 +298,7 @@ def test_hidden_entities_are_ignored(drawing):
 
 
 def test_curves_that_are_not_plane_are_refused(drawing):
-    """An entity of the contour whose z varies is refused with its kind and layer.
+    """A contour entity whose z varies is refused with its kind and layer.
 
     Other entities may have any z.
     """
@@ -441,11 +441,11 @@ def test_damaged_drawings_are_read_or_refused_in_one_line(tmp_path_factory, data
         assert all(np.isfinite(curve).all() for curve in found.curves)
 
 
-# Tables.
+# -- tables
 
 
 def table(heading, columns, separator=",", mark="."):
-    """Return a table as text."""
+    """Return a table as text, with these separators and decimal marks."""
     rows = [
         separator.join(f"{x:.6f}".replace(".", mark) for x in row)
         for row in zip(*columns, strict=True)
@@ -471,7 +471,7 @@ TABLES = {
 
 @pytest.mark.parametrize("text", TABLES.values(), ids=TABLES)
 def test_contour_tables_in_many_forms(tmp_path, text):
-    """Tables in each of their usual forms give the same points.
+    """Tables in each of their usual formats give the same points.
 
     They differ in separator, decimal mark, unit, factor and coordinates.
     """
@@ -498,7 +498,7 @@ def test_missing_unit_is_assumed_or_given(tmp_path):
 
 
 def test_polar_points_are_placed_like_x_and_y(tmp_path):
-    """Axis, zero direction and side place polar points like the same x and y."""
+    """Axis, zero direction and mirroring place polar points like the same x and y."""
     x, y = X + 5.0, Y - 3.0
     (tmp_path / "xy.csv").write_text(table("x_mm,y_mm", (x, y)))
     polar = (np.degrees(np.arctan2(x, y)) % 360.0, np.hypot(x, y))
@@ -515,7 +515,7 @@ def test_polar_points_are_placed_like_x_and_y(tmp_path):
 
 
 def closest(points, others):
-    """Return the distances (m) of points from the closest of other points."""
+    """Return the distances of points from the closest of other points."""
     return np.hypot(*(points[:, :, None] - others[:, None])).min(axis=1)
 
 
@@ -539,7 +539,7 @@ def test_polar_rows_are_sorted_and_crank_angles_halved(tmp_path):
 
 
 def test_tables_without_a_contour_are_rejected(tmp_path):
-    """A table without a contour raises one line with the file's name and the fault."""
+    """A table without a contour raises one line with the file name and the fault."""
     turns = "".join(f"{angle},30\n" for angle in range(0, 720, 10))
     for name, text, words in (
         ("a.csv", "", "is empty; allowed: a heading and"),
@@ -569,7 +569,7 @@ def test_tables_without_a_contour_are_rejected(tmp_path):
         assert words in str(caught.value) and name in str(caught.value)
 
 
-# Placement.
+# -- placement
 
 
 @given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(0.0, 360.0), st.booleans())
@@ -586,9 +586,9 @@ def test_placement_restores_the_contour(x, y, zero, is_mirrored):
 
 
 def test_axis_outside_of_the_contour_is_refused():
-    """A contour around which the axis is not is refused with both and the remedy.
+    """A contour that does not surround the axis is refused with a remedy.
 
-    Axis and contour are in coordinates of the file.
+    The error states axis and contour in coordinates of the file.
     """
     points = 1e-3 * np.array([X + 120.0, Y + 80.0])
     placement = Placement(None, (0.12, 0.08), 1.0, True)
@@ -605,7 +605,7 @@ def test_axis_outside_of_the_contour_is_refused():
 
 @pytest.mark.parametrize("turned", [0.0, 0.3, 123.456, 359.9])
 def test_align_finds_the_rotation(laws, turned):
-    """`find_rotation` finds the rotation of a contour to 1e-7 rad from its law."""
+    """`find_rotation` finds the rotation of a contour from its law within 1e-7 rad."""
     law, element = laws["poly345"], GuidedCentre(0.0, 0.0, 0.05)
     angle = turn_angles(7200)
     radius = 0.05 + law(angle + math.radians(turned))

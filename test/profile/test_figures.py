@@ -20,7 +20,7 @@ def draw(cams, laws):
 
 
 def test_positions_touch_the_contour(followable_laws, cams):
-    """Each drawn position of the follower touches the contour, to 0.02 mm."""
+    """Each drawn position of the follower touches the contour within 0.02 mm."""
     for name, law in followable_laws.items():
         for contour in contours(cams[name].follower, law, 7200):
             ring = LinearRing(contour.points.T * 1e3)
@@ -30,16 +30,16 @@ def test_positions_touch_the_contour(followable_laws, cams):
 
 
 def test_discs_of_a_pair_are_distinguishable(draw):
-    """The discs of a pair differ in colour, and the second has a hatch."""
+    """The two discs of a conjugate cam differ in colour, and the second is hatched."""
     first, second = draw("oscillating_conjugate").axes[0].patches
     assert first.get_facecolor()[:3] != second.get_facecolor()[:3]
     assert not first.get_hatch() and second.get_hatch()
 
 
 def test_number_of_positions(draw):
-    """A figure has the requested number of positions at equal steps of the turn.
+    """A figure has the requested number of follower positions at equal angles.
 
-    All of a few positions are labelled.
+    If there are few, all are labelled.
     """
     for count in (3, 37):
         plan = draw("oscillating_roller", count).axes[0]
@@ -51,9 +51,9 @@ def test_number_of_positions(draw):
 
 
 def test_displayed_numbers_are_those_of_the_contour(draw, cams, laws):
-    """The displayed least radius and greatest pressure angle are those of the contour.
+    """The displayed smallest radius and largest pressure angle are correct.
 
-    They and their cam angles agree with 36 000 points to the displayed digits.
+    They and their cam angles agree with 36 000 contour points to the displayed digits.
     """
     for name in ("flat", "conjugate", "oscillating_roller"):
         _, curvature, pressure = draw(name).axes
@@ -74,7 +74,7 @@ def test_displayed_numbers_are_those_of_the_contour(draw, cams, laws):
 
 
 def test_straight_flank_is_marked(cams, laws):
-    """Straight parts of a contour are marked by a line at the top of the curvature.
+    """Straight parts of a contour are marked at the top of the curvature chart.
 
     Other contours have no such mark.
     """

@@ -26,7 +26,7 @@ ANGLES = turn_angles(311)
 
 
 def farthest(line, path, angle=DENSE):
-    """Return the greatest distance (m, by shapely) of a path from a closed polyline."""
+    """Return the largest distance (m) of a path from a closed polyline, by shapely."""
     ring = LinearRing(line.T)
     prepare(ring)
     return distance(ring, points(path.at(angle)[0].T)).max()
@@ -52,7 +52,7 @@ def test_chord_error_is_within_the_tolerance(every_kind, followable_laws, cams):
 def test_corner_costs_no_points():
     """At a jump of s' the polyline has a vertex on each side, and few other points.
 
-    The smooth stretches keep the tolerance.
+    The smooth parts keep the tolerance.
     """
     up, down, dwell = (
         ("constant_velocity", 90, 1),
@@ -115,7 +115,7 @@ def test_pitch_curve_of_a_face_and_small_tolerance_are_rejected():
             polyline(path, wrong)
 
 
-# Drawings on disk: accepted by the audit of ezdxf, true to scale, and readable.
+# -- drawings on disk: accepted by the audit of ezdxf, true to scale, and readable
 
 
 @pytest.fixture(params=["poly345", "oscillating_flat", "conjugate"])
@@ -126,7 +126,7 @@ def cam(request, cams, laws):
 
 
 def lines_of(paths, tolerance=1e-6):
-    """Return the polylines of paths by name."""
+    """Return a dict from name to polyline of the paths. `tolerance` is in m."""
     return {path.name: polyline(path, tolerance) for path in paths}
 
 
@@ -139,7 +139,7 @@ def law_comes_back(cam, outlines, tolerance):
 
 
 def test_dxf(cam, tmp_path):
-    """A written DXF has layers and mm, passes the audit of ezdxf and has the law.
+    """A written DXF has layers and mm, and passes the audit of ezdxf.
 
     The follower measures s(θ) on it within 5 nm.
     """
@@ -178,7 +178,7 @@ def test_csv(cam, tmp_path):
 def read_svg(path):
     """Return width and height of the page in mm, and its paths by name.
 
-    The points ``(2, n)`` of a path are relative to the corner of the page, y upwards.
+    The points of a path, shape (2, n), are relative to the corner of the page, y upwards.
     """
     page = ElementTree.parse(path).getroot()
     size = [float(page.get(side).removesuffix("mm")) for side in ("width", "height")]

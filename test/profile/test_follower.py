@@ -1,4 +1,4 @@
-"""Drawn followers touch their cam as the profile requires. Body and dial of a cam."""
+"""Drawn followers, which touch their cam, and body and angle dial of a cam."""
 
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ from cam_rig.profile.shapes import (
     rotation_arrow,
 )
 
-#: Cam angles in rad that are not at a joint.
+#: Cam angles in rad that are not at a joint of a law.
 ANGLES = turn_angles(720) + 1e-3
 #: One cam of each kind of follower.
 KINDS = (
@@ -37,7 +37,7 @@ def drawn(cams, laws):
 
 
 def test_contact(drawn):
-    """The drawn point of contact is that of the contour at each cam angle.
+    """The drawn contact point is that of the contour at each cam angle.
 
     At lift 0 it is one base radius from the axis.
     """
@@ -57,9 +57,9 @@ def test_contact(drawn):
 
 
 def test_follower_moves_as_a_rigid_body(drawn):
-    """The reference point moves along `upward` in a small rise.
+    """In a small rise the reference point of the follower moves along `upward`.
 
-    `carried` is a rigid motion.
+    `carried` moves points as parts of the rigid follower.
     """
     lift, rise = np.array([LIFT]), np.array([1e-7])
     start, end = np.array([0.5 * LIFT]), np.array([3.0 * LIFT])
@@ -89,7 +89,7 @@ def test_outline_agrees_with_the_reference_point(drawn):
 
 
 def test_moving_parts_stay_below_the_bearing(cams, laws):
-    """The head of the follower stays below the bearing at 1.1 of the greatest lift.
+    """The head of the follower stays below the bearing at 1.1 of the largest lift.
 
     At rest the stem is in the bearing.
     """
@@ -104,7 +104,7 @@ def test_moving_parts_stay_below_the_bearing(cams, laws):
         assert stem[:, 1].max() + at_rest > high
 
 
-# Dial, arrow and body of the cam.
+# -- angle dial, arrow and body of the cam
 
 
 def test_dial():
@@ -122,7 +122,10 @@ def test_dial():
 
 
 def test_body_fills_its_outline(cams, laws):
-    """The lines of a cam's body cover its outline and protrude by at most 1/50 radius."""
+    """The lines that fill a cam's body cover its outline.
+
+    They protrude by at most 1/50 of the largest radius.
+    """
     fraction = np.linspace(0.0, 1.0, 30)[:, None]
     for name in ("tm21", "flat", "oscillating_roller"):
         contour = contours(cams[name].follower, laws[name], 360)[0].points.T

@@ -1,4 +1,4 @@
-"""A follower on a finished contour: its position, its backlash, faulty contours."""
+"""Follower on a finished contour: measured lift, backlash, and faulty contours."""
 
 import re
 
@@ -12,7 +12,7 @@ from cam_rig.profile.faces import GuidedCentre, GuidedFace, SwungCentre, SwungFa
 from .conftest import OPPOSITE, SampleCam, make
 
 ANGLES = np.radians(np.arange(0.0, 360.0, 7.3))
-#: Centre of a circular cam, m.
+#: Centre of a circular cam relative to its axis, m.
 CENTRE = 0.003 + 0.004j
 #: Radius of the circular cam, m.
 RADIUS = 0.020
@@ -21,7 +21,7 @@ BACKLASH_ATOL = 1e-9
 
 
 def is_at(element, expected, rtol=1e-14):
-    """Assert that an element on the circular cam has a lift."""
+    """Assert that the lift of an element on the circular cam is as expected."""
     lift = measure.rest_on_contour(
         element, lambda parameter: CENTRE + RADIUS * np.exp(1j * parameter), ANGLES
     )
@@ -29,9 +29,9 @@ def is_at(element, expected, rtol=1e-14):
 
 
 def test_on_an_eccentric_circle():
-    """The measured lift on an eccentric circle is that of a closed form.
+    """The measured lift on an eccentric circle equals a closed form.
 
-    It is Pythagoras for a roller, one radius above the centre for a face, and the law of
+    It is Pythagoras for a roller, one radius above the centre for a flat face, and the law of
     cosines for an arm.
     """
     centre = CENTRE * np.exp(1j * ANGLES)
@@ -64,7 +64,7 @@ def test_direction_and_first_point_do_not_matter(every_kind):
 
 
 def test_contours_that_cannot_be_measured():
-    """A contour that the follower's path misses, or of too few points, is refused."""
+    """A contour that the follower's path misses, or with too few points, is refused."""
 
     def hole(parameter):
         return 0.1 + 0.001 * np.exp(1j * parameter)
@@ -77,7 +77,7 @@ def test_contours_that_cannot_be_measured():
         measure.closed_curve(np.array([[0.0, 1.0, 0.5, 0.0], [0.0, 0.0, 1.0, 0.0]]))
 
 
-# The decisive test of a contour: put the follower on it, and measure its lift.
+# -- the decisive test of a contour: put the follower on it, and measure its lift
 
 
 def assert_rests_on_the_law(sample, angles):
@@ -102,13 +102,13 @@ def test_shipped_cams_have_the_lift_of_their_laws(law, cams, angles):
     assert_rests_on_the_law(SampleCam(cams[law.name], law), angles[::2])
 
 
-# Points that are not a closed contour: shuffled, or with a gap.
+# -- points that are not a closed contour: shuffled, or with a gap
 
 
 def test_contours_have_no_warnings(followable_laws, cams):
-    """Contours of shipped cams of 36 or more points cause no warnings.
+    """Contours of shipped cams with 36 or more points cause no warnings.
 
-    They are repeated at the end or not, and in both directions.
+    The first point is repeated at the end or not, in both directions.
     """
     for name, law in followable_laws.items():
         for count in (36, 1800):
@@ -119,7 +119,7 @@ def test_contours_have_no_warnings(followable_laws, cams):
 
 
 def test_warnings_of_faulty_contours():
-    """A contour that crosses itself, is sparse or has a gap causes a warning.
+    """A contour that crosses itself, has few points or a gap causes a warning.
 
     A circle of 360 points and a radius of 40 mm has a step of 0.698 mm.
     """
@@ -136,13 +136,13 @@ def test_warnings_of_faulty_contours():
     assert "points 10 and 11 are" in gap
 
 
-# Backlash of a follower that its cam moves both ways: each element rests on its contour.
+# -- backlash of a follower that its cam moves both ways: each element touches its contour
 
 
 def test_shipped_cams_have_no_backlash(cams, laws):
     """The followers of shipped cams that move both ways have no backlash.
 
-    Two faces have none if the fall is the rise turned by 180°.
+    Two opposite faces have no backlash if the fall is the rise turned by 180°.
     """
     for name in ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate"):
         assert np.abs(measure.closure(cams[name].follower, laws[name])).max() < BACKLASH_ATOL
@@ -151,7 +151,7 @@ def test_shipped_cams_have_no_backlash(cams, laws):
 
 
 def test_backlash_of_a_second_cam_for_another_rocker():
-    """A second cam for another angle between the arms gives a backlash of −arm δ.
+    """A second disc made for a wrong angle between the arms gives the backlash −arm δ.
 
     δ is the error of the angle. The backlash is the same at each cam angle.
     """

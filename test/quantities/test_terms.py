@@ -1,4 +1,4 @@
-"""Text form of goals and limits."""
+"""Tests of the text form of goals and limits, such as lift@90deg>=5mm."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from cam_rig.units import RPM
     ],
 )
 def test_a_limit_is_parsed_in_its_unit(text: str, value: float) -> None:
-    """A text such as lift@90deg>=5mm is parsed to a limit in SI.
+    """A limit such as lift@90deg>=5mm is parsed to a value in SI.
 
-    The key of its term parses to the same term.
+    The key of its quantity is parsed to the same quantity.
     """
     limit = parse_limit(text, DESIGN_QUANTITIES)
     assert limit.value == pytest.approx(value, rel=1e-12)
@@ -58,16 +58,19 @@ def test_a_limit_is_parsed_in_its_unit(text: str, value: float) -> None:
     ],
 )
 def test_an_invalid_limit_is_refused_in_one_line(text: str, message: str) -> None:
-    """An invalid text of a limit is refused with the wrong part and the allowed form."""
+    """An invalid limit is refused with the wrong part and the allowed form.
+
+    The error has one line.
+    """
     with pytest.raises(ConfigError, match=message) as caught:
         parse_limit(text, DESIGN_QUANTITIES)
     assert "\n" not in str(caught.value)
 
 
 def test_a_design_has_exactly_one_goal() -> None:
-    """A design with two goals, or with a limit as goal, is refused.
+    """A design (search for a law) with two goals, or with a limit as goal, is refused.
 
-    The test of the command covers a missing goal and the reverse case.
+    The tests of the command cover a missing goal.
     """
     with pytest.raises(ConfigError, match="the goal must be one of"):
         parse_goal("lift@90deg")
@@ -76,9 +79,10 @@ def test_a_design_has_exactly_one_goal() -> None:
 
 
 def test_a_name_is_the_same_quantity_in_designs_and_campaigns() -> None:
-    """A name means the same quantity in designs and campaigns.
+    """A name means the same quantity in designs and in campaigns.
 
-    A campaign limits it on both sides, and its title names the model.
+    A campaign is a batch of simulations. It can limit a quantity on both sides, and the title of
+    the quantity includes the model.
     """
     for model in ("one_mass", "two_mass"):
         for name, quantity in campaign_quantities(model).items():

@@ -1,4 +1,4 @@
-"""Fixture of a page with two sections, whose templates use only tables."""
+"""Fixture of a report with two sections, whose templates need only tables."""
 
 import pytest
 
@@ -12,11 +12,11 @@ WIDE = DataTable(
     tuple(tuple(float(i * j) for i in range(9)) for j in range(30)),
     ("A note that is about as long as the caption, and must not be cut at the side either.",),
 )
-#: Table that no template displays.
+#: Table that no template displays, which is thus in the appendix.
 SPARE = DataTable("A table to check", (Header("name"),), (("spare",),))
 
 
-#: Templates of the sections: one with a sentence only, one with tables.
+#: Templates of the sections: a sentence, and all tables.
 TEMPLATES = {
     "summary": "{% call page.words() %}What came out.{% endcall %}",
     "reading": "{{ page.all(tables) }}",
@@ -25,9 +25,9 @@ TEMPLATES = {
 
 @pytest.fixture
 def rendered(tmp_path):
-    """Function that renders the page as HTML or Markdown.
+    """Function that renders the report as HTML or Markdown.
 
-    The page has sentences, a wide and long table, and a table in the appendix.
+    The report has a sentence, a wide and long table, and a table in the appendix.
     """
     for name, text in TEMPLATES.items():
         (tmp_path / f"{name}.jinja").write_text(text, encoding="utf-8")

@@ -1,4 +1,7 @@
-"""Tests of the page in a browser: wide and narrow, light and dark, and in print."""
+"""Tests of a report in a browser: wide, narrow, light, dark and printed.
+
+The last tests split tall figures into strips.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ CONTRAST = """([first, second]) => {
 
 @pytest.fixture
 def opened(chromium, rendered):
-    """Function that opens the page at a width (px) in a colour scheme."""
+    """Function that opens the report at a width (px) in a colour scheme."""
     text = rendered("html")
 
     def of(width, scheme="light"):
@@ -41,9 +44,9 @@ def opened(chromium, rendered):
 
 @pytest.mark.parametrize("width", [400, 1000, 1280])
 def test_nothing_is_cut(opened, width):
-    """The page does not scroll sideways at widths from 400 to 1280 px.
+    """The report does not scroll sideways at widths from 400 to 1280 px.
 
-    Captions and sentences end within it. A wide table scrolls within its own box.
+    Captions and sentences end within the page. A wide table scrolls within its box.
     """
     page = opened(width)
     assert page.evaluate("document.documentElement.scrollWidth") == width
@@ -57,7 +60,7 @@ def test_nothing_is_cut(opened, width):
 
 
 def test_contents_are_at_the_side_or_folded(opened):
-    """The contents are beside the text on a wide screen, and folded on a narrow one."""
+    """The contents are left of the text on a wide screen, and folded on a narrow one."""
     wide, narrow = opened(1280), opened(400)
     link = wide.locator("nav a").last
     assert link.is_visible()
@@ -68,7 +71,7 @@ def test_contents_are_at_the_side_or_folded(opened):
 
 
 def test_appendix_is_folded(opened):
-    """The appendix is folded until a link to one of its tables opens it."""
+    """The appendix is folded until a link to a table in it is followed."""
     page = opened(1280)
     spare = page.locator("#table-2")
     assert not spare.is_visible()
@@ -87,9 +90,9 @@ def test_contrast_of_text_is_sufficient(opened, scheme):
 
 
 def test_printed_page(opened):
-    """The printed page is black on white without contents, and has the whole appendix.
+    """The printed report is on white without contents, and has the whole appendix.
 
-    This is so also from a dark screen.
+    This applies also if the screen is in the dark scheme.
     """
     page = opened(1280, "dark")
     page.emulate_media(media="print")
@@ -99,7 +102,7 @@ def test_printed_page(opened):
     assert page.pdf(prefer_css_page_size=True).count(b"/Type /Page\n") >= 1
 
 
-# -- a tall figure is split into strips between its panels ------------------------------------
+# -- a tall figure is split into strips between its panels
 
 
 DPI = 100
@@ -123,9 +126,9 @@ def pixels(path: Path) -> np.ndarray:
 
 @pytest.mark.parametrize("rows", [1, 3, 12])
 def test_strips_cover_the_figure(rows: int, tmp_path: Path) -> None:
-    """The strips of a tall figure are contiguous and contain all of its ink.
+    """The strips of a tall figure are contiguous, and contain all of its drawing.
 
-    They are cut through white.
+    Each cut is through white pixels.
     """
     figure = stacked(rows)
     parts = strips(figure)
@@ -140,7 +143,7 @@ def test_strips_cover_the_figure(rows: int, tmp_path: Path) -> None:
         drawn.append(pixels(tmp_path / "a.png"))
         assert drawn[-1].shape[0] == pytest.approx((high - low) * DPI, abs=1.0)
     ink = sum(int((255 - strip).sum()) for strip in drawn)
-    assert ink == pytest.approx(int((255 - whole).sum()), rel=0.02)  # the rounding of the edges
+    assert ink == pytest.approx(int((255 - whole).sum()), rel=0.02)  # edges are rounded
     for low, _ in parts[:-1]:
         assert whole[whole.shape[0] - round(low * DPI)].min() == 255
 
@@ -148,7 +151,7 @@ def test_strips_cover_the_figure(rows: int, tmp_path: Path) -> None:
 def test_file_of_a_strip_contains_only_the_strip(tmp_path: Path) -> None:
     """The file of a strip does not contain the rest of the figure.
 
-    All files are together less than 1.5 times as large as the file of the figure.
+    All files together are less than 1.5 times as large as the file of the figure.
     """
     figure = stacked(4)
     sizes = []

@@ -1,4 +1,4 @@
-"""Tests of a page: head, contents, numbering, escaping, alignment."""
+"""Tests of a report: head, contents, numbering, escaping, alignment."""
 
 import re
 
@@ -32,7 +32,7 @@ two
 
 
 def render(kind, parts=PARTS, figures=("pic",)):
-    """Render a paragraph, tables, a list and a figure."""
+    """Render a section with a paragraph, tables, a list and a figure."""
     numbering, text = Numbering(), ""
     variables = {
         "figures": {key: ["data:image/svg+xml;base64,AAAA"] for key in figures},
@@ -46,8 +46,8 @@ def render(kind, parts=PARTS, figures=("pic",)):
     return text
 
 
-#: Parts of the page. Text of a user is escaped, and units are under the headings. A screen reader
-#: announces headings and table name with each cell. References may precede their target.
+#: Parts of the page. Text of a user is escaped, and units are below the headings. A screen :
+#: reader reads headings and table name with each cell. References may precede their target.
 HTML = (
     '<span id="caption-1"><b>Table 1.</b> A &lt; table</span></caption>',
     'aria-labelledby="caption-1"',
@@ -65,10 +65,7 @@ HTML = (
 
 
 def test_html():
-    """The page in HTML has all its parts, with figures and tables numbered separately.
-
-    Text of a user is escaped.
-    """
+    """The HTML has all parts of the section, with separately numbered figures."""
     page = render("html").replace("&#39;", "'")
     assert [part for part in HTML if part not in page] == []
 
@@ -79,13 +76,13 @@ def test_figure_without_data_is_omitted():
 
 
 def test_reference_to_a_missing_table_is_an_error():
-    """A reference to a table that is not on the page raises KeyError."""
+    """A reference to a table that is not in the report raises KeyError."""
     with pytest.raises(KeyError, match="table"):
         render("html", "{{ page.see_table(table) }}")
 
 
 def test_markdown():
-    """The page in Markdown has text, lists and numbered tables, but no figures."""
+    """The Markdown has text, lists and numbered tables, but no figures."""
     text = render("md", figures=())
     assert "**Table 1. A < table**\n\n| name | value [rpm] |\n| --- | ---: |\n| a & b" in text
     assert "\nMore words, see Table 2 in section 2.\n" in text
@@ -95,13 +92,13 @@ def test_markdown():
 
 @pytest.mark.parametrize("kind", ["html", "md"])
 def test_empty_list_items_are_omitted(kind):
-    """Empty lines of a list give no item."""
+    """Empty lines of a list give no items."""
     text = "{% call page.points() %}\na\n\n\n\n \n\nb{% endcall %}"
     assert render(kind, text).count("- " if kind == "md" else "<li>") == 2
 
 
 def test_head_and_contents(rendered):
-    """The head of a page has date, command, versions and seeds.
+    """The head of a report has date, command, versions and random seeds.
 
     Sections are numbered and listed.
     """
@@ -120,7 +117,7 @@ def test_head_and_contents(rendered):
 def test_tables_not_displayed_in_a_section_are_in_the_appendix(rendered):
     """Tables that a section does not display are in the appendix, with a link to them.
 
-    Tables of the main part have the first numbers.
+    The tables of the main part are numbered before those of the appendix.
     """
     page, text = rendered("html"), rendered("md")
     main, appendix = page.split('<div id="appendix">')
@@ -147,7 +144,10 @@ def test_equations_and_indices():
 
 
 def test_numbers_in_sentences():
-    """Percentages and ranges are typeset with minus signs and raised powers."""
+    """Percentages and ranges are typeset with minus signs and raised powers.
+
+    Titles of sections are converted to anchors of links.
+    """
     assert percent(0.7249) == "72 %"
     assert percent(-0.0053, "+.2f") == "−0.53 %"
     assert format_range((0.71, 1.66), ".1f") == "0.7 to 1.7"

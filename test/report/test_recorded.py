@@ -1,4 +1,4 @@
-"""Tests of the comparison of a recording with the run, and of equations in MathML."""
+"""Tests of the comparison of a bag with its scene, and of equations in MathML."""
 
 import re
 import shutil
@@ -25,7 +25,7 @@ def quick(config_dir):
 
 @pytest.fixture
 def golden(config_dir):
-    """Golden bag, a recording of that scene."""
+    """Golden bag, the reference recording of that scene."""
     return config_dir.parent / "bags" / "golden"
 
 
@@ -40,16 +40,19 @@ def test_recorded_levels_equal_simulated_levels(quick, golden):
 
 
 def test_bag_of_another_scene_is_refused(golden, config_dir):
-    """A bag of another scene is refused, and the error names both and the remedy."""
+    """A bag of another scene is refused.
+
+    The error contains both scenes and the command that records a bag.
+    """
     loaded = open_scene(config_dir / "scenes" / "tm21_sweep.yaml")
     with pytest.raises(BagError, match=r"of the scene 'tm21_sweep', got 'quick'; .*cam-rig run"):
         read_recorded(golden, loaded)
 
 
 def test_bag_of_a_changed_rig_is_refused(quick, golden):
-    """A bag that was recorded with another preload is refused.
+    """A bag is refused if the preload in the rig file has changed since.
 
-    A changed title of the rig is allowed.
+    A changed title of the rig is accepted.
     """
     other = replace(quick, rig=quick.rig.with_follower(preload=99.0))
     with pytest.raises(BagError, match="recorded with another follower than the files have now"):
@@ -67,11 +70,11 @@ def test_truncated_bag_is_refused(quick, golden, tmp_path):
         read_recorded(bag, quick)
 
 
-# -- equations of a page: conversion of a line of text to MathML ------------------------------
+# -- equations of a page: conversion of a line of text to MathML
 
 
 def tree(text):
-    """Convert a line to MathML, parse it as XML, and return its row."""
+    """Convert a line to MathML, parse it as XML, and return its first child."""
     return ElementTree.fromstring(mathml(text))[0]
 
 
@@ -81,7 +84,7 @@ def shape(element):
 
 
 def test_products_and_sums():
-    """Letters become variables with their dots and primes, and digits numbers."""
+    """A sum of products becomes variables with dots and primes, numbers and signs."""
     assert shape(tree("m ẍ + 2 c s′ = 0")) == (
         *("mrow", "m", ("mover", "x", "¨"), "+", "2", "c", ("msup", "s", "′"), "=", "0"),
     )
@@ -102,7 +105,7 @@ def test_products_and_sums():
 def test_parts(text, inside):
     """Subscripts, superscripts, roots and fractions become elements of MathML.
 
-    Brackets that only group are not drawn.
+    Brackets that only group their content are omitted.
     """
     assert shape(tree(text)) == ("mrow", inside)
 
@@ -113,14 +116,14 @@ def test_lines_and_signs():
     assert tree("a < b")[1].text == "<"
 
 
-#: Templates of the paper's report.
+#: Templates of the report on the paper.
 PAPER = Path(__file__).parents[2] / "examples" / "paper" / "templates"
 
 
 def test_equations_of_all_templates_are_well_formed():
-    """Each equation of a template has closed brackets and complete fractions.
+    """Each equation of a template has closed brackets.
 
-    Subscripts and superscripts are complete too.
+    Its fractions, subscripts and superscripts are complete.
     """
     count = 0
     templates = environment("html", PAPER)

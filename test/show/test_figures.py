@@ -1,6 +1,7 @@
-"""Figures on paper: labels, contents, the look of each cam, and faults of style.
+"""Tests of printed figures: labels, contents, style, and the look of each cam.
 
-The tests of the commands (test/cli) check the figures of every command for faults of style.
+The look of a cam is its colour, dash pattern and marker, equal in all figures. The tests of the
+commands (test/cli) also check the figures of every command for faults of style.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ from cam_rig.units import RPM
 from ..figure_faults import faults
 from ..processes import ended
 
-#: A quantity and its unit, as in "cam angle θ [°]".
+#: Label of a quantity with its unit, such as "cam angle θ [°]".
 LABEL = re.compile(r"\w.* \[[^\[\]]+\]", re.DOTALL)
 DURATION, SPEED = 0.5, 460.0
 
@@ -68,13 +69,13 @@ def cam_set() -> CamSet:
 
 @pytest.fixture(scope="module")
 def jumps(cam_set: CamSet) -> JumpResult:
-    """Jump speeds of these cams in 0.5 s from rest."""
+    """Jump speeds of these cams for a start from rest of 0.5 s."""
     return find_jumps(cam_set, {}, DURATION)
 
 
 @pytest.fixture(scope="module")
 def figures(cam_set: CamSet, jumps: JumpResult) -> dict[str, Figure]:
-    """One figure of each kind that is computed quickly."""
+    """A figure of each type that is computed quickly."""
     cam, curve = cam_set.cams["poly345"], cam_set.laws["poly345"]
     return {
         "law": law.figure(cam, curve),
@@ -88,7 +89,7 @@ def figures(cam_set: CamSet, jumps: JumpResult) -> dict[str, Figure]:
 def test_every_axis_is_labelled_with_quantity_and_unit(figures: dict[str, Figure]) -> None:
     """Each axis has a label with quantity and unit.
 
-    Only inner panels of small multiples and upper x axes are without labels.
+    Exceptions are the inner panels of a grid and upper x axes.
     """
     for name, figure in figures.items():
         for axes in figure.axes:
@@ -98,7 +99,10 @@ def test_every_axis_is_labelled_with_quantity_and_unit(figures: dict[str, Figure
 
 
 def test_a_law_figure_shows_s_and_three_derivatives(figures, cam_set):
-    """The panels of a law's figure are s and its derivatives, in mm per power of rad."""
+    """The panels of a law's figure are s and its derivatives, in mm per power of rad.
+
+    At most two points per span may differ, on both sides of a jump at a knot.
+    """
     curve = cam_set.laws["poly345"]
     for order, axes in enumerate(figures["law"].axes):
         angle, plotted = axes.lines[0].get_data()
@@ -106,11 +110,11 @@ def test_a_law_figure_shows_s_and_three_derivatives(figures, cam_set):
         value = curve(np.radians(np.asarray(angle)[inside]), order) * 1e3
         size = np.abs(value).max()
         differs = ~np.isclose(np.asarray(plotted)[inside], value, rtol=0, atol=1e-9 * size)
-        assert differs.sum() <= 2 * curve.spans.size  # either side of a jump at a knot
+        assert differs.sum() <= 2 * curve.spans.size  # both sides of a jump at a knot
 
 
 def test_jump_speeds_are_marked_at_zero_force(figures, jumps):
-    """The figure of jump speeds has one marker per cam at its jump speed and force 0."""
+    """The figure of jump speeds has a marker per cam at its jump speed and force 0."""
     axes = figures["jump"].axes[0]
     marked = [line.get_xydata() for line in axes.lines if line.get_marker() == "o"]
     expected = [[row.jump.rpm, 0.0] for row in jumps.rows]
@@ -118,7 +122,7 @@ def test_jump_speeds_are_marked_at_zero_force(figures, jumps):
 
 
 def test_the_gap_is_never_negative(figures: dict[str, Figure], cam_set: CamSet) -> None:
-    """In the figure of lift-offs only cams that lose contact have a gap.
+    """In the figure of lift-offs only cams that lose contact have a gap above zero.
 
     The gap is never negative, to 1e-9 mm.
     """
@@ -177,9 +181,9 @@ def test_a_cubic_is_plotted_through_six_speeds_or_more(count: int, curves: int) 
 
 
 def test_published_jump_speeds_are_marked_on_the_axis(jumps: JumpResult) -> None:
-    """Each published jump speed has a marker on the axis of the figure.
+    """Each published jump speed has a marker on the speed axis of the figure.
 
-    Two close speeds have an inset.
+    If two speeds are within 380 to 420 rpm, an inset enlarges that range.
     """
     rows = [replace(row, published_rpm=row.jump.rpm + 5.0) for row in jumps.rows]
     (axes,) = jump.figure(replace(jumps, rows=tuple(rows))).axes
@@ -194,7 +198,7 @@ def test_published_jump_speeds_are_marked_on_the_axis(jumps: JumpResult) -> None
 
 
 def test_series_do_not_have_colours_of_cams() -> None:
-    """Seven series have different colours, none of which is that of a cam."""
+    """Seven series have different colours and dashes, and no colour of a cam."""
     styles = [series(i) for i in range(7)]
     assert len({s["color"] for s in styles}) == len({str(s["ls"]) for s in styles}) == 7
     assert not {s["color"] for s in styles} & set(map(web, COLOURS))
@@ -214,12 +218,12 @@ def test_the_package_does_not_import_pyplot() -> None:
     assert ended(sys.executable, "-c", code).returncode == 0
 
 
-# -- style: faults that a journal would not print -------------------------------------------------
+# -- style: faults that a journal would not print
 
 
 @pytest.fixture(scope="module")
 def other_figures() -> dict[str, Figure]:
-    """Figures of the library that the tests of commands do not write."""
+    """Figures of `import cam_rig` that the tests of commands do not write."""
     curve = cam_rig.build_law(cam_rig.load_cam("poly345"))
     rig = load_rig(config_root() / "rigs" / "paper_table2.yaml")
     run = cam_rig.simulate(curve, rig, model="two_mass", rpm=450, turns=2, sample_rate=4800)
@@ -235,7 +239,7 @@ def other_figures() -> dict[str, Figure]:
 
 @pytest.mark.long
 def test_figures_have_no_faults_of_style(other_figures: dict[str, Figure]) -> None:
-    """The library's figures have no cut, overlapping, small or untypeset text."""
+    """Figures of `import cam_rig` have no cut, overlapping, small or untypeset text."""
     assert {name: f for name, figure in other_figures.items() if (f := faults(figure))} == {}
 
 
@@ -252,7 +256,7 @@ def _bad() -> Figure:
 
 
 def test_faults_lists_each_fault() -> None:
-    """`faults` returns one line for each fault of a figure.
+    """`faults` returns a line for each fault of a figure.
 
     The faults are text that is cut, overlaps, is too small or is not typeset.
     """
@@ -288,7 +292,7 @@ def test_the_parameters_of_matplotlib_are_restored() -> None:
 
 
 def test_logarithmic_ticks() -> None:
-    """Ticks of a logarithmic axis are at 1, 3 and 10, or at decades if it is long.
+    """A short logarithmic axis has ticks at 1, 3 and 10, and a long axis at decades.
 
     Large powers of ten are typeset.
     """
@@ -303,19 +307,19 @@ def test_logarithmic_ticks() -> None:
         axes.remove()
 
 
-# -- look of a cam: constant for a name, distinct for colour-blind readers and in grey
+# -- look of a cam: constant for a name, and distinct in grey and for colour-blind readers
 
 
-#: Cams of Table 2, which the report compares.
+#: Cams of table 2 of the paper, which the report compares.
 TABLE_2 = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
-#: Cams whose contact the report compares.
+#: Cams whose contact stress the report compares.
 CONTACT = (*TABLE_2, "flat", "oscillating_flat", "point")
 
 
 def test_every_shipped_cam_and_rise_is_listed_once() -> None:
-    """Each shipped cam and rise has one entry in the list of looks.
+    """Each shipped cam and rise has exactly one entry in the list of looks.
 
-    Its look is therefore not hashed.
+    The look of another name is derived from a hash of the name.
     """
     cams = {path.stem for path in (config_root() / "cams").glob("*.yaml")}
     assert len(LISTED_NAMES) == len(set(LISTED_NAMES))
@@ -323,7 +327,7 @@ def test_every_shipped_cam_and_rise_is_listed_once() -> None:
 
 
 def test_cams_shown_together_have_different_colours() -> None:
-    """Cams of one scene, of Table 2 or of the contact comparison differ in colour."""
+    """Cams of a scene, of table 2 or of the contact comparison differ in colour."""
     scenes = [load_scene(path).cams for path in (config_root() / "scenes").glob("*.yaml")]
     tables = load_tables(config_root() / "published" / "tables" / "paper.yaml")
     assert list(tables.table_2_jump) == list(TABLE_2)
@@ -332,7 +336,7 @@ def test_cams_shown_together_have_different_colours() -> None:
 
 
 def test_lines_are_distinct_in_grey() -> None:
-    """No two shipped names have the same pair of dash and drawn marker."""
+    """Any two shipped names differ in dash pattern or in marker, also in grey."""
     listed = [cam_look(name) for name in LISTED_NAMES]
     pairs = {(str(look.dash), look.marker if look.marked else "") for look in listed}
     assert len(pairs) == len(LISTED_NAMES)
@@ -340,7 +344,7 @@ def test_lines_are_distinct_in_grey() -> None:
 
 
 def test_points_are_distinct_in_grey() -> None:
-    """Two compared cams with one marker differ in luminance by at least 10 %."""
+    """Two compared cams with the same marker differ in luminance by at least 0.1."""
     compared = [cam_look(name) for name in ("tm21", *CONTACT)]
     for first, second in combinations(compared, 2):
         differ = abs(_luminance(first.colour) - _luminance(second.colour)) >= 0.1
@@ -348,9 +352,9 @@ def test_points_are_distinct_in_grey() -> None:
 
 
 def test_the_look_of_another_name_is_not_that_of_a_shipped_cam() -> None:
-    """A name that is not shipped has no pair of dash and marker of a shipped cam.
+    """The look of any other name differs from those of shipped cams.
 
-    Its look does not depend on the process.
+    It has another pair of dash pattern and marker, and is the same in each process.
     """
     rng = np.random.default_rng(18)
     listed = {(str(look.dash), look.marker) for look in map(cam_look, LISTED_NAMES)}
@@ -362,7 +366,7 @@ def test_the_look_of_another_name_is_not_that_of_a_shipped_cam() -> None:
 
 
 def test_equal_rises_have_one_look() -> None:
-    """Rises with equal curves have one look, and `EQUAL_RISES` lists exactly these."""
+    """Rises with equal curves have the same look, and `EQUAL_RISES` lists them."""
     motions = {name: rise_curves(name).motion for name in NAMED_RISES}
     equal = [
         pair for pair in combinations(motions, 2) if np.array_equal(*(motions[n] for n in pair))
@@ -395,9 +399,9 @@ def test_texts_of_pictures(text: str, expected: str) -> None:
 
 
 def test_reach_and_distances() -> None:
-    """`reach` exceeds a difference, and is 1 for a difference of rounding.
+    """`reach` is 15 % larger than a difference, and 1 for a difference of rounding.
 
-    `distances` are those of points from a line strip.
+    `distances` are those of points from a polyline.
     """
     assert (looks.reach(20.0), looks.reach(5e-9)) == (pytest.approx(23.0), 1.0)
     points, strip = np.array([[0.5, 2.0], [4.0, 4.0]]), np.array([[0.0, 0.0], [1.0, 0.0]])

@@ -1,4 +1,7 @@
-"""Results: display tables, JSON, CSV and data frames from one list of columns."""
+"""Tests of results: display tables, JSON, CSV and data frames from one definition.
+
+A result lists its columns once, and all outputs are made from this list.
+"""
 
 import json
 import math
@@ -49,9 +52,9 @@ RESULT = Lifts((Row("a", 300.0, 0.05), Row("b", 200.0, math.nan), Row("b", 300.0
 
 
 def test_tables_have_display_units_and_data_si_units():
-    """Displayed tables have display units and footnotes, and data have SI units.
+    """Displayed tables have display units and footnotes. Data are in SI.
 
-    There is one table per speed. NaN is null in JSON.
+    There is a table for each speed. NaN is null in JSON.
     """
     slow, fast = RESULT.to_display({"a": "Cam A"})
     assert (slow.caption, fast.caption) == ("At 200 rpm", "At 300 rpm")
@@ -66,7 +69,7 @@ def test_tables_have_display_units_and_data_si_units():
 
 
 def test_csv_and_pandas_contain_the_keys():
-    """CSV and data frames of a result have the keys of its JSON and all digits."""
+    """CSV and data frames of a result have the keys of its JSON, and all digits."""
     assert RESULT.tables()[0].to_csv().splitlines()[:2] == [
         "cam,rpm,lift,left",
         "a,300.0,0.05,False",
@@ -78,13 +81,16 @@ def test_csv_and_pandas_contain_the_keys():
 
 
 def test_a_column_follows_a_path():
-    """The path of a column accepts attributes and indices, and gives None behind None."""
+    """The path of a column has attributes and indices.
+
+    If a part of the path is None, the value is None.
+    """
     values = [Column("a", of=path).value([1j, (None, 2.0)]) for path in ("0.imag", "1.1", "1.0.x")]
     assert values == [1.0, 2.0, None]
 
 
 def run_command(tmp_path, *arguments):
-    """Run the command of a result with arguments, and return the ended call."""
+    """Run the command of a result with arguments, and return the result of the call."""
     app = typer.Typer()
 
     @app.command()
@@ -103,7 +109,7 @@ def run_command(tmp_path, *arguments):
 def test_a_function_that_returns_a_result_is_a_command(tmp_path):
     """A function that returns a result becomes a command with JSON and CSV outputs.
 
-    Tables go to stderr, and data to files or stdout. Targets are checked before the
+    Tables are printed to stderr, and data to files or stdout. Output paths are checked before the
     computation.
     """
     table = tmp_path / "lifts.csv"
@@ -134,9 +140,9 @@ ROWS = (("a", 413.4426), ("b", None))
 
 
 def test_numbers_are_formatted_and_typeset():
-    """Numbers have their shortest form, and typeset minus signs and exponents.
+    """Numbers have their shortest form, with typeset minus signs and exponents.
 
-    Plurals agree with their number.
+    The plural of a word agrees with its number.
     """
     values = (1.26e6, 3.3e8, 0.05, 4030.0, 9.8599e-5)
     assert [*map(format_number, values)] == ["1.26e6", "3.3e8", "0.05", "4030", "9.8599e-5"]
@@ -167,7 +173,7 @@ def test_a_table_is_written_as_markdown():
     ],
 )
 def test_decimals_are_limited_to_four_digits_on_a_page(value, number_format, printed):
-    """On a page decimal formats have four digits, and other formats all their digits."""
+    """In a report decimal formats have four digits, and other formats all digits."""
     assert Header("a", "", number_format).typeset(value) == printed
 
 
@@ -188,7 +194,7 @@ def test_a_table_without_rows_is_empty():
     assert tabulate("None", [], FIELDS) == DataTable("None", (), ())
 
 
-#: Labels of cams by name.
+#: Labels of cams, by name.
 TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
 
 
@@ -213,7 +219,7 @@ def test_only_names_are_replaced(text, expected):
 def test_a_table_is_relabelled():
     """Caption, headings, cells and notes of a table get the labels of the cams.
 
-    Numbers, units and rigs stay.
+    Numbers, units and names of rigs do not change.
     """
     heads = Header("level"), Header("rig"), Header("n", "cam_2", "g")
     table = DataTable("Lift of tm21", heads, (("cam_2", "tm21", 1.0),)).relabel(TITLES)

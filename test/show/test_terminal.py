@@ -1,4 +1,4 @@
-"""Control characters in texts from files are escaped before they are printed."""
+"""Tests that control characters in texts from files are escaped before printing."""
 
 import io
 import random
@@ -13,13 +13,13 @@ from cam_rig.show.tables import DataTable, Header
 
 from ..cli.conftest import call
 
-#: Sets red, clears the screen by one character, rings, returns, reverses the direction of text.
+#: Text with control characters: red, clear screen, bell, return, reversed text direction.
 BAD = "Be\x1b[31mnch\x9b2J\x07\r\u202e"
 
 
 @pytest.fixture
 def screen(monkeypatch):
-    """Stream that receives the terminal output of the package."""
+    """Stream that receives what cam_rig prints to the terminal."""
     stream = io.StringIO()
     monkeypatch.setattr(terminal, "console", Console(file=stream, highlight=False, width=100))
     return stream
@@ -28,7 +28,7 @@ def screen(monkeypatch):
 def test_lines_and_tables_are_printed_with_escapes(screen):
     """Printed lines and tables contain escapes instead of control characters.
 
-    The tables have control characters in caption, headings, units, cells and notes.
+    The control characters are in caption, headings, units, cells and notes of a table.
     """
     terminal.say(f"a\tline {BAD}")
     columns = tuple(Header(f"{BAD}{name}", BAD) for name in "ab")
@@ -55,10 +55,7 @@ def test_errors_have_escapes():
 
 
 def test_a_scene_with_such_a_title_is_printed_with_escapes(tmp_path, screen):
-    """`simulate` prints the title of a scene without control characters.
-
-    It prints escapes instead.
-    """
+    """`simulate` prints escapes for the control characters in the title of a scene."""
     text = (config_root() / "scenes" / "quick.yaml").read_text(encoding="utf-8")
     lines = [r'title: "Be\e[31mnch\x07"' if "title:" in one else one for one in text.split("\n")]
     folder = tmp_path / "scenes"

@@ -1,4 +1,4 @@
-"""The sound-level meter of a scene, and the signals of measuring instruments."""
+"""Simulated sound-level meter of a scene, and signals of measuring instruments."""
 
 import dataclasses
 
@@ -14,9 +14,10 @@ from cam_rig.units import TURN
 
 
 def listen(loaded, background, frequency="Z", time="F"):
-    """Yield the reading of each tick, and its level by the energy account.
+    """Yield the meter's reading of each tick, and its level by the energy account.
 
-    `background` is in dB.
+    A tick is a time step of the simulation. The energy account computes the mean power directly
+    from the force. `background` is in dB.
     """
     radiation = dataclasses.replace(loaded.radiation, background=background)
     rate = int(loaded.scene.sample_rate.si)
@@ -34,9 +35,9 @@ def test_the_meter_agrees_with_the_energy_account(make_loaded_scene, cam):
 
     They agree to 0.03 dB in contact, and to 0.15 dB with landings.
     """
-    # The tolerance is 0.03 dB in contact, because arcs make the force jump between samples. The
-    # pulse of a landing is added to the force and acts on the structure. The account ignores both,
-    # which is 0.1 dB if landings make all the sound.
+    # The tolerance in contact is 0.03 dB, because arcs make the force jump between samples. The
+    # pulse of a landing is added to the force and also excites the structure. The account ignores
+    # both, which is 0.1 dB if landings make all the sound.
     loaded = make_loaded_scene(cams=[cam], speeds=[200, 400], turns=3, sample_rate=12_000)
     for reading, level in listen(loaded, background=-400.0):
         assert reading.equivalent == pytest.approx(level, abs=0.15 if level > 95.0 else 0.03)
@@ -58,7 +59,7 @@ def test_setting_the_present_weighting_continues_the_measurement(make_loaded_sce
 
     An unknown weighting is an error.
     """
-    # Otherwise a recording of the measurement could not be repeated.
+    # Otherwise a recording of the measurement could not be reproduced.
     loaded = make_loaded_scene(cams=["poly345"], speeds=[300], turns=5)
     assert levels(loaded, ("Z", "F")) == levels(loaded)
     assert levels(loaded, ("A", "S"), ("Z", "F")) == levels(loaded), "changed back in between"
@@ -73,7 +74,7 @@ def test_setting_the_present_weighting_continues_the_measurement(make_loaded_sce
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(40))
 def test_encoder_count_finds_the_count_of_an_encoder(seed):
-    """`encoder_count` returns the angle of one count of an encoder.
+    """`encoder_count` returns the angle (rad) of one count of an encoder.
 
     It does so at any speed, at even and uneven times, and with missing counts.
     """
@@ -91,7 +92,7 @@ def test_encoder_count_finds_the_count_of_an_encoder(seed):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(10))
 def test_encoder_count_is_zero_for_an_exact_angle(seed):
-    """`encoder_count` returns 0 for an angle that does not move in counts.
+    """`encoder_count` returns 0 for an angle that does not change in counts.
 
     The angles have a constant speed, ripple, or random steps.
     """
@@ -104,7 +105,7 @@ def test_encoder_count_is_zero_for_an_exact_angle(seed):
 
 
 def test_a_lower_speed_of_an_encoder_that_reports_each_count_is_not_a_gap():
-    """Longer time steps at a lower speed of an encoder are not a gap.
+    """The longer time steps of an encoder at a lower speed are not a gap.
 
     Four lost counts among them are.
     """

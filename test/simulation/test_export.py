@@ -1,4 +1,4 @@
-"""An exported run contains every sample with its cam, in each file format."""
+"""Export of a run: every sample with its cam, in each file format."""
 
 import itertools
 import tracemalloc
@@ -35,6 +35,7 @@ def read(path):
 
 @pytest.fixture(scope="module")
 def run():
+    """Run that is read from the golden bag."""
     return cam_rig.read_bag(GOLDEN)
 
 
@@ -87,7 +88,7 @@ def test_the_parquet_schema_contains_units(tmp_path, run):
 def test_a_wav_has_one_channel_per_quantity(tmp_path, run):
     """A WAV file has one channel per quantity, in SI as 32-bit floats.
 
-    Its comment names the channels.
+    Its comment lists the channels.
     """
     path = tmp_path / "a.wav"
     run.export(path)
@@ -103,8 +104,8 @@ def test_a_wav_has_one_channel_per_quantity(tmp_path, run):
 def test_export_of_one_cam_at_one_speed(tmp_path, run):
     """`export` with cam and speed writes only their samples.
 
-    Cam and speed that are not in the run are an error that lists those of the run. An unknown
-    kind of file is an error too.
+    Cam and speed that are not in the run are an error that lists those of the run. An unknown kind
+    of file is an error too.
     """
     run.export(tmp_path / "a.csv", cam="tm21", rpm=400)
     table = read(tmp_path / "a.csv")
@@ -135,9 +136,8 @@ def lossy(lost):
 def test_lost_messages_are_gaps(tmp_path, run, monkeypatch, ending):
     """Samples of lost messages are missing, and all other samples keep their angle.
 
-    A lost state between two states of one speed has no consequence. A lost state at a change of
-    speed removes the ticks before and after it. A WAV file cannot have gaps, and is not
-    written.
+    A lost cam state between two states of one speed has no consequence. A lost state at a change of
+    speed removes the ticks before and after it. A WAV file cannot have gaps, and is not written.
     """
     complete = {tick.time[0]: tick.angle for tick in run.blocks()}
     lost = {(topics.FOLLOWER_SAMPLES, 5), (topics.CAM_STATE, 1), (topics.CAM_STATE, 8)}

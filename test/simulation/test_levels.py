@@ -1,4 +1,4 @@
-"""Levels, regressions and the crossover of measured ticks."""
+"""Sound levels, regressions and the crossover of simulated ticks (time steps)."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ TWO = np.array([0.41488, 0.84929, -0.0033286, 4.537e-6])
 
 
 def ticks(pressures, speed=10.0, cam="a", angle=1.0, time_ns=0):
-    """Yield one tick per turn, with the given pressures (Pa)."""
+    """Yield one tick per turn, with the given sound pressures (Pa)."""
     turn_ns = round(2.0 * np.pi / speed * NS)
     for i, pressure in enumerate(pressures):
         start = CamState(time_ns + i * turn_ns, angle + 2.0 * np.pi * i, speed, cam)
@@ -34,6 +34,7 @@ def steps_of(coefficients):
 
 @pytest.fixture
 def published():
+    """Published levels of two cams as cubics of the speed. They cross at 335 rpm."""
     return PublishedNoise(
         name="p",
         source="made",
@@ -44,6 +45,7 @@ def published():
 
 
 def test_the_first_turns_of_each_step_are_left_out():
+    """At each cam and speed, the first turns do not count in the level."""
     run = [
         *ticks([9.0, 1.0]),
         *ticks([9.0, 2.0], speed=20.0, angle=99.0, time_ns=10 * NS),
@@ -83,16 +85,16 @@ def test_an_incomplete_turn_does_not_count(left_out):
     assert levels == step_levels(run[:24], transient_turns=1)
     assert levels["a"][10.0] == pytest.approx(float(level_db(np.sqrt(25.5))))
     assert not step_levels(run[:15], transient_turns=1)
-    gap = step_levels(run[:12] + run[13:], transient_turns=1)  # a turn starts after the lost tick
+    gap = step_levels(run[:12] + run[13:], transient_turns=1)  # a turn starts after the loss
     assert gap["a"][10.0] == pytest.approx(levels["a"][10.0])
 
 
 @pytest.mark.parametrize("stop_ns", [0, NS])
 @pytest.mark.parametrize("speed", [1.05e-3, 10.0, 209.0])
 def test_a_stop_of_the_cam_starts_a_new_step(speed, stop_ns):
-    """After a stop of the cam the first turns are left out of the level again.
+    """After a stop of the cam the first turns are excluded from the level again.
 
-    Follower and structure start from rest. Without the stop they are not left out.
+    Follower and structure start from rest. Without the stop they are included.
     """
     run = list(ticks([9.0, 1.0, 1.0], speed))
     end = run[-1]
@@ -116,7 +118,7 @@ def test_crossover_of_two_cubics(published):
 
 
 def test_the_crossover_is_none_without_both_cams(published):
-    """The crossover is None without both cams, without a root in the range of speeds.
+    """The crossover is None without both cams or without a root in the speed range.
 
     It is also None without published curves.
     """
@@ -128,9 +130,9 @@ def test_the_crossover_is_none_without_both_cams(published):
 
 
 def test_rms_difference_to_the_published_curve(published):
-    """The r.m.s. difference of a curve 1.5 dB above the published curve is 1.5 dB.
+    """A curve 1.5 dB above the published curve has an r.m.s. difference of 1.5 dB.
 
-    Speeds outside of the published ones do not count. It is None without a published curve.
+    Speeds outside of the published range do not count. It is None without a published curve.
     """
     steps = {speed: level + 1.5 for speed, level in steps_of(ONE).items()}
     steps[500.0 * np.pi / 30.0] = 0.0
@@ -141,7 +143,7 @@ def test_rms_difference_to_the_published_curve(published):
 
 
 def test_a_run_without_settled_turns_is_an_error():
-    """Levels without a settled turn raise CamRigError."""
+    """Levels without a turn after the excluded turns raise CamRigError."""
     with pytest.raises(CamRigError, match="here: no whole settled turn"):
         require_ticks(step_levels(ticks([1.0, 1.0]), transient_turns=5), "here")
 
@@ -162,13 +164,19 @@ def test_regression_recovers_a_cubic():
 
 
 def test_leading_coefficients_of_rounding_add_no_root():
-    """A cubic that was fitted to a straight line has the root of the line only."""
+    """A cubic that was fitted to a straight line has the root of the line only.
+
+    Its leading coefficients are rounding errors.
+    """
     assert real_roots(np.array([-1.0, 1.25, 3e-17, -2e-17])) == pytest.approx([0.8], abs=1e-12)
     assert real_roots(np.array([2.0, 0.0, 1.0, 1e-16])).size == 0
 
 
 def test_crossings_are_sorted_roots_within_the_speeds():
-    """`nearest_crossing` returns the crossing nearest to a speed."""
+    """`crossings` returns the sorted roots within the range of speeds.
+
+    `nearest_crossing` returns the one nearest to a speed.
+    """
     difference = np.polynomial.Polynomial.fromroots([0.7, 1.1, 1.9]).coef
     speeds = crossings(difference, (200.0, 400.0), scale=300.0)
     assert speeds == pytest.approx([210.0, 330.0])

@@ -1,4 +1,4 @@
-"""`cam_rig.simulate` and `cam_rig.sound_level` of one cam at one speed."""
+"""Functions `cam_rig.simulate` and `cam_rig.sound_level` of one cam at one speed."""
 
 import pickle
 import sys
@@ -12,6 +12,7 @@ from cam_rig.errors import ConfigError, DynamicsError, MissingLibraryError
 
 @pytest.fixture(scope="module")
 def law():
+    """Law of the cam bezier15."""
     return cam_rig.build_law(cam_rig.load_cam("bezier15"))
 
 
@@ -69,6 +70,7 @@ def test_arrays_are_read_only_views(law, rig):
     ],
 )
 def test_the_error_names_a_wrong_argument(law, rig, arguments, message):
+    """An invalid argument of `simulate` raises an error with its name and limit."""
     with pytest.raises(ConfigError, match=message):
         cam_rig.simulate(law, rig, **arguments)
 
@@ -110,7 +112,7 @@ def test_a_level_reports_its_calibration(law, rig):
 def test_results_have_tables(law, rig):
     """A motion and its level are converted to data frames and plain data.
 
-    There is one column per quantity. Turns that are left out are marked.
+    There is one column per quantity. Turns that are excluded from the level are marked.
     """
     motion = cam_rig.simulate(law, rig, rpm=300, turns=2, sample_rate=1000)
     table = motion.to_pandas()
@@ -142,6 +144,7 @@ def test_results_have_figures(law, rig, figures):
     ],
 )
 def test_the_error_names_a_missing_library(law, rig, monkeypatch, library, method, remedy):
+    """If pandas or matplotlib is missing, the error states how to install it."""
     for name in [*sys.modules]:
         if name.split(".")[0] == library or name.endswith((".figure", ".figures")):
             monkeypatch.delitem(sys.modules, name)
@@ -165,7 +168,7 @@ def test_a_law_with_a_jump_of_lift_is_an_error(rig, model):
 def test_a_motion_can_be_pickled(law, rig):
     """A pickled motion keeps its samples and its law.
 
-    It can thus be sent to another process.
+    It can therefore be sent to another process.
     """
     motion = cam_rig.simulate(law, rig, rpm=400, turns=1, sample_rate=1000)
     copy = pickle.loads(pickle.dumps(motion))

@@ -1,4 +1,7 @@
-"""Runs of scenes in one process: ticks, levels, and rows by cam and speed."""
+"""Runs of scenes in one process: ticks, levels, and rows by cam and speed.
+
+A tick is one of the time steps into which a run is divided.
+"""
 
 import dataclasses
 import itertools
@@ -27,7 +30,7 @@ def levels_of(loaded):
 
 
 def test_every_tick_is_measured(make_loaded_scene):
-    """A simulation yields one pressure per tick in order, above the background."""
+    """A simulation yields one sound pressure per tick in order, above the background."""
     loaded = make_loaded_scene(ticks_per_turn=3)
     ticks = list(simulation.simulate(loaded))
     assert len(ticks) == tick_count(loaded.scene)
@@ -41,7 +44,7 @@ def test_every_tick_is_measured(make_loaded_scene):
 def test_the_samples_contain_the_impulse_of_every_landing(make_loaded_scene):
     """The sum of the impulses in the samples of a scene is that of its landings."""
     # At a change of cam the follower is put on the new cam. An impulse after the last sample on the
-    # old cam is added to the next block. At 670 rpm and 100 Hz there is one.
+    # old cam is added to the next block. At 670 rpm and 100 Hz there is such an impulse.
     loaded = make_loaded_scene(speeds=[670], sample_rate=100)
     simulator = simulation.FollowerSimulator(MODELS["one_mass"], loaded.follower, 100, loaded.laws)
     of_events = of_samples = pending = 0.0
@@ -124,17 +127,17 @@ def test_the_speed_response_applies_to_the_contact_only(make_loaded_scene):
 DIVISIONS = (2, 3, 5, 7, 36, 72, 100)
 #: Laws with steps of the force at joints, laws with steps of the velocity, and smooth laws.
 CAMS = ("tm21", "arcs_convex", "worked_example_harmonic", "poly345", "bezier15", "trigonometric")
-#: Speeds (rpm) and rates (Hz) at which samples lie on joints and on borders of ticks.
+#: Speeds (rpm) and rates (Hz) at which samples are at joints and at borders of ticks.
 EVEN_RPM = (100, 200, 240, 300, 320, 400, 600)
 EVEN_HZ = (2000, 4000, 8000, 12_000, 48_000)
 #: All models of the follower.
 ALL_MODELS = ("kinetostatic", "one_mass", "elastic_stem", "two_mass", "torsional")
-#: Highest speed of two masses. Above it they bounce, which amplifies rounding.
+#: Highest speed (rpm) of two masses. Above it they bounce, which amplifies rounding.
 TWO_MASS_RPM = 380.0
 
 
 def random_scene(seed):
-    """Return the keys of a random scene file, with or without ramps."""
+    """Return the entries of a random scene file, with or without ramps."""
     rng = np.random.default_rng(seed)
     model = ALL_MODELS[seed % len(ALL_MODELS)]
     even = bool(rng.integers(2))
@@ -152,7 +155,7 @@ def random_scene(seed):
 
 @pytest.fixture
 def divided(make_loaded_scene):
-    """Function that loads a scene with a number of ticks per turn."""
+    """Function that loads a scene with a given number of ticks per turn."""
     return lambda scene, ticks: make_loaded_scene(**scene, ticks_per_turn=ticks)
 
 
@@ -168,7 +171,7 @@ def assert_equal(levels, expected):
 @pytest.mark.parametrize("seed", range(20))
 def test_levels_do_not_depend_on_the_ticks_per_turn(divided, seed):
     """Levels of random scenes do not depend on the ticks per turn, to 1e-9 dB."""
-    # If the ticks would have too few samples, the error contains the largest number of ticks.
+    # If the ticks had too few samples, the error states the largest number of ticks.
     scene = random_scene(seed)
     levels = levels_of(divided(scene, 1))
     for ticks in np.random.default_rng(seed).permutation(DIVISIONS)[:3].tolist():
@@ -268,7 +271,7 @@ def test_flights_in_the_samples_are_those_of_the_events(make_loaded_scene, seed)
             for a, b in itertools.pairwise(events[key])
             if b.kind == "landing" and b.angle >= start
         ]
-        if events[key] and events[key][-1].kind == "landing":  # otherwise the last flight continues
+        if events[key] and events[key][-1].kind == "landing":  # else the last flight continues
             assert abs(row.flight - max(flights)) <= 1.0 / rate + 1e-9
         alone = np.diff([event.time for event in landings]).min(initial=math.inf) > 1.0 / rate
         if alone and loaded.follower.restitution == 0.0:
@@ -308,7 +311,7 @@ def test_a_row_does_not_depend_on_the_ticks_per_turn(make_loaded_scene):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_row_contains_whole_turns_only(make_loaded_scene, seed):
-    """If a speed ends within a turn, its row contains the whole turns before."""
+    """If a speed ends within a turn, its row contains only the whole turns before."""
     loaded = make_loaded_scene(speeds=[430], turns=4, cams=["tm21"], ticks_per_turn=16)
     states = list(cam_states(loaded.scene))
 

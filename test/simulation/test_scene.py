@@ -19,6 +19,7 @@ from cam_rig.units import NS, TURN
 
 
 def test_shipped_scenes_open(config_dir):
+    """Each shipped scene loads with all its laws and files."""
     paths = sorted((config_dir / "scenes").glob("*.yaml"))
     assert paths
     for path in paths:
@@ -54,7 +55,7 @@ KIND = r"{0}\.yaml: follower\.type is '{0}'; allowed on a rig: a follower that o
 def test_a_wrong_name_in_a_scene_is_an_error(
     make_loaded_scene, tmp_path, config_dir, changes, message
 ):
-    """A scene that names an impossible file is refused with the name of the file.
+    """A scene that refers to an unusable file is refused with the name of the file.
 
     The file is missing, contains another name, or is of a cam that needs a second follower.
     """
@@ -146,7 +147,7 @@ def simulate(model, keys):
 def test_a_model_needs_exactly_its_documented_keys(model):
     """A model runs with its documented keys, and each missing key is an error.
 
-    The error is one line that names the key.
+    The error is one line that states the key.
     """
     assert simulate(model, NEEDS[model]).force.size
     for missing in NEEDS[model]:
@@ -158,7 +159,7 @@ def test_a_model_needs_exactly_its_documented_keys(model):
 
 
 def test_all_missing_keys_are_named_at_once():
-    """The error of a rig without several keys names them all, also in its remedy."""
+    """The error of a rig without several keys lists them all, also in its remedy."""
     with pytest.raises(ConfigError) as caught:
         simulate("two_mass", [])
     keys = ["restitution", "roller_share", "stem_stiffness", "stem_damping"]
@@ -234,7 +235,7 @@ def test_all_levels_of_an_uncalibrated_scene_are_relative(rig):
     }
     uncalibrated = replace(scene, rig=edit_rig(rig, "follower", **OTHER))
     assert {uncalibrated.level_origin(cam) for cam in uncalibrated.cams} == {"relative"}
-    # a study that calibrates the rig again starts from the origins in the files
+    # A study that calibrates the rig again starts from the origins in the files.
     assert uncalibrated.fitted_origin("poly345") == "calibrated"
 
 
@@ -252,6 +253,7 @@ def test_another_cam_with_the_calibrated_name_is_predicted():
 
 @pytest.fixture(params=[1, 7, 64])
 def scene(request, make_scene):
+    """Scene with four speeds, not in order, for each number of ticks per turn."""
     return make_scene(ticks_per_turn=request.param, speeds=[200, 333, 400, 210])
 
 
@@ -265,7 +267,7 @@ def test_run_length_is_that_of_the_states(scene, ramped):
 
 
 def test_a_long_scene_starts_without_computing_all_states(make_scene):
-    """The first states of a scene of 1e7 states are available at once.
+    """The first states of a scene of 100 000 turns are available at once.
 
     They are those of a short scene.
     """
@@ -354,8 +356,8 @@ def test_ticks_of_a_ramp_are_not_longer_than_at_its_higher_speed(ramped):
 @pytest.mark.parametrize(
     ("first", "second", "turned", "acceleration"),
     [
-        (10.0, 20.0, 15.0, 10.0),  # turned at the mean: a ramp
-        (10.0, 20.0, 10.0, 0.0),  # turned at the first speed: a step at the end
+        (10.0, 20.0, 15.0, 10.0),  # mean speed: a ramp
+        (10.0, 20.0, 10.0, 0.0),  # first speed: a step at the end
         (0.0, 20.0, 10.0, 20.0),  # from rest
         (20.0, 0.0, 10.0, -20.0),  # down to rest
         (20.0, 0.0, 20.0, 0.0),  # constant speed up to a stop

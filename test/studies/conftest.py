@@ -14,13 +14,17 @@ FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 
 @pytest.fixture(scope="session")
 def law(laws):
-    """Law of poly345, for studies that need a cam."""
+    """Law of the cam `poly345` (3-4-5 polynomial), for studies that need any cam."""
     return laws["poly345"]
 
 
 @pytest.fixture
 def lift_table(tmp_path):
-    """Table of 360 lifts in a German format, with 2 µm of noise and an outlier."""
+    """File with 360 measured lifts, semicolons and decimal commas.
+
+    The lift is 10 mm, the zero 3.2 mm, the noise 2 µm, and the reading at 100° an outlier of 0.4
+    mm.
+    """
     angles = np.arange(0, 360)
     u = np.clip((angles - 60.0) / 100.0, 0.0, 1.0), np.clip((angles - 220.0) / 100.0, 0.0, 1.0)
     up, down = (10 * x**3 - 15 * x**4 + 6 * x**5 for x in u)
@@ -34,5 +38,5 @@ def lift_table(tmp_path):
 
 @pytest.fixture(scope="session")
 def cam_set():
-    """The five laws of Table 2 on the rig of the paper's jump speeds."""
+    """The five cams of the paper's Table 2 on the rig identified from it."""
     return resolve_cams(list(FIVE), "paper_table2")

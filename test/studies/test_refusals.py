@@ -110,7 +110,7 @@ REFUSED = [
 def test_an_error_is_one_line_and_writes_no_file(tmp_path, monkeypatch, line, code, words):
     """An invalid command line of a study ends with one line and its exit code.
 
-    The line names the value and the allowed values. No file is written.
+    The line contains the value and the allowed values. No file is written.
     """
     monkeypatch.chdir(tmp_path)
     (tmp_path / "jumps.csv").write_text(TABLE, encoding="utf-8")

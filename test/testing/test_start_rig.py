@@ -1,6 +1,6 @@
-"""Tests of `cam_rig.testing` as other packages use it.
+"""Tests of `cam_rig.testing`, the pytest plugin that starts a rig for a test.
 
-Some of them run in a separate pytest process.
+Other packages use it in their tests. Some of these tests run in a separate pytest process.
 """
 
 import os
@@ -24,21 +24,22 @@ from ..processes import ended, is_running, until
 
 pytestmark = pytest.mark.ros
 pytest_plugins = ["pytester"]
-#: Options of the separate pytest run. Naming the plugin, which is loaded anyway, is allowed.
+#: Options of the separate pytest run. It is allowed to name the plugin, which is loaded anyway.
 PLUGINS = ("-p", "cam_rig.testing", "-p", "no:cacheprovider", "-p", "no:xdist")
 
 
 def test_plugin_is_an_entry_point_of_the_package():
-    """The package declares its pytest plugin, so that pytest loads it."""
+    """The package declares its pytest plugin as an entry point, for pytest to load it."""
     (entry,) = entry_points(group="pytest11", name="cam_rig.testing")
     assert entry.value == entry.name
 
 
 @pytest.mark.usefixtures("forked")
 def test_rig_takes_commands_and_is_independent_of_another(start_rig, monkeypatch):
-    """A rig of the fixture runs under commands of the test, next to a second rig.
+    """A rig obeys the commands of a test, while a second rig runs.
 
-    It reports ticks and messages, the end of its run, and its bag. The environment is restored.
+    It reports ticks and messages, the end of its run, and its bag. The environment variables are
+    restored.
     """
     before = dict(os.environ)
     with start_rig("quick", autostart=False) as rig, start_rig("quick") as other:
@@ -63,7 +64,7 @@ def test_rig_takes_commands_and_is_independent_of_another(start_rig, monkeypatch
         with pytest.raises(RunError, match="another tick: the rig has been ended"):
             rig.wait_for(lambda: False, "another tick")
     assert run.complete and rig.bag.is_dir()
-    stamps = {stamp_ns(message.header.stamp) for message in pressures}  # some can be repeated
+    stamps = {stamp_ns(message.header.stamp) for message in pressures}  # stamps can be repeated
     assert stamps == {tick.stop_ns for tick in run.ticks}
     assert len(run.ticks) == 16
     assert rig.ticks[-1]["cam"] == "bezier15"
@@ -77,9 +78,9 @@ def says_contact_lost(message):
 
 @pytest.mark.usefixtures("forked")
 def test_failed_node_is_reported_with_its_last_line(start_rig, tmp_path):
-    """If a node fails, a wait of the test raises its error.
+    """If a node fails, a waiting test receives its last line as error.
 
-    Here the folder of the recorder exists.
+    Here the recorder fails, because the folder of the bag exists.
     """
     (tmp_path / "occupied").mkdir()
     rig = start_rig("quick", bag=tmp_path / "occupied")
@@ -89,14 +90,14 @@ def test_failed_node_is_reported_with_its_last_line(start_rig, tmp_path):
 
 @pytest.mark.usefixtures("forked")
 def test_failed_program_is_reported_with_its_last_line(start_rig):
-    """If a program next to the rig fails, a wait of the test raises its last line."""
+    """If a program of the test fails, a waiting test receives its last line as error."""
     rig = start_rig("quick", autostart=False)
     rig.start_program(sys.executable, "-c", "raise SystemExit('no lathe found')")
     with pytest.raises(RunError, match=r"ended with code 1: no lathe found"):
         rig.wait_for_tick(1)
 
 
-#: A test process that starts a program with a child, prints the numbers of both, and sleeps.
+#: Script that starts a program with a child, prints the process ids of both, and sleeps.
 ABANDONED = """
 import os, sys, time
 from cam_rig.testing.running_rig import StartedProgram
@@ -110,7 +111,7 @@ time.sleep(1000)
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_program_ends_with_a_terminated_pytest(number):
-    """If pytest is killed, a started program and its child end."""
+    """If the test process is killed, a started program and its child end."""
     command = [sys.executable, "-c", ABANDONED]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as tests:
         pids = [int(pid) for pid in tests.stdout.readline().split()]
@@ -122,7 +123,7 @@ def test_program_ends_with_a_terminated_pytest(number):
 @pytest.mark.long
 @pytest.mark.usefixtures("forked")
 def test_examples_of_the_page_on_nodes_run(start_rig):
-    """The three tests on the page nodes.md pass."""
+    """The three example tests on the page nodes.md pass."""
     example = next(c for lang, _, c in blocks(DOCS / "nodes.md") if "def test_" in c)
     module = {}
     exec(compile(example, "nodes.md", "exec"), module)
@@ -134,7 +135,7 @@ def test_examples_of_the_page_on_nodes_run(start_rig):
 
 @pytest.mark.long
 def test_failures_are_reported_and_all_processes_end(pytester):
-    """A failed test and a killed node are reported, and no process remains."""
+    """pytest reports a failed test and a killed node, and no process remains."""
     pytester.makepyfile(
         """
         import os
@@ -164,11 +165,11 @@ def test_failures_are_reported_and_all_processes_end(pytester):
     assert ended("pgrep", "-f", pytester.path).stdout == ""
 
 
-# Client of a rig if DDS loses an answer.
+# -- client of a rig whose requests or answers DDS loses
 
 
 class LossyClient:
-    """Client of a service that does not receive the first `lost` answers."""
+    """Fake client of a service that does not receive the first `lost` answers."""
 
     def __init__(self, lost):
         self.lost, self.requests = lost, 0
@@ -187,7 +188,7 @@ class LossyClient:
 def test_request_is_repeated_after_a_lost_answer(monkeypatch):
     """A client repeats its request until it receives an answer.
 
-    A service that has not discovered its client drops its answers.
+    An answer is lost if the service has not yet discovered the client.
     """
     monkeypatch.setattr(client, "ANSWER_TIMEOUT_S", 0.05)
     with isolated_domain() as domain, client.RigClient(domain) as rig:

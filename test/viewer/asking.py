@@ -1,4 +1,4 @@
-"""Requests with custom headers to a server of pages."""
+"""HTTP requests with custom headers to a server of pages."""
 
 import json
 import re
@@ -11,12 +11,12 @@ from ..processes import WAIT_S
 
 
 def opened(address, path, method="GET", body="", **headers):
-    """Return a connection after the request of a path.
+    """Return a connection on which the request of a path was sent.
 
-    The default of ``Host`` is that of the address.
+    The default of the Host header is the host of the address.
     """
     url = urlsplit(address)
-    # a browser resolves names below localhost, Python only if the system does
+    # A browser resolves names below localhost, Python only if the system does.
     host = "127.0.0.1" if url.hostname.endswith(".localhost") else url.hostname
     connection = HTTPConnection(host, url.port, timeout=WAIT_S)
     connection.putrequest(method, path, skip_host=True)
@@ -36,12 +36,12 @@ def ask(address, path, method="GET", body="", **headers):
 
 
 def local(port):
-    """Return a connection to a port of this machine."""
+    """Return a socket that is connected to a port of this machine."""
     return socket.create_connection(("127.0.0.1", port), timeout=WAIT_S)
 
 
 class Visitor:
-    """Browser that opened the printed address: its cookie, origin and home path."""
+    """Browser session after the printed address: its cookie, origin and home path."""
 
     def __init__(self, address):
         self.url, self.address = urlsplit(address), address
@@ -53,16 +53,16 @@ class Visitor:
         self.headers = {"Cookie": self.cookie, "Origin": f"http://{self.url.netloc}"}
 
     def get(self, path):
-        """Return the body of an existing path."""
+        """Return the body of the page at a path, which must exist."""
         status, _, body = ask(self.address, path, Cookie=self.cookie)
         assert status == 200, (path, status)
         return body
 
     def post(self, path, body=""):
-        """Return the response to a request of the page."""
+        """Return status, headers and body of a POST request by the page."""
         return ask(self.address, path, "POST", body, **self.headers)
 
     def send(self, path, value):
-        """Return status and response of JSON that the page sends."""
+        """Return status and decoded response of a POST request with JSON."""
         status, _, body = self.post(path, json.dumps(value))
         return status, json.loads(body)

@@ -1,4 +1,4 @@
-"""Fixtures: a small bag written without ROS, and its recording read back."""
+"""Fixtures: a small bag written without ROS, and its Rerun recording read back."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from cam_rig.viewer.recording import save_recording
 
 from ..conftest import scene_data
 
-#: Two cams at two speeds. At the second speed the follower jumps.
+#: Two cams at two speeds. At the second speed the follower lifts off.
 SCENE = scene_data(
     title="Two cams, two speeds", speeds=[300, 700], turns=2, ticks_per_turn=2, sample_rate=4000
 )
@@ -34,7 +34,7 @@ SCENE = scene_data(
 
 @dataclass
 class SmallBag:
-    """Bag with the data written into it."""
+    """Small bag and the data that were written into it."""
 
     path: Path
     loaded: LoadedScene
@@ -56,13 +56,13 @@ class SmallBag:
 
     @property
     def gap(self):
-        """Lift minus law of the mounted cam at every sample, m, shape (n,)."""
+        """Lift minus the law of the cam at every sample, m, shape (n,)."""
         laws, angles = self.loaded.laws.values(), np.split(self.angle, len(self.loaded.laws))
         lifts = [law(angle) for law, angle in zip(laws, angles, strict=True)]
         return self.samples[1] - np.concatenate(lifts)
 
     def sample_of(self, picture, entity):
-        """Return the index of the sample of each row of an entity."""
+        """Return for each row of an entity the index of the sample at its time."""
         return np.abs(self.samples[0][:, None] - picture.time(entity)).argmin(axis=0)
 
 
@@ -86,7 +86,7 @@ def of_profile(cam, points):
 
 
 def make_bag(folder, config, leave_out=(), scene=SCENE):
-    """Simulate a scene, and write the topics of the picture except `leave_out`."""
+    """Simulate a scene and write its topics, except `leave_out`, to a bag."""
     for part in ("cams", "rigs"):
         shutil.copytree(config / part, folder / "config" / part)
     path = folder / "config" / "scenes" / "small.yaml"
@@ -147,13 +147,13 @@ def play(view, bag):
 
 @pytest.fixture(scope="session")
 def bag(tmp_path_factory, config_dir):
-    """Complete small bag."""
+    """Small bag with all topics."""
     return make_bag(tmp_path_factory.mktemp("whole"), config_dir)
 
 
 @pytest.fixture(scope="session")
 def drawings(bag, tmp_path_factory):
-    """Function that records the small bag with options and reads the recording back."""
+    """Function that records the small bag with options and returns the `Picture`."""
 
     @cache
     def drawn(*options):
@@ -172,7 +172,7 @@ def picture(drawings):
 
 @pytest.fixture(scope="session", autouse=True)
 def strict():
-    """Rerun raises errors instead of warnings."""
+    """Make Rerun raise errors instead of warnings."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     yield
@@ -180,7 +180,7 @@ def strict():
 
 
 class Picture:
-    """Recording, by entity and column."""
+    """Rerun recording, read by entity and column."""
 
     def __init__(self, path):
         from rerun.chunk import RrdReader
@@ -196,7 +196,7 @@ class Picture:
         return set(self._batches)
 
     def column(self, entity, name):
-        """Return the values of a column in the order in which they were sent."""
+        """Return the values of a column of an entity, in the order of sending."""
         values = []
         for batch in self._batches[f"/{entity}"]:
             if name in batch.schema.names:
@@ -204,11 +204,11 @@ class Picture:
         return values
 
     def numbers(self, entity, name):
-        """Return the numbers of a column, shape (n, …)."""
+        """Return the numbers of a column of an entity, shape (n, …)."""
         return np.array(self.column(entity, name), dtype=np.float64).squeeze()
 
     def time(self, entity):
-        """Return the rig time of the rows of an entity, s, shape (n,)."""
+        """Return the simulated time (s) of the rows of an entity, shape (n,)."""
         times = [
             batch.column("rig_time").cast("int64").to_numpy()
             for batch in self._batches[f"/{entity}"]

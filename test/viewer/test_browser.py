@@ -1,4 +1,7 @@
-"""The page in a real browser: every curve is visible, a missing curve detected."""
+"""The viewer's page in a real browser: every curve is visible.
+
+The tests count the pixels of each colour. A missing curve must be detected.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ LATE = """<body style="margin:0"><div style="width:100px;height:100px;background
 <div id="late" style="width:0;height:100px;background:#0f0"></div>
 <script>setTimeout(() => { late.style.width = "400px"; }, 1000);</script></body>"""
 
-#: Start of the playback, as a fraction of the small run: its second cam turns and lifts off.
+#: Start of the playback as a fraction of the small run. There its second cam turns and lifts off.
 BEGIN = 0.9
 #: Colours that must be visible there.
 SHOWN = {
@@ -59,8 +62,8 @@ UNUSED = {"green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}
 class Visit:
     """Observations of a browser at one address.
 
-    `most` is the largest number of pixels of each colour. `times` are the displayed rig times
-    in s.
+    `most` is the largest number of pixels of each colour. `times` are the simulated times (s) that
+    the page displayed.
     """
 
     most: dict[str, int]
@@ -73,7 +76,7 @@ class Visit:
         return {name for name, pixels in self.most.items() if pixels < browser.MIN_PIXELS}
 
     def watch(self, page):
-        """Record errors on the console, requests to other machines, and displayed times."""
+        """Record console errors, requests to other machines, and displayed times."""
         page.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.on("request", lambda asked: self._asked(asked.url))
@@ -88,13 +91,13 @@ class Visit:
 def look(chromium, address, shown, missing, until=0.0):
     """Visit an address until all colours except `missing` were visible.
 
-    The visit also waits until the page displays the rig time `until` (s).
+    The visit also waits until the page displays the simulated time `until` (s).
     """
     visit, page, start = Visit(dict.fromkeys(shown, 0)), new_page(chromium), time.monotonic()
     visit.watch(page)
-    page.set_viewport_size({"width": 1000, "height": 640})  # small: no GPU
+    page.set_viewport_size({"width": 1000, "height": 640})  # small, because there is no GPU
     page.goto(address)
-    extra_photographs = 1 if missing else 0  # gives unexpected colours time to appear
+    extra_photographs = 1 if missing else 0  # time for unexpected colours to appear
     for pixels in browser.photographs(page, start + browser.TIMEOUT_S):
         for name, colour in shown.items():
             visit.most[name] = max(visit.most[name], count(pixels, colour))
@@ -118,7 +121,7 @@ def path(bag, tmp_path_factory):
 def test_every_curve_is_visible_at_the_start_of_the_playback(chromium, bag, path):
     """Each curve of a served recording is visible, and the playback advances.
 
-    The page causes no errors or requests to other hosts.
+    The page causes no errors and no requests to other hosts.
     """
     end = float(bag.samples[0, -1])
     with serve_file(path, BEGIN * end) as address:
@@ -129,7 +132,7 @@ def test_every_curve_is_visible_at_the_start_of_the_playback(chromium, bag, path
 
 
 def test_a_photograph_waits_for_every_colour(chromium, tmp_path, monkeypatch):
-    """A photograph is taken only when each requested colour is visible.
+    """A screenshot is taken only when each requested colour is visible.
 
     The second box of the page appears later than the first.
     """
@@ -146,7 +149,7 @@ def test_an_idle_page_displays_one_run_after_the_other(chromium, bag):
     page, shown = new_page(chromium), re.compile(r"/shown\?ns=\d")
     with serve() as pages:
         page.goto(pages.address)
-        for _ in range(5):  # the first second is redrawn continuously
+        for _ in range(5):  # at first it is redrawn continuously
             with page.expect_request(re.compile(r"/shown\?ns=-1")):
                 pass
         for _ in range(2):
@@ -161,7 +164,10 @@ def test_an_idle_page_displays_one_run_after_the_other(chromium, bag):
 
 @pytest.mark.long
 def test_a_missing_curve_is_detected(chromium, bag, tmp_path, monkeypatch):
-    """If a recording has no velocity, only the colour of the velocity is missing."""
+    """If a recording has no velocity, exactly the colour of the velocity is missing.
+
+    This proves that the test of visible curves can fail.
+    """
     send = TurnChart._strips
 
     def send_others(self, at, entity, strips):
@@ -178,7 +184,7 @@ def test_a_missing_curve_is_detected(chromium, bag, tmp_path, monkeypatch):
 
 
 def test_no_two_curves_have_similar_colours():
-    """The colours of any two curves differ by over 28 of 255 in one channel.
+    """The colours of any two curves differ by more than 28 of 255 in one channel.
 
     The test of visible curves therefore cannot take one curve for another.
     """

@@ -25,11 +25,11 @@ from cam_rig.viewer.turn_chart import HEAD, WIDTH
 
 STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
 
-# -- axes of round numbers, and points on them ------------------------------------------------
+# -- axes with round numbers, and points on them
 
 
 def some_ends():
-    """Return pairs that differ by 1e-5 to 1e6, around 0 and away from 0."""
+    """Return 300 random pairs of axis ends that differ by 1e-5 to 1e6."""
     random = np.random.default_rng(18)
     size = 10.0 ** random.uniform(-3.0, 6.0, 300)
     low = random.uniform(-1.0, 1.0, 300) * size
@@ -39,8 +39,8 @@ def some_ends():
 def test_an_axis_contains_its_values_with_a_small_margin():
     """An axis contains its values and extends beyond them by less than one step.
 
-    Steps are 1, 2 or 5 times a power of ten. An axis has 2 to 4 numbers, including 0 if it
-    contains 0.
+    Steps are 1, 2 or 5 times a power of ten. An axis has 2 to 4 numbers, including 0 if it contains
+    0.
     """
     for low, high in some_ends():
         left, right, step = round_range(low, high)
@@ -73,7 +73,7 @@ def test_an_axis_contains_its_values_with_a_small_margin():
 
 
 def test_a_gap_much_smaller_than_the_greatest_has_an_additional_axis():
-    """A cam whose gap is much smaller than the greatest gap has an additional axis.
+    """A cam whose gap is much smaller than the largest gap gets an additional axis.
 
     The gap fills 15 to 50 % of it. Gaps that one axis resolves have no additional axis.
     """
@@ -87,7 +87,7 @@ def test_a_gap_much_smaller_than_the_greatest_has_an_additional_axis():
 
 
 def test_minimum_and_maximum_of_every_bucket_are_kept_in_order():
-    """Reduced values contain minimum and maximum of each bucket, in order.
+    """A reduced curve keeps minimum and maximum of each bucket of samples, in order.
 
     The last bucket may be shorter. Buckets of one sample keep all samples.
     """
@@ -104,9 +104,9 @@ def test_minimum_and_maximum_of_every_bucket_are_kept_in_order():
 
 
 def test_a_row_at_the_end_of_a_turn_is_at_0_degrees_of_the_next():
-    """A row at the end of a turn is shown at 0° of the next turn.
+    """A sample at the end of a turn is shown at 0° of the next turn.
 
-    The times of the drive are whole ns, so the angle may be slightly less than a turn.
+    Simulated times are whole ns, so the angle may be slightly less than a turn.
     """
     turns = np.arange(1, 700)
     for rpm in (60.0, 200.0, 400.0, 3000.0, 10_000.0):
@@ -148,20 +148,21 @@ def test_twist_tick_by_tick_is_that_of_the_model(config_dir, free):
             np.testing.assert_allclose(shown, expected, rtol=0, atol=1e-8 * peak)
 
 
-# -- third-octave bars: Parseval, transfer function, pulse of a landing ------------------------
+# -- third-octave bars: Parseval, transfer function, pulse of a landing
 
 RATE = 12_000.0
 
 
 @pytest.fixture(scope="module")
 def radiation(rig):
+    """Constants of radiation of the shipped rig."""
     return RadiationParameters.from_rig(rig)
 
 
 def test_a_tone_has_power_in_its_band_only(radiation):
-    """A force of 1 N at 1 kHz has power in the band of 1 kHz only.
+    """A force of 1 N at 1 kHz has power only in the third-octave band of 1 kHz.
 
-    Its pressure is gain · ω_c · ratio, with the ratio of the low-pass at 1 kHz.
+    Its pressure amplitude is gain · ω_c times the ratio of the low-pass at 1 kHz.
     """
     time = np.arange(12_000) / RATE
     power = level_chart.band_power(radiation, np.cos(2e3 * np.pi * time), np.zeros_like(time), RATE)
@@ -175,8 +176,8 @@ def test_a_tone_has_power_in_its_band_only(radiation):
 def test_the_bands_sum_to_the_power_at_the_microphone(radiation):
     """The powers of the bands add up to the power at the microphone.
 
-    The background is excluded. A constant force is 0 dB in each band, and the power of a
-    landing is its energy per turn.
+    The background is excluded. A constant force gives 0 dB in each band. A landing has its energy
+    divided by the turn's duration as power.
     """
     turn = 2000
     phase = 2.0 * np.pi * np.arange(turn) / turn
@@ -198,7 +199,7 @@ def test_the_bands_sum_to_the_power_at_the_microphone(radiation):
 
 
 def test_each_bar_has_the_position_of_its_band_and_the_height_of_its_level(bag, drawings, picture):
-    """Each bar has the position of its band and the height of its level.
+    """Each third-octave bar is at its band, with the height of its level.
 
     In a run the bars appear at the end of each turn.
     """
@@ -219,7 +220,7 @@ def test_each_bar_has_the_position_of_its_band_and_the_height_of_its_level(bag, 
     np.testing.assert_allclose(picture.time("bands/bars"), times[whole], atol=1e-9)
 
 
-# -- levels over speed ------------------------------------------------------------------------
+# -- levels over speed
 
 
 def test_each_cam_is_labelled_next_to_its_last_point(bag, picture):
@@ -243,9 +244,9 @@ def test_each_cam_is_labelled_next_to_its_last_point(bag, picture):
 
 
 def test_measured_points_are_the_levels_of_the_steps(bag, picture):
-    """The last points over the speed are the levels of the steps of each cam.
+    """The last points over the speed are the levels of each cam at each speed.
 
-    A level is the energy mean over the settled ticks of the step.
+    A level is the energy mean over the ticks in which the motion has settled.
     """
     states, rate = list(cam_states(bag.loaded.scene)), int(bag.loaded.scene.sample_rate.si)
     ticks = [
@@ -264,7 +265,7 @@ def test_measured_points_are_the_levels_of_the_steps(bag, picture):
     np.testing.assert_allclose(corners, [[0.0, axes.height], [axes.width, 0.0]])
 
 
-# -- cams side by side, and texts -----------------------------------------------------------
+# -- cams side by side, and texts
 
 
 @pytest.mark.parametrize("rpm", [300.0, 700.0])
@@ -293,7 +294,7 @@ def test_the_last_turns_of_all_cams_are_overlaid(bag, drawings, rpm):
 def test_cams_side_by_side_at_one_speed(bag, drawings, layout):
     """In a comparison at one speed each cam has a moving picture and bars.
 
-    The bar of 100 N has the same length for all cams.
+    The force bar of 100 N has the same length for all cams.
     """
     shown, lengths = drawings(ViewOptions(layout, 300.0)), []
     assert "/plots/lift/follower" not in shown.entities
@@ -311,7 +312,7 @@ def test_cams_side_by_side_at_one_speed(bag, drawings, layout):
 
 
 def test_results_are_those_of_the_turns(bag, picture):
-    """The table of results has the peaks and flights of the last turns.
+    """The table of results has the peaks and lift-offs of the last turns.
 
     Cams and speeds are in the order of the scene.
     """
@@ -333,7 +334,7 @@ def test_results_are_those_of_the_turns(bag, picture):
 def test_a_finished_run_has_its_results_at_every_time(bag, picture, drawings, layout):
     """The results of a finished run are displayed at every time of every timeline.
 
-    They are the table and the levels of all steps.
+    They are the table and the levels of all speeds.
     """
     shown = picture if layout is Layout.RUN else drawings(ViewOptions(layout, 300.0))
     (words,) = shown.column("results", "TextDocument:text")
@@ -345,7 +346,7 @@ def test_a_finished_run_has_its_results_at_every_time(bag, picture, drawings, la
 
 
 def test_numbers_are_listed_by_origin(bag):
-    """The text on the run lists numbers with units as given, assumed or identified.
+    """The text about a run lists numbers with units as given, assumed or identified.
 
     It states if curves are reduced.
     """

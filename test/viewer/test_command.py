@@ -1,4 +1,4 @@
-"""cam-rig view, charts of laws and orders, and Rerun's import of a bag."""
+"""Command `cam-rig view`, charts of laws and orders, and Rerun's import of a bag."""
 
 import json
 import os
@@ -53,9 +53,9 @@ def no_display(monkeypatch):
 
 
 def test_the_viewer_opens_the_file_on_loopback_and_reports_no_usage(monkeypatch, tmp_path):
-    """The viewer is started with the file, on the loopback address and with CI set.
+    """Rerun's viewer is started with the file, on the loopback address, with CI set.
 
-    CI disables its reports on usage. If it fails, the error has its exit code and a remedy.
+    CI disables its usage reports. If it fails, the error has its exit code and a remedy.
     """
     said = tmp_path / "said"
     monkeypatch.delenv("CI", raising=False)
@@ -82,7 +82,7 @@ def test_a_missing_display_is_reported(bag):
 
 @pytest.mark.usefixtures("no_display")
 def test_saving_needs_no_display_and_prints_path_and_size(bag, tmp_path):
-    """--save works without a display, creates the folder, and prints path and size.
+    """`--save` works without a display, creates the folder, and prints path and size.
 
     An existing file is replaced only with --force.
     """
@@ -96,9 +96,9 @@ def test_saving_needs_no_display_and_prints_path_and_size(bag, tmp_path):
 
 
 def test_invalid_options_are_refused(bag, tmp_path):
-    """Conflicting options or a speed that is not in the run are refused.
+    """Conflicting options, or a speed that is not in the run, are refused.
 
-    The error names the options, or the speeds of the run. No file is written.
+    The error contains the options, or the speeds of the run. No file is written.
     """
     save = ["--save", "{tmp}/a.rrd"]
     for options, code, words in (
@@ -121,7 +121,10 @@ def test_invalid_options_are_refused(bag, tmp_path):
 
 
 def test_cams_are_compared_at_speeds_of_the_operator(bag, tmp_path):
-    """A comparison accepts the speeds in the bag, even if its scene has other speeds."""
+    """A comparison accepts the speeds in the bag, even if its scene has others.
+
+    An operator may have set other speeds during the run.
+    """
     path = tmp_path / "scenes" / "other.yaml"
     path.parent.mkdir()
     for part in ("cams", "rigs"):
@@ -150,7 +153,7 @@ def test_an_interrupted_file_is_deleted(bag, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-# -- recordings of laws and of orders ----------------------------------------------------------
+# -- recordings of laws and of orders
 
 
 STRIPS = "LineStrips2D:strips"
@@ -159,7 +162,7 @@ UNITS = ("h", "h/β", "h/β²", "h/β³")
 
 
 def test_each_curve_is_the_law(tmp_path):
-    """Each curve of a chart of laws is its law or derivative, on a common scale."""
+    """Each curve in a chart of laws is its law or derivative, on a common scale."""
     curves = [rise_curves(name) for name in ("poly345", "cycloidal", "simple_harmonic")]
     save_laws(curves, "u", UNITS, tmp_path / "a.rrd")
     picture = Picture(tmp_path / "a.rrd")
@@ -170,7 +173,7 @@ def test_each_curve_is_the_law(tmp_path):
             drawn.append(np.array([list(point) for point in strips[0]])[:, 1])
             values.append(curve.motion[order])
         scale, start = np.polyfit(np.concatenate(values), np.concatenate(drawn), 1)
-        assert scale < 0.0  # the plane's y is down
+        assert scale < 0.0  # the y axis of the picture is down
         fitted = scale * np.concatenate(values) + start
         np.testing.assert_allclose(np.concatenate(drawn), fitted, atol=1e-4)
     with pytest.raises(CamRigError, match=r"must end in .rrd, got '.png'"):
@@ -179,16 +182,16 @@ def test_each_curve_is_the_law(tmp_path):
 
 @pytest.fixture(scope="module")
 def found():
-    """Orders of 3-4-5 at three speeds."""
+    """Order spectra of the 3-4-5 cam at three speeds."""
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     rig = cam_rig.load_rig("paper_table2")
     return waterfall({"poly345": law}, "elastic_stem", rig, [rpm * RPM for rpm in SPEEDS], 40)
 
 
 def test_bars_are_the_levels_of_the_speed(found, tmp_path):
-    """The bars of a chart of orders are the levels of each speed, to scale.
+    """The bars in a chart of orders are the levels at each speed, to scale.
 
-    Strokes mark the orders within 60 dB of the loudest.
+    In the chart over speed, strokes mark the orders within 60 dB of the loudest.
     """
     path = tmp_path / "a.rrd"
     save_orders(found, path)
@@ -209,7 +212,7 @@ def test_bars_are_the_levels_of_the_speed(found, tmp_path):
 
 
 def test_tabs_and_charts_have_titles(found):
-    """A tab of orders has the shortened title of its cam.
+    """A tab of a recording of orders has the shortened title of its cam.
 
     Without a title it has the name of the cam as text.
     """
@@ -221,7 +224,7 @@ def test_tabs_and_charts_have_titles(found):
         assert len(charts) == 4 and not any("poly" in str(view.name) for view in charts)
 
 
-# -- Rerun's import of the MCAP file of a bag --------------------------------------------------
+# -- Rerun's import of the MCAP file of a bag
 
 
 #: Packages of interfaces that every ROS 2 installation has.
@@ -229,7 +232,7 @@ OF_ROS = r"(diagnostic|geometry|rosgraph|sensor|std|tf2|trajectory|visualization
 
 
 def convert(path, *options):
-    """Convert the golden bag with Rerun's converter, and return the recording."""
+    """Convert the reference bag with Rerun's converter, and return the recording."""
     command = [sys.executable, "-c", COMMAND, "mcap", "convert", str(bag_file(GOLDEN)), *options]
     subprocess.run([*command, "-o", str(path)], check=True, env=os.environ | SILENT, timeout=60)
     return Picture(path)
@@ -237,14 +240,14 @@ def convert(path, *options):
 
 @pytest.fixture(scope="module")
 def imported(tmp_path_factory):
-    """Recording of the golden bag, converted by Rerun with the default options."""
+    """Reference bag, converted by Rerun with default options."""
     return convert(tmp_path_factory.mktemp("imported") / "golden.rrd")
 
 
 def test_the_documented_options_give_named_curves_over_rig_time(tmp_path):
     """With the documented options Rerun's import names the curves after the joints.
 
-    The times are durations from 0.
+    The times are durations from 0, as in the simulation.
     """
     documented = (config_root().parent / "docs" / "viewing.md").read_text(encoding="utf-8")
     (line,) = re.findall(r"rerun mcap convert (.*?) -o", documented, re.DOTALL)
@@ -293,9 +296,9 @@ def test_the_rig_moves_without_options(imported):
 
 
 def test_the_file_contains_the_schemas_of_all_messages():
-    """The golden bag has a schema of each message, in an encoding that viewers read.
+    """The reference bag has a schema of each message that viewers can read.
 
-    Foxglove and PlotJuggler read it. All messages are standard types of ROS.
+    Foxglove and PlotJuggler read it. All messages are of standard ROS types.
     """
     with bag_file(GOLDEN).open("rb") as stream:
         reader = make_reader(stream)

@@ -1,4 +1,4 @@
-"""Live view of a run: no data are ahead of the curves."""
+"""Live view of a run: no bar, picture or text is ahead of the curves."""
 
 import time
 from functools import partial
@@ -28,12 +28,12 @@ from .conftest import play
 
 pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")
 CURVES = [f"/{line.entity}" for line in (LIFT, LAW, VELOCITY, ACCELERATION, FORCE, ZERO)]
-#: Window (s), so short that the small run contains several windows.
+#: Shortest window of curves (s) in these tests, so that the small run contains several windows.
 MIN_WINDOW_S = 0.2
 
 
 def show(bag, address, flush=False):
-    """Play the small run into a live view as fast as possible."""
+    """Pass the small run to a live view as fast as possible."""
     picture = LiveView(bag.loaded, address)
     for _ in play(picture, bag):
         if flush:
@@ -43,7 +43,7 @@ def show(bag, address, flush=False):
 
 @pytest.fixture(scope="module")
 def arrived(bag, tmp_path_factory):
-    """Chunks of a live view in the order of their arrival at a server."""
+    """Chunks of a live view in the order in which they arrived at a server."""
     path, port = tmp_path_factory.mktemp("live") / "live.rrd", find_free_port()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "MIN_WINDOW_S", MIN_WINDOW_S)
@@ -56,7 +56,7 @@ def arrived(bag, tmp_path_factory):
 
 
 def times_of(parts):
-    """Return the rig times (ns) of all entities in the parts of one recording."""
+    """Return a dict from entity to its sorted times (ns) in all parts of a recording."""
     readers, by_entity = [RrdReader(part) for part in parts], dict[str, list[int]]()
     assert len({str(recording) for reader in readers for recording in reader.recordings()}) == 1
     for chunk in (chunk for reader in readers for chunk in reader.stream().to_chunks()):
@@ -85,9 +85,9 @@ def test_a_long_recording_is_written_in_parts(bag, tmp_path, monkeypatch):
 
 
 def written(path, end):
-    """Return the chunks of a file once each curve is complete and the run is over.
+    """Return the chunks of a file once it is complete, before that an empty list.
 
-    A curve is complete if it reaches `end` (s). Returns an empty list before.
+    It is complete if each curve reaches `end` (s) and the run is finished.
     """
     try:
         chunks = list(RrdReader(path).stream().to_chunks())
@@ -99,13 +99,13 @@ def written(path, end):
 
 
 def results(chunks):
-    """Return the headings of the table of results, in order."""
+    """Return the headings of the table of results, in order of time."""
     texts = rows(chunks, "/results", "TextDocument:text")
     return [str(words[0]).partition("\n")[0] for _, words in texts if words]
 
 
 def newest(chunk):
-    """Return the newest rig time (s) in a chunk, or -inf if it applies to every time."""
+    """Return the newest time (s) in a chunk, or -inf if it applies to every time."""
     batch = chunk.to_record_batch()
     if "rig_time" not in batch.schema.names:
         return -np.inf
@@ -157,7 +157,7 @@ def test_a_change_of_cam_or_speed_clears_the_chart(bag, arrived):
 
 
 def rows(chunks, entity, column):
-    """Return the rig times (ns) and the values of a column, in order of time."""
+    """Return (time in ns, value) of a column, in order of time."""
     pairs = []
     for batch in (chunk.to_record_batch() for chunk in chunks if chunk.entity_path == entity):
         if "rig_time" in batch.schema.names and column in batch.schema.names:
@@ -167,7 +167,10 @@ def rows(chunks, entity, column):
 
 
 def test_a_curve_has_two_points_per_position_of_the_screen():
-    """A window of a live view has at most a thousand buckets, and at least two ticks."""
+    """A window of a live view has at most a thousand buckets of samples.
+
+    A window is at least two ticks long. Each bucket gives two points, as a screen can display.
+    """
     assert live_window(0.1) == live.MIN_WINDOW_S and live_window(2.0) == 4.0
     for rate in (500.0, 12_000.0, 48_000.0):
         bucket = screen_bucket(2.0, rate)
@@ -175,7 +178,7 @@ def test_a_curve_has_two_points_per_position_of_the_screen():
 
 
 def test_pictures_of_a_paced_run_are_sent_evenly_between_its_ticks(bag, monkeypatch):
-    """At half real time pictures are sent evenly, 20 per second.
+    """At half real-time speed pictures are sent evenly, 20 per second.
 
     They are at most a tick and 0.35 s late, and never ahead of the curves.
     """
@@ -207,7 +210,7 @@ def test_pictures_of_a_paced_run_are_sent_evenly_between_its_ticks(bag, monkeypa
         view.close()
 
 
-# -- rate of the pictures: a page is not late for long and not slower than necessary -----------
+# -- rate of the pictures: a page is not late for long and not slower than necessary
 
 STEP_S = 0.25
 
@@ -264,9 +267,9 @@ def test_the_rate_follows_a_page_that_is_slow_for_a_while():
 
 
 def test_the_rate_is_constant_if_the_delay_is_unknown():
-    """The rate of pictures is constant if the delay is unknown.
+    """The rate of pictures is constant if the delay of the page is unknown.
 
-    It is also constant for a page that is neither late nor in time, and for a window.
+    It is constant also for a page that is neither late nor in time, and for a native window.
     """
     now, between = [0.0], 0.5 * (timeline.LATE_S + timeline.IN_TIME_S) + 1.0 / timeline.MIN_RATE
     for behind, rate in (
@@ -282,7 +285,7 @@ def test_the_rate_is_constant_if_the_delay_is_unknown():
 
 
 def test_no_more_pictures_are_sent_than_a_screen_displays():
-    """The number of pictures sent is limited by the time since the last ones.
+    """The number of pictures sent is limited by the time since the last pictures.
 
     The newest picture is always sent.
     """

@@ -1,4 +1,4 @@
-"""The recording of a bag shows the numbers of the bag."""
+"""Rerun recording of a bag: it contains the numbers of the bag."""
 
 import random
 
@@ -42,7 +42,7 @@ def test_every_sample_level_and_speed_of_a_small_bag_is_shown(bag, picture):
 
 
 def test_landings_are_marked(bag, picture):
-    """Each sample with an impulse has a mark on the lift and a line in the events."""
+    """Each sample with a landing impulse has a mark on the lift and a line in the log."""
     time, lift, _, _, _, impulse = bag.samples
     landed = impulse > 0.0
     assert landed.any()
@@ -77,16 +77,16 @@ def test_a_long_run_keeps_its_peaks(bag, tmp_path, monkeypatch):
 def test_static_data_are_read_first(picture):
     """Colours and axes precede the curves in the file.
 
-    A viewer displays a file while it loads.
+    A viewer displays a file while it loads, and needs them first.
     """
     static = [chunk.is_static for chunk in RrdReader(picture.path).stream().to_chunks()]
     assert any(static) and static == sorted(static, reverse=True)
 
 
 def test_an_existing_file_is_not_overwritten(bag, tmp_path):
-    """An existing recording is replaced only with ``overwrite``.
+    """An existing recording is replaced only with `overwrite`.
 
-    Another suffix than .rrd, or a file as folder, is an error.
+    Another suffix than .rrd, or a file in place of the folder, is an error.
     """
     path = tmp_path / "taken.rrd"
     path.write_text("mine")
@@ -107,9 +107,9 @@ def test_an_existing_file_is_not_overwritten(bag, tmp_path):
 
 
 def test_a_bag_without_a_required_topic_is_refused(tmp_path, config_dir):
-    """A bag without the profile of a cam or the samples is refused.
+    """A bag without the profile of a cam, or without samples, is refused.
 
-    The error names the topic, and no incomplete file remains.
+    The error contains the topic, and no incomplete file remains.
     """
     for topic, words in (
         (topics.PROFILE, "'poly345' turns, but its /cam/profile is not in the bag"),
@@ -123,11 +123,11 @@ def test_a_bag_without_a_required_topic_is_refused(tmp_path, config_dir):
     assert not list(tmp_path.glob("out/*"))
 
 
-# -- messages arrive in any order of topics, and the result is the same -----------------------
+# -- messages arrive in any order of topics, and the result is the same
 
 
 class Notes:
-    """Receiver that lists the received data."""
+    """Receiver that records the calls that it gets."""
 
     def __init__(self):
         self.profiles = {}
@@ -152,7 +152,7 @@ class Notes:
 def test_any_order_of_topics_gives_the_ticks_in_order(bag, seed):
     """Each tick is passed on once and in order, for any order of the topics.
 
-    Its sound follows it.
+    The sound level of a tick follows it.
     """
     notes = Notes()
     feed, sounds = RunFeed(notes), zip(bag.levels, bag.pressures, strict=True)

@@ -1,4 +1,4 @@
-"""Moving picture of cam and follower: the roller touches the contour in contact."""
+"""Moving picture of cam and follower: in contact the roller touches the contour."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ CAM, FOLLOWER, CONTOUR = "scene/rig/cam", "scene/rig/follower", "scene/rig/cam/c
 
 
 def gap(point, outline):
-    """Return the distance of a point to a closed polyline ``(n, 2)``."""
+    """Return the distance of a point to a closed polyline of shape (n, 2)."""
     start, along = outline[:-1], np.diff(outline, axis=0)
     fraction = np.sum((point - start) * along, axis=1) / np.sum(along**2, axis=1)
     foot = start + np.clip(fraction, 0.0, 1.0)[:, None] * along
@@ -35,7 +35,7 @@ def test_each_cam_replaces_the_previous_cam(bag, picture):
 
 
 def test_the_picture_turns_the_cam_like_the_drive(bag, picture):
-    """The cam is rotated by the cam angle of the frame, counterclockwise."""
+    """The drawn cam is rotated by its angle, counterclockwise."""
     time, quaternion = picture.time(CAM), picture.numbers(CAM, "Transform3D:quaternion")
     x, y, z, w = quaternion.T
     angle = np.interp(time, bag.samples[0], bag.angle)
@@ -47,7 +47,7 @@ def test_the_picture_turns_the_cam_like_the_drive(bag, picture):
 def test_the_roller_touches_the_turned_contour(bag, picture):
     """In contact the centre of the roller is one radius from the turned contour.
 
-    In flight it is farther away.
+    The tolerance is 0.02 mm. In flight it is farther away.
     """
     time = picture.time(FOLLOWER)
     place = picture.numbers(FOLLOWER, "Transform3D:translation")[:, :2]
@@ -66,7 +66,7 @@ def test_the_roller_touches_the_turned_contour(bag, picture):
 
 
 def test_frames_come_at_equal_angles_across_blocks():
-    """Frames are at equal angles, however the samples are divided into blocks."""
+    """Frames are at equal cam angles, however the samples are divided into blocks."""
     angle = np.linspace(0.0, 4.0 * np.pi, 5000, endpoint=False)
     step = angle[1]
     whole = frame_mask(angle, step)
@@ -77,7 +77,10 @@ def test_frames_come_at_equal_angles_across_blocks():
 
 
 def test_the_gap_is_drawn_in_flight_only(bag, picture):
-    """In flight a vertical line of the length lift minus law is drawn, else none."""
+    """In flight a vertical line with the length of the gap is drawn.
+
+    In contact there is no line.
+    """
     strips = picture.column("scene/rig/gap", "LineStrips2D:strips")
     sample = bag.sample_of(picture, "scene/rig/gap")
     flies = bag.samples[4, sample] == 0.0
@@ -92,7 +95,7 @@ def test_the_gap_is_drawn_in_flight_only(bag, picture):
 
 
 def test_the_arrow_is_the_contact_force(bag, picture):
-    """The arrow in contact has the contact force to scale, along the common normal.
+    """The force arrow has the contact force to scale, along the common normal.
 
     There is no arrow in flight.
     """
@@ -124,7 +127,7 @@ def test_the_arrow_is_the_contact_force(bag, picture):
 
 
 def test_title_speed_and_force_bar_are_below_the_cam(bag, picture):
-    """Title and speed of a step are displayed in the colour of the cam.
+    """Title and speed are displayed in the colour of the cam.
 
     The bar below is a power of ten of the force, on the scale of the arrow.
     """
@@ -156,9 +159,9 @@ def test_the_arrow_is_visible_at_every_speed(scene):
 
 @pytest.mark.parametrize("cam", ["oscillating_roller", "oscillating_flat", "flat", "poly345"])
 def test_the_follower_covers_no_number_of_the_ring(make_loaded_scene, cam):
-    """The follower covers none of the visible numbers of the ring at any lift.
+    """The follower covers no visible angle number around the cam.
 
-    At least six numbers are visible.
+    This applies at any lift. At least six numbers are visible.
     """
     framing = framings(make_loaded_scene(cams=[cam]))[cam]
     places, numbers = framing.numbers()
@@ -182,7 +185,7 @@ def test_a_follower_outside_its_view_is_drawn_at_the_edge():
 
 
 def test_cam_and_follower_are_completely_visible(bag, picture):
-    """Contour, ring, guide and follower are within the view at the highest lift."""
+    """Contour, angle ring, guide and follower are within the view at the highest lift."""
     (left, right), (top, bottom) = bounds(framings(bag.loaded))
     zoom = picture.numbers("scene/rig", "Transform3D:mat3x3").reshape(-1, 3, 3)
     place = picture.numbers(FOLLOWER, "Transform3D:translation")[:, :2]
@@ -201,7 +204,7 @@ def test_cam_and_follower_are_completely_visible(bag, picture):
 
 
 def test_the_readings_are_those_of_the_frame(bag, picture):
-    """The readings contain angle, lift and force of their frame.
+    """The displayed readings are angle, lift and force of their frame.
 
     In flight they contain the gap, and in contact the pressure angle.
     """

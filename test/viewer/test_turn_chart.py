@@ -1,4 +1,4 @@
-"""The chart of one turn shows the samples, on axes that contain the whole scene."""
+"""Chart of one turn: it shows the samples, on axes that contain the whole scene."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
 
 
 def back(bag, cam, key, strip):
-    """Return degrees and values at the points of a strip of the chart."""
+    """Return degrees and values of the points of a curve in the chart."""
     ranges = scene_ranges(bag.loaded).of(cam)
     low, high, _ = ranges[key]
     top = TurnAxes(plot_rows("one_mass"), ranges).tops[key]
@@ -34,7 +34,7 @@ def back(bag, cam, key, strip):
 
 
 def rows_of(bag, step, turn):
-    """Return the samples of a turn of a step, and their unwrapped angles."""
+    """Return the samples of a turn at a speed step, and their unwrapped angles (rad)."""
     at = slice(4 * step + 2 * turn, 4 * step + 2 * turn + 2)
     return Samples(np.concatenate(bag.rows[at], axis=1)), np.concatenate(bag.angles[at])
 
@@ -43,7 +43,7 @@ def rows_of(bag, step, turn):
 def test_the_axes_contain_the_whole_scene(scene):
     """Each sample of a scene is within the axis of its cam.
 
-    Each axis has two numbers or more.
+    Each axis has at least two numbers.
     """
     loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
     ranges = scene_ranges(loaded)
@@ -111,7 +111,7 @@ def test_equal_turns_are_sent_once(bag, picture):
 def test_landings_and_lift_offs_are_marked_and_flights_shaded(bag, picture):
     """Landings and lift-offs are marked at their cam angles.
 
-    Strokes cover each flight, to half a degree.
+    Strokes cover each flight, within half a degree.
     """
     rows, angle = rows_of(bag, 1, 0)
     degrees, off = np.degrees(angle) % 360.0, rows.force == 0.0
@@ -123,7 +123,7 @@ def test_landings_and_lift_offs_are_marked_and_flights_shaded(bag, picture):
     strokes = [s for s in picture.column("turn/flights", STRIPS) if s]
     x = np.array(strokes[0])[:, 0, 0] / WIDTH * 360.0
     apart = np.abs(degrees[off][:, None] - x)
-    assert apart.min(axis=1).max() < 0.501  # each sample in flight is under a stroke
+    assert apart.min(axis=1).max() < 0.501  # every flight sample is covered
     assert apart.min(axis=0).max() < 0.501 + 360.0 * 700.0 / 60.0 / 4000.0
 
 
@@ -142,7 +142,7 @@ def test_the_cursor_is_at_the_cams_angle(bag, picture):
 
 
 def test_values_beyond_their_axis_are_drawn_at_its_edge():
-    """Values beyond their axis are drawn at its edge, not in the next row.
+    """Values beyond their axis are drawn at its edge, not in the next chart row.
 
     They occur if an operator drives faster than the scene.
     """
@@ -153,12 +153,12 @@ def test_values_beyond_their_axis_are_drawn_at_its_edge():
     assert points[:, 1].min() == HEAD and points[:, 1].max() == HEAD + ROW
 
 
-# -- chart of bounces: the exact states, one per turn -----------------------------------------
+# -- chart of bounces: the exact states, one per turn
 
 
-#: Error (m) of the gap if a landing is next to angle 0: the travel in one sample period, at most.
+#: Error (m) of the gap if a landing is next to angle 0: at most the travel in one sample period.
 LANDING_ERROR = 2.5e-4
-#: Turns at a speed, so few that rounding errors of irregular motion stay small.
+#: Turns at each speed, so few that rounding errors of irregular motion stay small.
 TURNS = 6
 
 
@@ -173,14 +173,14 @@ def bouncing_bag(request, tmp_path_factory, config_dir):
 
 @pytest.fixture(scope="module")
 def replayed(bouncing_bag, tmp_path_factory):
-    """Recording of that bag."""
+    """Recording of the bag with bounces."""
     path = tmp_path_factory.mktemp("replayed") / "small.rrd"
     save_recording(bouncing_bag.path, path)
     return Picture(path)
 
 
 def exact(loaded):
-    """Yield speed (rpm) and gap (mm) at the end of each turn.
+    """Yield speed (rpm) and gap (mm) at the end of each turn, from the exact map.
 
     Each speed starts from the last state of the previous speed.
     """
@@ -192,7 +192,7 @@ def exact(loaded):
 
 
 def placed_from(axes, points):
-    """Return the rows of x and y from which points were placed."""
+    """Return the x and y values from which the points of a chart were placed."""
     x, y = np.array(points).reshape(-1, 2).T
     across, up = x / axes.width, 1.0 - (y - axes.top) / axes.height
     placed = ((across, *axes.x), (up, *axes.y))
@@ -204,7 +204,7 @@ def axes_of(bag):
 
 
 def test_points_are_the_states_of_the_exact_map(bouncing_bag, replayed):
-    """Each turn has a point at its speed and its gap by the exact map.
+    """Each turn has a point at its speed and its exact gap at angle 0.
 
     The last turn has no point, because no sample follows it.
     """
@@ -230,7 +230,7 @@ def test_a_turn_is_shown_once_it_is_over(bouncing_bag, replayed):
 
 
 def test_landings_are_those_of_the_samples(bouncing_bag, replayed):
-    """Each sample with an impulse has a point at its cam angle within the turn."""
+    """Each sample with a landing impulse has a point at its cam angle within the turn."""
     points = [p for row in replayed.column(f"{LANDINGS}/tm21", POSITIONS) for p in row]
     _, degrees = placed_from(axes_of(bouncing_bag)[1], points)
     landed = bouncing_bag.samples[5] > 0.0
@@ -240,7 +240,7 @@ def test_landings_are_those_of_the_samples(bouncing_bag, replayed):
 
 
 def test_only_a_follower_that_rebounds_has_the_chart(picture):
-    """Of the shipped scenes only `bounce` has the chart of bounces."""
+    """Of the shipped scenes only `bounce`, with rebounds, has the chart of bounces."""
     scenes = (config_root() / "scenes").glob("*.yaml")
     assert [path.stem for path in scenes if can_rebound(open_scene(path))] == ["bounce"]
     assert not [entity for entity in picture.entities if entity.startswith(f"/{GAPS}")]

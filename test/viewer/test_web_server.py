@@ -1,4 +1,4 @@
-"""Rerun's page: the recording and Rerun's viewer behind a guard."""
+"""Web page with Rerun's viewer: a recording is served only with a token."""
 
 import itertools
 import os
@@ -27,7 +27,7 @@ from .asking import Visitor, ask, opened
 
 RECORDED = b"RRF2 of a kind"
 
-# -- access control ---------------------------------------------------------------------------
+# -- access control
 
 ACCESS = Access(8123, "right")
 OWN = f"{LOCAL_HOST}:8123"
@@ -46,7 +46,7 @@ COOKIES = {
     "cam_rig_8124=right": False,
     "cam_rig_8123=righ": False,
     "cam_rig_8123=": False,
-    'cam_rig_8123="right"': False,  # quotes are not removed, because that is slow for long values
+    'cam_rig_8123="right"': False,  # quotes are kept: removing is slow
     "é\ud800=1": False,
     "": False,
 }
@@ -81,7 +81,7 @@ def test_a_token_in_the_address_takes_precedence_and_is_unique():
     assert len(tokens) == 100 and min(map(len, tokens)) >= 32
 
 
-# -- page of a recording ---------------------------------------------------------------------
+# -- page of a recording
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +119,7 @@ def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page):
 def test_the_cookie_belongs_to_a_host_that_no_other_server_knows(page):
     """Each process has a random host name, to which its cookie belongs.
 
-    Otherwise the cookie would be sent to the servers at all ports of the host.
+    Otherwise the browser would send the cookie to the servers at all ports of the host.
     """
     assert page.url.hostname == LOCAL_HOST and "Domain" not in page.set_cookie
     code = "from cam_rig.viewer.web_server import LOCAL_HOST; print(LOCAL_HOST)"
@@ -138,7 +138,7 @@ def test_no_other_server_can_take_the_same_port_of_ipv6(page):
 
 
 def test_the_entry_page_leads_to_no_other_host(page):
-    """The page that sets the cookie leads only to this server, for any requested path."""
+    """The page that sets the cookie redirects only to this server, for any path."""
     for path in ("/%2Fevil.example", "/%5Cevil.example", "/%22%3E%3Cscript%3E"):
         status, _, body = ask(page.address, f"{path}?{page.url.query}")
         led = re.search(rb'0; url=([^"]*)"', body)[1]
@@ -172,7 +172,7 @@ INVALID_PATHS = [
 
 
 def test_invalid_paths_are_refused(page, capfd, monkeypatch):
-    """An invalid path is answered with 400, without a name lookup and a traceback."""
+    """An invalid path is answered with 400, without a name lookup or a traceback."""
     resolved = []
     original = socket.getaddrinfo
 
@@ -193,7 +193,7 @@ def test_invalid_paths_are_refused(page, capfd, monkeypatch):
 
 
 def listening_ports(pids):
-    """Return the TCP ports at which processes listen."""
+    """Return the TCP ports at which these processes listen."""
     rows = [row for pid in pids for row in sockets(pid, "tcp", "tcp6")]
     return {int(row[1].split(":")[1], 16) for row in rows if row[3] == "0A"}
 
@@ -222,19 +222,19 @@ def test_every_open_port_requires_the_token(tmp_path):
             server.kill()
 
 
-# -- page of a live run ----------------------------------------------------------------------
+# -- page of a live run
 
 
 @pytest.fixture(scope="module")
 def served():
-    """Pages of live runs and their client."""
+    """Server of live runs and its client."""
     with serve() as pages:
         yield pages, Visitor(pages.address)
 
 
 @pytest.fixture
 def live(served):
-    """Pages and client of a run that has not started."""
+    """Server and client of a run that has not started."""
     for recording in served[0].folder.iterdir():
         recording.unlink()
     return served
@@ -320,11 +320,11 @@ def test_the_recording_is_closed_after_its_page(live):
     assert is_open()
     answer.close()
     connection.close()
-    until(lambda: not is_open())  # fails if the response continues after the page was closed
+    until(lambda: not is_open())  # fails if the response continues
 
 
 def test_the_page_reports_its_rig_time(live):
-    """The page reports its rig time to the server, which computes the delay.
+    """The page reports its displayed time to the server, which computes the delay.
 
     The first report ends `until_open`.
     """
@@ -340,7 +340,7 @@ def test_the_page_reports_its_rig_time(live):
     assert page_delay(pages.folder) is not None
 
 
-# -- folder between node and server ----------------------------------------------------------
+# -- folder between node and server
 
 
 def test_a_long_run_keeps_its_first_and_newest_parts(tmp_path, monkeypatch):
@@ -373,7 +373,7 @@ def test_a_long_run_keeps_its_first_and_newest_parts(tmp_path, monkeypatch):
 
 
 def test_the_delay_is_the_last_written_and_grows_when_overdue(tmp_path):
-    """The delay of a page is the last written one, and grows if reports stop.
+    """The delay of a page is the last value written, and grows if reports stop.
 
     It is None without a file, with an incomplete file, and without the folder.
     """
@@ -392,7 +392,7 @@ def test_the_delay_is_the_last_written_and_grows_when_overdue(tmp_path):
     assert page_delay(tmp_path) is None and page_delay(tmp_path / "gone") is None
 
 
-# -- script of the page and its delay --------------------------------------------------------
+# -- script of the page and its delay
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 20.0])
@@ -417,7 +417,7 @@ def test_the_delay_is_wall_clock_time_at_any_factor(factor):
 
 
 def test_a_page_without_rig_time_or_ahead_of_the_drive_is_not_late():
-    """The delay is None for a page without a rig time, and 0 for a page ahead."""
+    """The delay is None for a page without a time, and 0 for a page that is ahead."""
     page = PageTime(lambda: 0.0)
     page.record_drive(1.0)
     page.take("ns=-1")
@@ -430,9 +430,9 @@ def test_a_page_without_rig_time_or_ahead_of_the_drive_is_not_late():
 
 
 def test_the_request_contains_timeline_and_time():
-    """The request that moves the cursor contains timeline and time.
+    """The request that moves the viewer's cursor contains timeline and time.
 
-    It has the field numbers of Rerun's Viewer Control API.
+    It is encoded with the field numbers of Rerun's Viewer Control API.
     """
     assert page_module.TIMELINE == RIG_TIME == "rig_time"
     for time_ns, varint in (

@@ -1,9 +1,9 @@
-"""Picture of the bench in the documents, as shown by a browser.
+"""Picture of the virtual bench in the documents, as displayed by a browser.
 
     .venv/bin/python -m tools.docs.bench_picture
 
-``make pictures`` makes it too. The nodes run, and levels are noted at several speeds, which takes
-half a minute.
+``make pictures`` draws it too. The bench is a page of `cam-rig panel`. The nodes run, and levels
+are recorded at several speeds, for half a minute.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ if TYPE_CHECKING:
 
 PICTURE = Path("docs/bench.png")
 SIZE = {"width": 1600, "height": 1130}
-#: Condition that the rig is drawn. Before that its canvas has a single colour.
+#: JavaScript condition that the rig is drawn. Before that its canvas has a single colour.
 RIG_DRAWN = """() => {
   const canvas = document.querySelector("#rig canvas");
   if (!canvas) return false;
   const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
   return new Uint32Array(data.buffer).some((pixel, _, all) => pixel !== all[0]);
 }"""
-#: Wall time (ms) after which the turns of the previous speed have faded.
+#: Wall time (ms) after which the curves of the previous speed have disappeared.
 FADE_MS = 3000
-#: Speeds (rpm) at which two cams are noted. At the last speeds the follower flies.
+#: Speeds (rpm) at which levels of two cams are recorded. At the last speeds the follower flies.
 SPEEDS = {"poly345": range(200, 550, 50), "tm21": range(200, 500, 50)}
 
 
 def photograph_bench(path: Path) -> None:
-    """Write the bench with the readings of two cams, while the follower flies."""
+    """Write a picture of the bench with readings of two cams. The follower flies."""
     with panel_address() as address, open_browser(webgl=False) as browser:
         page = new_page(browser)
         page.set_viewport_size(SIZE)  # type: ignore[arg-type]
@@ -58,7 +58,7 @@ def photograph_bench(path: Path) -> None:
 
 
 def _note(page: Page, cam: str, rpm: int) -> None:
-    """Note the level of a cam at a speed, as soon as it is available."""
+    """Record the level of a cam at a speed as soon as it is available."""
     page.locator("#rpm").fill(str(rpm))
     page.locator("#rpm").press("Enter")
     page.locator("#rpm").blur()
@@ -73,7 +73,7 @@ def _note(page: Page, cam: str, rpm: int) -> None:
 
 @contextmanager
 def panel_address() -> Iterator[str]:
-    """Provide a panel's address while the context is open."""
+    """Start `cam-rig panel`, and provide its address while the context is open."""
     command = [str(Path(sys.executable).parent / "cam-rig"), "panel", "--out"]
     with (
         tempfile.TemporaryDirectory() as out,

@@ -1,4 +1,4 @@
-"""Browser without a window: photographs of pages, and search for colours in them."""
+"""Browser without a window: screenshots of pages, and search for colours in them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-#: Debian's Chromium, for pages without WebGL ...
+#: Options of Chromium for pages without WebGL.
 PLAIN = (
     "--no-sandbox",
     "--disable-quic",
@@ -34,28 +34,28 @@ PLAIN = (
     "--disable-component-update",
     "--disable-sync",
 )
-#: ... and with its software renderer for WebGL, which needs no graphics card and is slower.
+#: Options of Chromium for WebGL, with a software renderer that needs no graphics card.
 FLAGS = (*PLAIN, "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-#: Width of a page, px.
+#: Width of a page (px).
 WIDTH = 1600
-#: Height of a page, px.
+#: Height of a page (px).
 HEIGHT = 1000
-#: Wall time (s) for a page to be complete, on a slow and busy machine.
+#: Wall time (s) within which a page must be complete, on a slow and busy machine.
 TIMEOUT_S = 150.0
-#: Wall time (s) between two pictures, in which the page can continue.
+#: Wall time (s) between two screenshots, in which the page can draw.
 PAUSE_S = 0.3
-#: Largest difference of a colour channel of a pixel of that colour.
+#: Largest difference of a colour channel between a pixel and the searched colour.
 MAX_CHANNEL_DIFFERENCE = 14
-#: Smallest number of pixels of a curve. A point or a gap is smaller.
+#: Smallest number of pixels of a visible curve.
 MIN_PIXELS = 12
-#: Relative change of its number of pixels below which a curve is complete.
+#: Relative change of the number of pixels below which a curve is complete.
 MAX_CHANGE = 0.01
 
 Pixels = NDArray[np.uint8]
 
 
 def why_no_browser() -> str | None:
-    """Return the reason for a missing browser, or None if there is one."""
+    """Return the reason for a missing browser, or None if a browser is installed."""
     if importlib.util.find_spec("playwright") is None:
         return "playwright is not installed"
     if not any(map(shutil.which, BROWSERS)):
@@ -65,7 +65,7 @@ def why_no_browser() -> str | None:
 
 @contextmanager
 def open_browser(webgl: bool = True) -> Iterator[Browser]:
-    """Open a Chromium without a window. Without WebGL it draws plain pages faster."""
+    """Open a Chromium without a window. Without WebGL it is faster."""
     if why := why_no_browser():
         raise CamRigError(f"no browser: {why}")
     from playwright.sync_api import sync_playwright
@@ -91,9 +91,9 @@ def new_page(browser: Browser) -> Page:
 
 
 def photographs(page: Page, deadline: float) -> Iterator[Pixels]:
-    """Yield pictures ``(h, w, 3)`` of a page until a time of `time.monotonic`.
+    """Yield screenshots ``(h, w, 3)`` of a page until a deadline of `time.monotonic`.
 
-    A busy browser cannot always take a picture. It is then requested again.
+    A busy browser cannot always take a screenshot. It is then requested again.
     """
     from playwright.sync_api import Error
 
@@ -114,9 +114,9 @@ def photographs(page: Page, deadline: float) -> Iterator[Pixels]:
 
 
 def photograph(address: str, colours: Collection[int], settled: int) -> Pixels:
-    """Return a picture of a page on which all colours 0xRRGGBBAA are visible.
+    """Return a screenshot of a page on which all colours 0xRRGGBBAA are visible.
 
-    ``settled`` is the colour of a curve that grows while the page loads, and must be complete.
+    ``settled`` is the colour of a curve that is drawn while the page loads, and must be complete.
     """
     with open_browser() as browser:
         page, deadline = new_page(browser), time.monotonic() + TIMEOUT_S
@@ -134,7 +134,7 @@ def photograph(address: str, colours: Collection[int], settled: int) -> Pixels:
 
 
 def until(page: Page, condition: str, also: Callable[[], bool] = lambda: True) -> None:
-    """Wait until a condition is true in the page, and another in this program."""
+    """Wait until a condition is true in the page, and another in this process."""
     deadline = time.monotonic() + TIMEOUT_S
     while not (also() and page.evaluate(condition)):
         if time.monotonic() > deadline:
@@ -143,7 +143,7 @@ def until(page: Page, condition: str, also: Callable[[], bool] = lambda: True) -
 
 
 def save_picture(picture: Path, photograph: Callable[[Path], None]) -> None:
-    """Write a picture into docs/."""
+    """Write a picture for the documents, and print its size."""
     with user_errors():
         with atomic_write(picture) as part:
             photograph(part)

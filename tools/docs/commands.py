@@ -20,11 +20,11 @@ from cam_rig.cli.main import COMMANDS, command
 PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 #: Placeholder for the value of an option, by type.
 KINDS = {str: "TEXT", int: "N", float: "NUMBER", Path: "PATH"}
-#: Largest number of examples of a command. The longest examples of its help are used.
+#: Largest number of examples of a command. The longest examples of its help are selected.
 MOST_EXAMPLES = 2
-#: Number of words from which on an option of several commands is described only once.
+#: Number of words from which on an option of several commands is described only in "Shared".
 MIN_SHARED_WORDS = 4
-#: Text that the page's head explains once for all files and Python calls.
+#: Phrase that is removed, because the head of the page explains it for all files.
 SAID = re.compile(r"(?<=\w) file(s?), or (?:a )?names? in config/\w+")
 EXIT_CODES = re.compile(r"\s+Exit codes:.*?\)\.", re.S)
 CALLED = re.compile(r"In Python: (cam_rig\.\w+)\([^)]*\)")
@@ -67,7 +67,7 @@ def page() -> str:
 def verbs() -> dict[str, Any]:
     """Return each command by its words.
 
-    The commands of a group, such as ``fit cam``, are separate.
+    The subcommands of a group, such as ``fit cam``, are separate.
     """
     by_name: dict[str, Any] = {}
     for name in COMMANDS:
@@ -77,9 +77,9 @@ def verbs() -> dict[str, Any]:
 
 
 def _shared(verbs: Iterable[Any]) -> list[str]:
-    """Return the options that several commands describe with the same words.
+    """Return the options that several commands describe with equal words.
 
-    For each name it is the most frequent description.
+    For each option, the description is the most frequent.
     """
     items = Counter(_item(option) for verb in verbs for option in _visible_options(verb))
     long = [
@@ -94,7 +94,7 @@ def _shared(verbs: Iterable[Any]) -> list[str]:
 
 
 def section(name: str, verb: Any, shared: Container[str]) -> str:
-    """Return one command: usage, description, arguments and options, examples."""
+    """Return the section of a command: usage, description, options, examples."""
     usage = " ".join(
         [f"cam-rig {name}", *(_usage(p) for p in verb.params if p.param_type_name == "argument")]
     )

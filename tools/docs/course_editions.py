@@ -1,4 +1,4 @@
-"""Two editions of the course from one source: pages for students, and a page for the teacher.
+"""Editions of the course from one source: for students, and for teachers.
 
 In the source, parts for teachers are folded answers (``<details markdown="1">``) and the text
 between the comments ``<!-- teacher -->`` and ``<!-- /teacher -->``.
@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-#: Folders of the languages below the documents, and the title of the teacher's page.
+#: Folders of the languages below docs/, and the title of the page for teachers.
 LANGUAGES = {"course": "Teacher edition", "course/es": "Edición del docente"}
-#: Name of the teacher's page, and of the page that presents the course.
+#: File of the page for teachers, and of the introduction.
 TEACHER, INDEX = "teacher.md", "index.md"
 _ANSWERS = r'^<details markdown="1"><summary>[^\n]+</summary>\n(?P<answers>.*?)^</details>\n?'
 _BLOCK = r"^<!-- teacher -->\n(?P<block>.*?)^<!-- /teacher -->\n?"
@@ -24,13 +24,13 @@ def student_page(page: str) -> str:
 
 
 def teacher_parts(page: str) -> str:
-    """Return the parts for teachers of a page."""
+    """Return the parts of a page that are for teachers."""
     found = FOR_TEACHERS.finditer(page)
     return "\n".join(part["answers"] or part["block"] for part in found).strip()
 
 
 def teacher_page(docs: Path, folder: str) -> str:
-    """Return the teacher's page: parts of the index, then aim and answers of each lesson."""
+    """Return the page for teachers: introduction, then aim and answers of each lesson."""
     parts = [f"# {LANGUAGES[folder]}", teacher_parts(_read(docs / folder / INDEX))]
     for lesson in sorted((docs / folder).glob("[1-9]*.md")):
         title, aim, *_ = _read(lesson).removeprefix("# ").split("\n\n")

@@ -1,8 +1,8 @@
-"""Pictures of lessons and tutorials, each made by a command of its page.
+"""Pictures of lessons and tutorials, each written by a command of its page.
 
     .venv/bin/python -m tools.docs.course_pictures
 
-``make pictures`` makes them too. A page shows ``NAME.png`` if one of its commands writes
+``make pictures`` draws them too. A page can show ``NAME.png`` if one of its commands writes
 ``out/NAME.png``. Both languages show the same files.
 """
 
@@ -27,11 +27,11 @@ SHOWN = re.compile(r"!\[[^\]]+\]\((?:\.\./)?(\w+)\.png\)")
 FILE = re.compile(r'^```\w+ title="([^"]+)"\n(.*?)^```', re.M | re.S)
 #: Command of a lesson, and the picture that it writes.
 DRAWN = re.compile(r"^\$ (cam-rig .*--(?:plot|out) out/(\w+)\.png.*)$", re.M)
-#: Command of a page that writes cam, rig and scene for the commands below it.
+#: Command of a page that writes cam, rig and scene for later commands.
 NEW = re.compile(r"^\$ (cam-rig new .*)$", re.M)
-#: Number of colours of a picture. A plot has few colours, and is then a fifth of the size.
+#: Number of colours of a picture. A plot has few colours, and the file is then a fifth as large.
 COLOURS = 32
-#: Width of a picture, px.
+#: Width of a picture (px).
 WIDTH = 1000
 
 
@@ -41,14 +41,14 @@ def lessons() -> list[Path]:
 
 
 def pictures(page: Path) -> dict[str, str]:
-    """Return the commands of a page whose pictures it shows, by the picture's name."""
+    """Return the commands that write the pictures of a page, by picture name."""
     text = page.read_text(encoding="utf-8")
     made = {name: command for command, name in DRAWN.findall(text)}
     return {name: made[name] for name in SHOWN.findall(text)}
 
 
 def draw(page: Path) -> None:
-    """Run the commands of a page that make its pictures, in a separate folder."""
+    """Run the commands of a page that write its pictures, in a temporary folder."""
     text = page.read_text(encoding="utf-8")
     with temporary_folder() as folder:
         for name, content in FILE.findall(text):
@@ -72,7 +72,7 @@ def draw(page: Path) -> None:
 
 
 def draw_all() -> None:
-    """Draw the pictures of every lesson and tutorial."""
+    """Draw the pictures of all lessons and tutorials."""
     for page in [*lessons(), *TUTORIALS]:
         draw(page)
 

@@ -1,4 +1,4 @@
-"""Docstrings of fields for the API pages: a field's comment of ``#:`` is its docstring."""
+"""Extension of the API pages: a ``#:`` comment of a field becomes its docstring."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ COMMENT = re.compile(r"#: (.*)$")
 
 
 class FieldComments(Extension):
-    """Extension that takes the comment of a field as its docstring."""
+    """Extension that uses the comment of a field as its docstring."""
 
     def on_object(self, *, obj: Object, **_: Any) -> None:
-        """Give an attribute without a docstring its comment as docstring."""
+        """Set the comment of an attribute without a docstring as its docstring."""
         if obj.docstring is None and obj.is_attribute and (comment := _comment(obj)):
             obj.docstring = Docstring(comment, parent=obj)
 

@@ -1,9 +1,9 @@
-"""Draw the figures of the theory pages: a cam with forces, models, laws, rooms.
+"""Draw the figures of the theory pages: a cam with forces, models, laws, packages.
 
     .venv/bin/python tools/docs/drawings.py
 
-Cam and laws are those of the package. The files in docs/ are regenerated, with the same content
-every time.
+Cam and laws are those of cam_rig. The files in docs/ are written again, with the same content every
+time.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ FORCE = "#D55E00"
 SIZE = "#0072B2"
 PACKAGE = DOCS.parent / "cam_rig"
 MIDDLE: dict[str, Any] = {"ha": "center", "va": "center"}
-#: Names of the parts in the labelled sketch, in the order of `sketch`, by its file.
+#: Labels of the sketch by file, in the order of the parameters of `sketch`.
 SKETCHES = {
     "cam_sketch.svg": (
         "follower", "lift $s$", "base circle", "cam", "cam angle $θ$", "start of the\nturn, $θ = 0$"
@@ -61,7 +61,7 @@ SHOWN = ("constant_velocity", "simple_harmonic", "cycloidal", "poly345", "poly45
 
 
 def cam_and_forces(path: Path) -> None:
-    """Draw the cam turned by θ with its follower, lengths in blue and forces in red."""
+    """Draw a turned cam with its follower, lengths in blue and forces in red."""
     config = load_cam(config_root() / "cams" / f"{CAM}.yaml")
     law = build_law(config)
     theta = np.radians(ANGLE_DEG)
@@ -131,7 +131,7 @@ def forces(axes: Axes, contact: complex, normal: complex, centre: complex, top: 
 
 
 def name_parts(axes: Axes, base: float, top: float) -> None:
-    """Draw the names of the parts."""
+    """Draw the names of the parts of cam and follower."""
     note(axes, -0.052 + 1j * (top + 0.022), "return spring $k$\npreload $F_0$", INK)
     note(axes, -0.04 + 1j * (top - 0.036), "guide", INK)
     note(axes, 0.03 - 0.02j - 0.02j, "cam", INK)
@@ -139,7 +139,7 @@ def name_parts(axes: Axes, base: float, top: float) -> None:
 
 
 def sketch(path: Path, names: tuple[str, ...]) -> None:
-    """Draw the cam turned by θ under its follower, with the names of parts and lengths."""
+    """Draw a turned cam with its follower, and the names of parts and lengths."""
     config = load_cam(config_root() / "cams" / f"{CAM}.yaml")
     law = build_law(config)
     theta = np.radians(ANGLE_DEG)
@@ -147,7 +147,7 @@ def sketch(path: Path, names: tuple[str, ...]) -> None:
     (outline,) = contours_at(config.follower, law, np.linspace(0.0, 2 * np.pi, 721))
     turned = (outline.points[0] + 1j * outline.points[1]) * np.exp(1j * theta)
     low, centre = 1j * (base + roller), 1j * (base + roller + float(law(theta)))
-    start = 1j * np.exp(1j * theta)  # direction of the cam's zero mark
+    start = 1j * np.exp(1j * theta)  # direction of the zero mark of the cam
 
     figure, axes = plt.subplots(figsize=(5.6, 5.6), layout="constrained")
     axes.fill(turned.real, turned.imag, fc=STEEL, ec=INK, lw=1.6)
@@ -177,7 +177,7 @@ def sketch(path: Path, names: tuple[str, ...]) -> None:
 
 
 def models(path: Path) -> None:
-    """Draw the lumped models side by side."""
+    """Draw the models of lumped masses side by side."""
     figure, axes = plt.subplots(1, 4, figsize=(10.0, 3.9), layout="constrained")
     draw = (one_mass, elastic_stem, two_masses, shaft)
     names = ("kinetostatic, one_mass", "elastic_stem (eq. 5)", "two_mass (eq. 14-19)",
@@ -191,14 +191,14 @@ def models(path: Path) -> None:
 
 
 def one_mass(axes: Axes) -> None:
-    """Draw a rigid follower under its spring and damper."""
+    """Draw a rigid follower below its spring and damper."""
     cam_below(axes)
     mass(axes, 1.6, "m")
     to_ground(axes, 2.6, "k", "c")
 
 
 def elastic_stem(axes: Axes) -> None:
-    """Draw a mass that the cam moves through the stem."""
+    """Draw a mass on an elastic stem that the cam moves."""
     cam_below(axes)
     axes.plot([-0.8, 0.8], [0.57] * 2, color=INK, lw=2)
     spring(axes, 0.0, 0.57, 2.0, 0.22)
@@ -208,7 +208,7 @@ def elastic_stem(axes: Axes) -> None:
 
 
 def two_masses(axes: Axes) -> None:
-    """Draw a roller mass that may leave the cam, the stem and the end mass."""
+    """Draw a roller mass that can leave the cam, the stem and the end mass."""
     cam_below(axes)
     mass(axes, 0.75, "m₁", "z", 0.7)
     spring(axes, -0.4, 1.45, 2.6, 0.2)
@@ -233,7 +233,7 @@ def shaft(axes: Axes) -> None:
 
 
 def cam_below(axes: Axes) -> None:
-    """Draw the cam's surface, which moves by s."""
+    """Draw the surface of the cam, which moves by s."""
     x = np.linspace(-1.0, 1.0, 60)
     y = 0.55 - 0.3 * x**2
     axes.fill([*x, 1.0, -1.0], [*y, -0.5, -0.5], fc=STEEL, ec=INK)
@@ -285,10 +285,10 @@ def laws(path: Path) -> None:
 
 
 def rooms(path: Path) -> None:
-    """Draw the rooms on their floors, each with its purpose and its direct imports.
+    """Draw the subpackages of cam_rig in layers, with purposes and direct imports.
 
-    Floors are those of the import contract. A room that is reached through another is not drawn
-    twice.
+    The layers are those of the import contract in pyproject.toml. An import that follows from other
+    imports is not drawn.
     """
     floors = floors_of_rooms()
     figure, axes = plt.subplots(figsize=(9.6, 0.92 * len(floors)), layout="constrained")
@@ -319,7 +319,7 @@ def rooms(path: Path) -> None:
 
 
 def floors_of_rooms() -> list[list[str]]:
-    """Return the folders of each floor from the top, without the shared modules."""
+    """Return the subpackages of each layer from the top, without shared modules."""
     contracts = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))
     layers = contracts["tool"]["importlinter"]["contracts"][0]["layers"]
     floors = [
@@ -329,13 +329,13 @@ def floors_of_rooms() -> list[list[str]]:
 
 
 def purpose_of(room: str) -> str:
-    """Return the first clause of a room's docstring."""
+    """Return the first line of the docstring of a subpackage."""
     text = ast.get_docstring(ast.parse((PACKAGE / room / "__init__.py").read_text("utf-8"))) or ""
     return text.splitlines()[0].rstrip(".").replace("`", "")
 
 
 def direct_needs(rooms: Iterable[str]) -> dict[str, set[str]]:
-    """Return the rooms that each room imports and does not reach through others."""
+    """Return the imports of each subpackage that do not follow from other imports."""
     needs: dict[str, set[str]] = {}
     for room in rooms:
         trees = (ast.parse(file.read_text("utf-8")) for file in (PACKAGE / room).rglob("*.py"))
@@ -352,18 +352,18 @@ def direct_needs(rooms: Iterable[str]) -> dict[str, set[str]]:
 
 
 def is_own(node: ast.ImportFrom) -> bool:
-    """Return True if a module is imported from a room."""
+    """Return True if a module is imported from cam_rig."""
     return (node.module or "").startswith("cam_rig.")
 
 
 def circle(axes: Axes, centre: complex, radius: float, **style: object) -> None:
-    """Draw a circle, hollow unless a face colour is given."""
+    """Draw a circle, unfilled if no face colour is given."""
     look = {"fc": "none", "ec": "none", "lw": 1.0} | style
     axes.add_patch(mpl.patches.Circle((centre.real, centre.imag), radius, **look))
 
 
 def spring(axes: Axes, x: float, low: float, high: float, width: float = 0.008) -> None:
-    """Draw a zigzag from one height to another."""
+    """Draw a zigzag line from one height to another."""
     y = np.linspace(low, high, 14)
     axes.plot(x + width * np.array([0, 0, *([1, -1] * 5), 0, 0]), y, color=INK, lw=1.4)
 
@@ -381,20 +381,20 @@ def dashpot(axes: Axes, x: float, low: float, high: float) -> None:
 def arrow(
     axes: Axes, start: complex, end: complex, colour: str, head: str, width: float = 1.3
 ) -> None:
-    """Draw an arrow in the plane."""
+    """Draw an arrow between two points."""
     look = {"arrowstyle": head, "color": colour, "lw": width, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (end.real, end.imag), (start.real, start.imag), arrowprops=look)
 
 
 def note(axes: Axes, position: complex, text: str, colour: str) -> None:
-    """Draw text near a point."""
+    """Draw text at a point."""
     axes.text(
         position.real, position.imag, text, color=colour, ha="center", va="center", fontsize=10
     )
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write an SVG without date or random names."""
+    """Write an SVG without a date, so that it is reproducible."""
     figure.savefig(path, metadata={"Date": None})
     plt.close(figure)
 

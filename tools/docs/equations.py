@@ -1,7 +1,7 @@
-"""Equations of the documents on the site: TeX as MathML, which browsers draw.
+"""Equations of the documents on the web site: conversion of TeX to MathML.
 
-GitHub draws ``$...$``. A site without external scripts has no library for it. The few TeX commands
-that the pages use are converted to the text notation of the report's equations.
+GitHub displays ``$...$``. The site has no external scripts, and browsers display MathML. The few
+TeX commands of the pages are converted to the line of text that the report uses for equations.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import re
 
 from cam_rig.report.equations import mathml
 
-#: Text that contains no equation.
+#: Code, which contains no equation.
 CODE = re.compile(r"(^```.*?^```|^ {4,}\S[^\n]*$|`[^`\n]+`)", re.M | re.S)
 EQUATION = re.compile(r"\$\$(.+?)\$\$|(?<![\\\w$])\$([^$\n]+?)\$(?!\w)", re.S)
-#: Continuation of a display in another line.
+#: Separator of the lines of a displayed equation.
 LINE_BREAK = re.compile(r"\\q?quad")
 #: Commands that only add space.
 SPACES = re.compile(r"\\[,;! ]|\\(?:bigl|bigr|left|right)\b")
@@ -25,7 +25,7 @@ SIGNS = {
     "pi": "π", "rho": "ρ", "sigma": "σ", "theta": "θ", "varphi": "φ", "approx": "≈", "cdot": "·",
     "ge": "≥", "int": "∫", "jmath": "ȷ", "le": "≤", "sum": "Σ",
 }  # fmt: skip
-#: Names that are upright.
+#: Functions, which are set upright.
 NAMES = {"arctan", "lg", "min", "tan", "tanh"}
 PLAIN = {"-": "−", "'": "′", "''": "″", "'''": "‴"}
 
@@ -39,7 +39,7 @@ def convert_equations(page: str) -> str:
 
 def _math(display: str | None, inline: str | None) -> str:
     if inline is not None:
-        # Markdown ends the paragraph at a line that starts with <math>, but not with <span>
+        # Markdown ends a paragraph at a line that starts with <math>, but not with <span>.
         equation = str(mathml(line(inline))).replace('<math display="block">', "<math>")
         return f"<span>{equation}</span>"
     lines = mathml("\n".join(line(part) for part in LINE_BREAK.split(display or "")))
@@ -47,9 +47,9 @@ def _math(display: str | None, inline: str | None) -> str:
 
 
 def line(tex: str) -> str:
-    """Return an equation as the report's line of text.
+    """Return an equation as a line of text for `mathml` of the report.
 
-    An unknown TeX command is a KeyError.
+    An unknown TeX command raises KeyError.
     """
     tokens = _TOKEN.findall(SPACES.sub(" ", tex))[::-1]
     parts = []
@@ -80,7 +80,7 @@ def _part(tokens: list[str]) -> str:
 def _group(tokens: list[str]) -> str:
     """Return the text up to a closing brace.
 
-    Letters alone are a word, as ``stem`` below a k.
+    If it has only letters, they are a word, such as the index ``stem`` of a k.
     """
     inside = []
     while tokens[-1] != "}":

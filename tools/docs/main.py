@@ -26,9 +26,9 @@ from tools.docs.pictures import draw_pictures
 from tools.docs.screenshot import photograph_viewer
 from tools.docs.turn_archive import TurnArchive, read_turns
 
-#: Photograph of the viewer.
+#: File of the screenshot of the viewer.
 VIEWER = "viewer.png"
-#: Photograph of the bench.
+#: File of the screenshot of the bench.
 BENCH = bench_picture.PICTURE.name
 
 
@@ -78,7 +78,7 @@ def _draw(bag: Path, to: Path) -> None:
 
 
 def _read(bag: Path) -> tuple[TurnArchive, NoiseResult]:
-    """Return the last turns of a bag, and its levels against speed."""
+    """Return the last turns of a bag, and its sound levels against speed."""
     with make_progress_bar() as bar:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
         archive = read_turns(bag, lambda: bar.advance(task))

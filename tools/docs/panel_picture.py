@@ -1,8 +1,8 @@
-"""Pictures of drawing board and lab sheet in the documents, as shown by a browser.
+"""Pictures of the drawing board and the lab sheet, as displayed by a browser.
 
     .venv/bin/python -m tools.docs.panel_picture
 
-``make pictures`` makes them too.
+``make pictures`` draws them too. Both are pages of `cam-rig panel`.
 """
 
 from __future__ import annotations
@@ -19,43 +19,43 @@ from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import cam_path, rig_path
 from tools.docs.browser import new_page, open_browser, save_picture, until
 
-#: Picture of the board.
+#: File of the picture of the drawing board.
 BOARD = Path("docs/panel.png")
-#: Picture of the lab.
+#: File of the picture of the lab sheet.
 LAB = Path("docs/lab.png")
-#: Cam of the board.
+#: Cam of the drawing board.
 CAM = "bezier15"
 #: Rig of both pictures.
 RIG = "paper_table2"
-#: Second cam of the board.
+#: Second cam of the drawing board, and cam of the lab sheet.
 SECOND_CAM = "poly345"
-#: Index of the moved handle.
+#: Index of the ordinate (handle) that is moved.
 HANDLE = 2
 #: Key that moves the handle.
 KEY = "PageDown"
 #: Number of key presses.
 KEY_PRESSES = 4
-#: Height of the picture, px.
+#: Height of the picture (px).
 HEIGHT = 910
-#: Condition that all numbers are there, and belong to the law that is shown.
+#: JavaScript condition that all numbers are displayed and are those of the displayed law.
 READY = """() => ["jump_rigid", "jump", "residual", "level"].every((id) => {
   const place = document.getElementById(id);
   return place && place.textContent !== "–" && !place.classList.contains("stale");
 })"""
 
 
-#: Size down to the table of readings. The path of the readings, below it, differs by machine.
+#: Size (px) down to the table of readings. The path of the readings below it differs by machine.
 SIZE = {"width": 1600, "height": 792}
-#: Differences (rpm) of successive readings from the jump speed.
+#: Differences (rpm) of the readings from the jump speed.
 BESIDE = (1.0, 0.0, 2.0)
-#: Condition that the force is that of the set speed.
+#: JavaScript condition that the displayed force is that of the set speed.
 SHOWN = """() => JSON.parse(document.body.dataset.shown || "{}").rpm
   === document.getElementById("rpm").valueAsNumber"""
 LINE = "() => document.querySelector('#plot .theory').getAttribute('d')"
 
 
 def photograph_panel(path: Path) -> None:
-    """Write the drawing board with an ordinate moved by key, and a second law."""
+    """Write a picture of the drawing board with a moved ordinate and a second law."""
     board = Board(load_cam(cam_path(CAM)), load_rig(rig_path(RIG)), Path("out"))
     with serve(BoardPages(board)) as served, open_browser(webgl=False) as browser:
         page = new_page(browser)
@@ -71,9 +71,9 @@ def photograph_panel(path: Path) -> None:
 
 
 def photograph_lab(path: Path) -> None:
-    """Write a lab sheet with its readings and the line of the theory.
+    """Write a picture of a lab sheet with readings and the theoretical curve.
 
-    Readings are taken at whole speeds of the knob, close to the jump speed, as a person would.
+    The readings are at whole rpm close to the jump speed, as those of a student.
     """
     sheet = JumpSheet(load_cam(cam_path(SECOND_CAM)), load_rig(rig_path("tm21")))
     with temporary_folder() as folder, open_browser(webgl=False) as browser:

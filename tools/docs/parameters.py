@@ -33,7 +33,7 @@ def text(node: str) -> str:
 
 
 def _lines(spec: Spec) -> list[str]:
-    # JSON is YAML too, and keeps any text a text
+    # JSON is valid YAML, and quotes texts.
     return [f"    # {spec.description}", f"    {spec.name}: {json.dumps(spec.default)}"]
 
 

@@ -22,7 +22,7 @@ ANIMATION = "turning.webp"
 SIDE_BY_SIDE = "side_by_side.png"
 #: Number of frames of the animation of one turn.
 FRAMES = 72
-#: Duration of a frame, ms.
+#: Duration of a frame (ms).
 FRAME_MS = 50
 #: Dots per inch of the animation.
 DPI = 108
@@ -31,10 +31,9 @@ DPI = 108
 def draw_pictures(archive: TurnArchive, noise: Callable[[Path], None], folder: Path) -> list[Path]:
     """Write animation, cams side by side and noise plot, and return their paths.
 
-    The animation shows the cam with the largest gap at the highest speed.
-
-    ``archive`` has the last turn of every cam at every speed of a run. ``noise`` draws noise
-    against rpm into a file. ``folder`` must exist.
+    The animation shows the cam with the largest gap at the highest speed. ``archive`` contains the
+    last turn of every cam at every speed of a run. ``noise`` draws the sound level against rpm into
+    a file. ``folder`` must exist.
     """
     rpm = compared_rpm(archive.loaded.scene.schedule.speeds.si_list, None)
     turns = [archive.turn(cam, rpm) for cam in archive.loaded.cams]
@@ -48,7 +47,7 @@ def draw_pictures(archive: TurnArchive, noise: Callable[[Path], None], folder: P
 
 @styled
 def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
-    """Draw one turn: the rig left, lift and contact force with a cursor right."""
+    """Draw a turn: rig on the left, lift and contact force with a cursor on the right."""
     figure = empty(3.35)
     parts = figure.add_gridspec(2, 2, width_ratios=[2, 3])
     rig, lift, force = (
@@ -59,7 +58,7 @@ def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
     rig.set_title(f"{title}, {turn.rpm:.0f} rpm")
     cursors = stills.draw_curves(lift, force, archive.loaded, turn)
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # it would repeat the layout for every frame
+    figure.set_layout_engine("none")  # otherwise the layout is computed for every frame
     frames = []
     for sample in np.linspace(0, turn.angle.size, FRAMES, endpoint=False).astype(int):
         drawn = stills.draw_rig(rig, archive, turn, int(sample))

@@ -19,7 +19,7 @@ from tools.docs.commands import verbs
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "results.md"
-#: Commands of the results whose schema does not have the name of a command.
+#: Commands of results whose schema differs from the name of the command.
 COMMANDS_OF_SCHEMA = {
     "bounce_basins": "bounce --basins",
     "fit_arcs": "fit cam TABLES --shape arcs",
@@ -33,7 +33,7 @@ COMMANDS_OF_SCHEMA = {
     "profile_measured": "profile CAM --from FILE",
     "simulate": "simulate, analyze",
 }
-#: Number of equal columns at the end of two tables of a result from which on they are listed once.
+#: Number of equal last columns of two tables from which on they are listed only once.
 REPEATED = 4
 #: Head of the table of columns.
 TABLE = ("|key|unit|meaning|", "|---|---|---|")
@@ -92,7 +92,7 @@ def page() -> str:
 
 
 def section(result: type[Result]) -> str:
-    """Return the section of one result: its schema, its commands, its tables."""
+    """Return the section of a result: schema, commands and tables."""
     sources = ", ".join(f"`{source}`" for source in sources_of(result))
     first = inspect.cleandoc(result.__doc__ or "").split("\n\n")[0].replace("\n", " ")
     parts = [f"## {result.schema}", f"{sources}: {first}"]
@@ -105,7 +105,7 @@ def section(result: type[Result]) -> str:
 
 
 def _row(column: Column) -> str:
-    """Return the row of a column: key, unit, and heading unless the key states it."""
+    """Return the row of a column: key, unit, and heading if it differs from the key."""
     unit = column.si_unit if column.si_unit not in ("1", column.key) else ""
     heading = re.sub(r"\s+", " ", column.heading.replace("{}", "…")).strip()
     texts = [heading, re.sub(r"\s+", " ", column.doc)]
@@ -114,13 +114,13 @@ def _row(column: Column) -> str:
 
 
 def _words(text: str) -> set[str]:
-    """Return the words of a key or of a heading, or its signs if it has no letters."""
+    """Return the words of a key or of a heading."""
     parts = re.split(r"[\s_,-]+", text.lower().replace(".", ""))
     return {part for part in parts if part}
 
 
 def _without_repeated(rows: list[str], before: dict[str, list[str]]) -> list[str]:
-    """Return the rows without those at the end that end an earlier table too."""
+    """Return the rows without last rows that are equal to those of an earlier table."""
     for table, others in before.items():
         same = 0
         for row, other in zip(reversed(rows), reversed(others), strict=False):

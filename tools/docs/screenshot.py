@@ -1,4 +1,4 @@
-"""Picture of a run in the Rerun viewer, for the documents."""
+"""Screenshot of a run in the Rerun viewer, for the documents."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.rerun_page import serve_file
 from tools.docs.browser import photograph
 
-#: Colours that must be visible at once: the follower, the curves, and the landings.
+#: Colours that must all be visible: follower, curves and landings.
 SHOWN = (
     series.LIFT_LINE.colour,
     series.VELOCITY_LINE.colour,
@@ -26,7 +26,7 @@ SHOWN = (
 
 
 def photograph_viewer(bag: Path, path: Path) -> None:
-    """Write the layout of the run as a browser shows it when the bag is loaded."""
+    """Write a screenshot of the Rerun viewer in a browser, after it has loaded a bag."""
     with TemporaryDirectory(prefix="cam_rig_") as folder:
         recording = Path(folder) / f"{bag.resolve().name}.rrd"
         begin = save_recording(bag, recording)

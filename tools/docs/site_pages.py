@@ -1,4 +1,7 @@
-"""Hooks of mkdocs: README as the first page, an API page per room, equations, course editions."""
+"""Hooks of mkdocs: first page, API pages, equations, and editions of the course.
+
+README.md is the first page, and each subpackage has an API page.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +19,8 @@ from tools.docs.course_editions import LANGUAGES, TEACHER, student_page, teacher
 from tools.docs.equations import convert_equations
 
 ROOT = Path(__file__).parents[2]
-#: Rooms whose public names are documented, in the order of the menu. The public interface comes
-#: first.
+#: Subpackages whose public names are documented, in the order of the menu. Their pages follow
+#: that of : `import cam_rig`.
 ROOMS = (
     "laws",
     "profile",
@@ -29,18 +32,18 @@ ROOMS = (
     "bag",
     "messages",
 )
-#: Names of ``import cam_rig``.
+#: Public names of ``import cam_rig``.
 FACE = [f"cam_rig.{name}" for name in cam_rig.__all__ if not name.startswith("_")]
-#: Link from a file next to docs to another such file.
+#: Link from a file in the root of the repository to another such file.
 LINK = re.compile(r"\]\(([A-Z_]+\.md)\)")
-#: True for the site that students get, which does not contain the pages for teachers.
+#: True for the site for students, which does not contain the pages for teachers.
 FOR_STUDENTS = os.environ.get("EDITION") == "student"
-#: Pages that a search lists before others that have the same words, with the factor of their rank.
+#: Pages that a search lists before others with the same words, and the factor of their rank.
 BOOSTED = {"theory.md": 3.0}
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Put the API pages at the entry ``api`` of the menu."""
+    """Insert the API pages at the entry ``api`` of the menu."""
     config.nav = [_menu(entry) for entry in config.nav or [] if not _is_hidden(entry)]
     return config
 
@@ -63,12 +66,12 @@ def _is_hidden(entry: dict[str, Any]) -> bool:
 
 
 def _page_of(name: str) -> str:
-    """Return the name of the page of a file next to docs: README is the first page."""
+    """Return the page of a file in the root. README.md is the first page."""
     return "index.md" if name == "README.md" else name.lower()
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Generate the pages from files next to docs, the teacher's pages, and the API pages."""
+    """Generate the pages of the files in the root, of the teachers and of the API."""
     pages = {}
     for source in ROOT.glob("*.md"):
         text = source.read_text(encoding="utf-8").replace("](docs/", "](")
@@ -84,9 +87,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Convert the equations, so that no page of the site loads an external library.
+    """Convert the equations of a page, and remove the parts for teachers.
 
-    Pages of the course lose the parts for teachers.
+    Thus no page of the site loads an external library.
     """
     path = page.file.src_uri
     if boost := BOOSTED.get(path):

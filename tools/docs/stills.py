@@ -1,6 +1,6 @@
-"""Cam, follower, gap and force at one time, and curves over a turn.
+"""Drawings of cam, follower, gap and force at one time, and of curves over a turn.
 
-They are drawn with matplotlib.
+They use matplotlib.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tools.docs.turn_archive import TurnArchive, gap
 
 
 def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[Artist]:
-    """Draw the cam and its follower at one sample of a turn, mm. Return the artists."""
+    """Draw cam and follower at a sample of a turn (mm), and return the artists."""
     loaded, cam = archive.loaded, archive.loaded.cams[turn.cam]
     law = loaded.laws[turn.cam]
     shape = follower_shape(cam, law)
@@ -64,7 +64,7 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
 
 
 def frame_rig(axes: Axes, archive: TurnArchive, turn: Turn) -> None:
-    """Set the limits to the whole of cam and follower, without axes."""
+    """Set the limits to the complete cam and follower, and hide the axes."""
     law = archive.loaded.laws[turn.cam]
     side = follower_shape(archive.loaded.cams[turn.cam], law).reach * MM
     low = 1.05 * float(np.hypot(*archive.profiles[turn.cam].T).max()) * MM
@@ -78,9 +78,9 @@ def degrees(turn: Turn) -> FloatArray:
 
 
 def draw_curves(lift: Axes, force: Axes, loaded: LoadedScene, turn: Turn) -> list[Line2D]:
-    """Draw lift of law and follower, and contact force, over a turn.
+    """Draw the lift of law and follower and the contact force over a turn.
 
-    Return the cursors.
+    The result is the cursor lines of both plots.
     """
     x, law = degrees(turn), loaded.laws[turn.cam](turn.angle)
     lift.plot(x, turn.lift * MM, color=web(colours.LIFT), lw=2.4, label="follower")

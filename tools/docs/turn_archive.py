@@ -1,4 +1,4 @@
-"""Last turn at each speed of each cam of a bag, and the cams' contours."""
+"""Archive of the last turn at each speed of each cam of a bag."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ from cam_rig.viewer.timeline import Turn, TurnCollector, sample_angles
 
 @dataclass
 class TurnArchive:
-    """Receiver of a run that stores a turn for each cam and speed (rpm)."""
+    """Receiver of the data of a run that stores a turn for each cam and speed (rpm).
+
+    ``profiles`` are the contours of the cams.
+    """
 
     loaded: LoadedScene
     profiles: dict[str, FloatArray] = field(default_factory=dict)
@@ -31,7 +34,7 @@ class TurnArchive:
         self._newest = TurnCollector(self.loaded.scene.schedule.ticks_per_turn)
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
-        """Store one tick."""
+        """Store the samples of a tick."""
         if not start.is_steady_until(end):
             return
         self._newest.add(start, sample_angles(start, end, Samples(rows).time), rows)
@@ -43,10 +46,10 @@ class TurnArchive:
         """Ignore the sound."""
 
     def close(self) -> None:
-        """Do nothing: there is no remaining data."""
+        """Do nothing, because there is no remaining data."""
 
     def turn(self, cam: str, rpm: float) -> Turn:
-        """Return the last turn of a cam at a speed."""
+        """Return the last turn of a cam at a speed (rpm)."""
         if (cam, rpm) not in self.turns:
             raise BagError(f"no whole turn of {cam!r} at {rpm:g} rpm; was the run interrupted?")
         return self.turns[cam, rpm]

@@ -1,4 +1,7 @@
-"""Readings of foreign bags: messages without a reading are skipped and counted."""
+"""Readings of bags of other programs: messages without a reading are skipped.
+
+Each irregularity is counted and noted.
+"""
 
 import json
 import shutil
@@ -27,7 +30,7 @@ LINE = "angle=/joints.position[cam] lift=/joints.position[follower]"
 
 
 def joints(stamp, values):
-    """Return a JointState of the joints in a dict."""
+    """Return a JointState with the positions of the joints in the dict `values`."""
     kind = TYPES.types["sensor_msgs/msg/JointState"]
     none = np.array([])
     return kind(header(stamp), list(values), np.array(list(values.values()), float), none, none)
@@ -38,7 +41,10 @@ def both(angle=ANGLE, lift=LIFT):
 
 
 def read(path, line=LINE, **topics):
-    """Return the signals, counts by quantity and notes of a bag with these topics."""
+    """Return the signals, counts by quantity and notes of a bag with these topics.
+
+    `line` is the mapping of quantities to topics, as given to --topics.
+    """
     bag = write_bag(path / "bench", {f"/{name}": topic for name, topic in topics.items()})
     return counted(read_signals(bag, parse_topics(line)))
 
@@ -53,7 +59,7 @@ def counted(found):
 def test_a_message_without_the_joint_or_the_number_is_skipped(tmp_path, seed):
     """A message without the joint or its position is skipped, counted and noted.
 
-    The remaining messages are read, whatever the joints of a message and their order.
+    The other messages are read, whatever the order of the joints in a message.
     """
     rng = np.random.default_rng(seed)
     rows, kept = [], {"cam": [], "follower": []}
@@ -75,14 +81,14 @@ def test_a_message_without_the_joint_or_the_number_is_skipped(tmp_path, seed):
 
 
 def test_it_is_an_error_if_all_messages_lack_the_joint(tmp_path):
-    """A joint that no message contains raises BagError that lists the existing joints."""
+    """If no message contains the joint, BagError lists the existing joints."""
     line = LINE.replace("[cam]", "[cm]")
     with pytest.raises(BagError, match=r"from 0 or one of cam, follower, got 'cm'"):
         read(tmp_path, line, joints=(joints, TIME, both()))
 
 
 def test_a_truncated_message_is_named_with_its_time(tmp_path):
-    """A truncated message raises BagError that names its topic and its time."""
+    """A truncated message raises BagError with its topic and time."""
     kind, data = "std_msgs/msg/Float64", TYPES.serialize_cdr(number(0, 1.0), "std_msgs/msg/Float64")
     with RosbagWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         topics = [writer.add_connection(name, kind, typestore=TYPES) for name in ("/enc", "/lift")]
@@ -96,7 +102,10 @@ def test_a_truncated_message_is_named_with_its_time(tmp_path):
 
 @pytest.mark.parametrize("sentinel", [-999.0, 9.99])
 def test_numbers_that_are_no_lift_are_dropped(tmp_path, sentinel):
-    """Values that a gauge reports instead of a lift are dropped, and a note has times."""
+    """Values that a gauge reports instead of a lift are dropped.
+
+    A note states their number and times.
+    """
     lift = LIFT.copy()
     lift[[50, 51, 300]] = sentinel
     signals, _, notes = read(tmp_path, joints=(joints, TIME, both(lift=lift)))
@@ -106,10 +115,9 @@ def test_numbers_that_are_no_lift_are_dropped(tmp_path, sentinel):
 
 @pytest.mark.parametrize("zero", [[0], [499], [0, 1, 250], range(1, 500, 2)])
 def test_a_reading_with_stamp_0_among_others_is_dropped(tmp_path, zero):
-    """A reading with stamp 0 among others with stamps is dropped and counted.
+    """A reading with the stamp 0 among readings with stamps is dropped and counted.
 
-    The other readings have the time of their headers, also if the first is 1 s of simulated
-    time.
+    The other readings have the time of their headers, even if the simulated time starts at 1 s.
     """
 
     def simulated(stamp, row):
@@ -125,7 +133,7 @@ def test_a_reading_with_stamp_0_among_others_is_dropped(tmp_path, zero):
 
 
 def test_the_time_is_that_of_the_bag_if_all_stamps_are_0(tmp_path):
-    """If all stamps are 0, all readings are kept with the time of the bag.
+    """If all stamps are 0, all readings are kept with the receive time of the bag.
 
     A driver without a clock writes such stamps.
     """
@@ -137,8 +145,7 @@ def test_the_time_is_that_of_the_bag_if_all_stamps_are_0(tmp_path):
 def test_readings_of_a_message_with_a_wrong_angle_are_dropped(tmp_path):
     """A message with a wrong angle is dropped with all its readings.
 
-    A note contains the times. The wrong messages here are zeros of a second publisher. Readings
-    of another topic are kept.
+    A note states the times. Here a second publisher sends zeros. Readings of other topics are kept.
     """
     wrong = [100, 200, 201, 400]
     angle, lift = ANGLE.copy(), LIFT.copy()
@@ -157,9 +164,9 @@ def test_readings_of_a_message_with_a_wrong_angle_are_dropped(tmp_path):
 
 @pytest.mark.parametrize("kind", ["Int16", "UInt8", "UInt16", "Int8"])
 def test_a_counter_wraps_at_the_span_of_its_type(tmp_path, kind):
-    """The angle of a counter continues over the wrap of its integer type.
+    """The angle of an integer counter continues when its integer type wraps.
 
-    It does so for counts upwards and downwards.
+    This applies to counting upwards and downwards.
     """
     message = TYPES.types[f"std_msgs/msg/{kind}"]
     bits, counts = int(kind.strip("UInt")), 4096 if "16" in kind else 64
@@ -199,7 +206,7 @@ OWN_LINE = "angle=/state.axes[0].counts:turn/4096 lift=/state.axes[0].gauge forc
 
 
 def own_bag(path, plugin, monkeypatch):
-    """Write a bag with a user-defined message type."""
+    """Write a bag with a message type that ROS does not have."""
     types = get_typestore(Stores.ROS2_KILTED)
     types.register(get_types_from_msg(OWN, "bench_msgs/msg/State"))
     axis, state = types.types["bench_msgs/msg/Axis"], types.types["bench_msgs/msg/State"]
@@ -214,7 +221,7 @@ def own_bag(path, plugin, monkeypatch):
 
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda plugin: plugin.name)
 def test_a_type_of_the_user_is_read_by_its_definition_in_the_file(tmp_path, plugin, monkeypatch):
-    """A message type of the user is read by its definition in an MCAP or SQLite bag."""
+    """A user-defined message type is read by the definition in an MCAP or SQLite bag."""
     bag = own_bag(tmp_path, plugin, monkeypatch)
     signals, counts, _ = counted(read_signals(bag, parse_topics(OWN_LINE)))
     assert set(counts.values()) == {(500, 0)}
@@ -223,9 +230,9 @@ def test_a_type_of_the_user_is_read_by_its_definition_in_the_file(tmp_path, plug
 
 
 def test_a_type_without_a_definition_is_refused_by_name(tmp_path, monkeypatch):
-    """A type of the user without a definition in the bag is refused with its name.
+    """A user-defined type without a definition in the bag is refused by its name.
 
-    ROS 2 Humble records such SQLite bags.
+    ROS 2 Humble records SQLite bags without definitions.
     """
     bag = own_bag(tmp_path, StoragePlugin.SQLITE3, monkeypatch)
     with sqlite3.connect(bag / "own.db3") as database:
@@ -235,9 +242,9 @@ def test_a_type_without_a_definition_is_refused_by_name(tmp_path, monkeypatch):
 
 
 def test_a_standard_type_of_another_distribution_is_read_by_its_definition(tmp_path):
-    """A standard type is read by the definition in the bag, if distributions differ.
+    """A standard type is read by the definition in the bag if distributions differ.
 
-    Here the type Range has no variance, unlike that of later distributions.
+    Here the type Range has no field `variance`, which later distributions have.
     """
     text = "std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range"
     text += "\nfloat32 max_range\nfloat32 range"
@@ -261,7 +268,7 @@ def test_a_standard_type_of_another_distribution_is_read_by_its_definition(tmp_p
 
 
 def add_json(path):
-    """Add a JSON topic to the MCAP file of a bench."""
+    """Write an MCAP file with a JointState and a JSON topic, and return its path."""
     with (path / "two.mcap").open("wb") as stream:
         writer = Writer(stream)
         writer.start("ros2")
@@ -281,9 +288,9 @@ def add_json(path):
 
 
 def test_topics_of_another_encoding_are_ignored_unless_requested(tmp_path):
-    """A JSON topic next to the requested topics is ignored.
+    """A JSON topic in a bag is ignored unless it is requested.
 
-    A request of the topic is an error with its name and encoding.
+    A request is an error with the name and encoding of the topic.
     """
     file = add_json(tmp_path)
     _, counts, _ = counted(read_signals(file, parse_topics(LINE)))
@@ -295,7 +302,7 @@ def test_topics_of_another_encoding_are_ignored_unless_requested(tmp_path):
 
 
 def test_an_hour_without_readings_is_a_pause(tmp_path):
-    """Ninety minutes without readings are noted as a pause with its length in minutes."""
+    """Ninety minutes without readings are noted as a pause with its duration."""
     time = np.where(TIME < 1.0, TIME, TIME + 5400.0)
     bag = write_bag(tmp_path / "bench", {"/joints": (joints, time, both())})
     notes = read_measured(bag, parse_topics(LINE)).notes
@@ -303,10 +310,7 @@ def test_an_hour_without_readings_is_a_pause(tmp_path):
 
 
 def test_times_of_two_clocks_are_printed_as_dates(tmp_path):
-    """Topics of two clocks raise BagError that prints times since 1970 as dates.
-
-    The error does not contain billions of seconds.
-    """
+    """Topics of two clocks raise BagError, and times since 1970 are printed as dates."""
 
     def simulated(stamp, value):
         return joint(stamp - BEGIN + NS, value)
@@ -325,7 +329,8 @@ def test_times_of_two_clocks_are_printed_as_dates(tmp_path):
 def test_an_sqlite_bag_that_was_cut_off_is_refused_with_a_remedy(tmp_path, part, as_file):
     """A truncated SQLite bag raises BagError with an sqlite3 command to save its data.
 
-    The error does not name cam-rig recover, which reads only MCAP. An empty file has no remedy.
+    The error does not suggest `cam-rig recover`, which reads only MCAP. For an empty file there is
+    no remedy.
     """
     topics = {"/joints": (joints, TIME, both())}
     bag = write_bag(tmp_path / "bench", topics, StoragePlugin.SQLITE3)

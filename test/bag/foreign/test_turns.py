@@ -1,4 +1,7 @@
-"""Whole turns and wrong angles of an encoder, for random runs with a known angle."""
+"""Counting of whole turns and wrong angles of an encoder, for random runs.
+
+The true angle of each run is known.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +17,7 @@ RATE = 500.0
 def run(rng, seconds=6.0, rate=RATE):
     """Return time (s) and true angle (rad) of a cam with two speeds and a ramp.
 
-    The speed varies within the turn, and the stamps are uneven.
+    The speed varies within the turn, and the times are uneven.
     """
     time = np.arange(0.0, seconds, 1.0 / rate)
     speeds = TURN * rng.uniform(0.5, 4.0, 2)
@@ -28,7 +31,10 @@ def run(rng, seconds=6.0, rate=RATE):
 
 
 def as_read(angle, way):
-    """Return the readings of an encoder for true angles, and its counter or None."""
+    """Return the readings of a kind of encoder, and its counter or None.
+
+    `way` is the kind, for example "one turn" or "int16".
+    """
     if way == "one turn":
         return np.remainder(angle, TURN), None
     if way == "half turns":
@@ -44,7 +50,7 @@ def as_read(angle, way):
 
 
 def spoiled(rng, value, kind):
-    """Return readings with a few wrong values, and the indices of these."""
+    """Return the readings with a few wrong values, and the indices of these."""
     value, wrong = value.copy(), []
     for _ in range(rng.integers(1, 9)):
         first = int(rng.integers(value.size))
@@ -64,7 +70,7 @@ WAYS = ["one turn", "half turns", "two turns", "all turns", "int16", "uint8", "u
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("seed", range(12))
 def test_the_turns_are_those_of_the_cam(way, seed):
-    """Counted turns of a correct encoder differ from the true angle by a constant.
+    """The counted angle of a correct encoder is the true angle plus a constant.
 
     This applies to each kind of encoder and to both senses of rotation. No reading is dropped.
     """
@@ -82,9 +88,9 @@ def test_the_turns_are_those_of_the_cam(way, seed):
 @pytest.mark.parametrize("kind", ["zeros", "random", "runs"])
 @pytest.mark.parametrize("seed", range(8))
 def test_wrong_angles_are_dropped_and_the_others_kept(way, kind, seed):
-    """Readings that are wrong by more than 30° are dropped, and no correct reading is.
+    """Readings that are wrong by more than 30° are dropped, and correct angles never.
 
-    The remaining angles are the true angles up to a constant.
+    The remaining angles are the true angles plus a constant.
     """
     rng = np.random.default_rng(100 + seed)
     time, angle = run(rng, seconds=rng.choice([2.0, 20.0]))
@@ -136,9 +142,9 @@ def test_angles_averaged_across_the_wrap_are_wrong(way, count, seed):
 
 @pytest.mark.parametrize(("modulo", "turns"), [(16.0, 16.0), (10_000 / 4096, 10_000 / 4096)])
 def test_a_counter_may_wrap_at_another_number_than_its_type(modulo, turns):
-    """A counter that wraps at another number than its type continues its angle.
+    """A counter that wraps at another number than that of its type is continued.
 
-    A note contains the jump in turns and the time of the first jump.
+    A note states the jump in turns and the time of the first jump.
     """
     time = np.arange(4000) / 500.0
     count = TURN / 4096
@@ -178,7 +184,7 @@ def test_an_angle_in_degrees_is_not_taken_as_radians(sign, start):
 
 
 def test_a_cam_that_starts_and_stops_has_no_wrong_angle():
-    """No reading is dropped if a cam starts at once, stops, or pauses for an hour."""
+    """No reading is dropped if a cam starts suddenly, stops, or pauses for an hour."""
     parts = [np.zeros(200), 0.3 * np.ones(300), np.zeros(200), 0.3 * np.ones(300), np.zeros(50)]
     angle = np.cumsum(np.concatenate(parts))
     time = np.arange(angle.size) / 100.0
@@ -190,10 +196,10 @@ def test_a_cam_that_starts_and_stops_has_no_wrong_angle():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_counter_that_restarts_at_zero_after_a_pause_continues_forwards(sign):
-    """A counter that restarts at zero after a pause continues forwards.
+    """The angle continues forwards if a counter restarts at zero after a pause.
 
-    At most one turn is added, because the true motion in the pause is unknown. A note contains
-    the jump and its time.
+    At most one turn is added, because the true motion in the pause is unknown. A note states the
+    jump and its time.
     """
     time = np.arange(2000) / 500.0
     angle = sign * TURN * 3.0 * time
@@ -221,7 +227,7 @@ def test_a_counter_that_restarts_at_zero_after_a_pause_continues_forwards(sign):
     ],
 )
 def test_an_impossible_motion_is_refused_with_its_time(value, error):
-    """Angles of an impossible motion raise BagError with time or number of readings.
+    """Angles of an impossible motion raise BagError with the time or its reading rate.
 
     The motions have too many wrong angles, a reversal, or too few readings per turn.
     """

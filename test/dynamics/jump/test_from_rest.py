@@ -1,4 +1,4 @@
-"""Runs from rest agree, also on a law that rises at the start of a turn."""
+"""Runs from rest: computations agree, also on a law that rises at angle 0."""
 
 import math
 from dataclasses import fields, replace
@@ -23,14 +23,18 @@ RUN = 0.4
 
 @pytest.fixture(scope="module")
 def steep(laws):
-    """Two laws that rise and fall at angle 0, s'(0) > 0 and s'(0) < 0."""
+    """Two laws with a slope at angle 0, s'(0) > 0 and s'(0) < 0."""
     steep_laws = [turned(laws["poly345"], np.radians(degrees)) for degrees in (90.0, 270.0)]
     assert [np.sign(law(np.zeros(1), 1)[0]) for law in steep_laws] == [1.0, -1.0]
     return steep_laws
 
 
 def test_all_runs_from_rest_agree(steep, paper_rig, two_mass):
-    """A simulation, the jump speed, minima of many rigs and an integration agree."""
+    """Four computations of the contact force from rest agree.
+
+    These are a simulation, the jump speed, the minima of many rigs at once, and a numerical
+    integration (1e-5 of the largest force).
+    """
     p = two_mass
     for law in steep:
         jump, min_force = find_jump_speed(law, p, RUN), force_run(law, p, RUN).min_output
@@ -48,14 +52,14 @@ def test_all_runs_from_rest_agree(steep, paper_rig, two_mass):
         assert table.force.min() == pytest.approx(least, abs=1e-3 * motion.force.max())
 
 
-# Least force of each turn of many rigs at once, against the model of one rig.
+# Smallest force of each turn, computed for many rigs at once, against the model of one rig.
 
 CAMS = ("bezier15", "poly345", "tm21", "cycloidal", "bezier_segments", "half_rises")
 TURNS = 6
 
 
 def random_rigs(rng, count):
-    """Return random followers of any damping with ten or more periods per turn."""
+    """Return random two-mass followers with at least ten stem periods per turn."""
     share = rng.uniform(0.1, 0.9, count)
     mass = rng.uniform(0.5, 2.0, count)
     damping = 10.0 ** rng.uniform(-2.0, 1.3, (2, count))
@@ -67,7 +71,10 @@ def random_rigs(rng, count):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("name", CAMS)
 def test_minima_of_many_rigs_are_those_of_each_rig(laws, name):
-    """The least force up to each turn agrees to 1 N or 2 %, the error of the grid."""
+    """The smallest force up to each turn, computed for five rigs at once, is correct.
+
+    It agrees with the model of one rig to 1 N or 2 %, the error of its grid of angles.
+    """
     rng, law = np.random.default_rng(CAMS.index(name)), laws[name]
     rigs, rpm = random_rigs(rng, 5), float(rng.uniform(250.0, 600.0))
     spans = np.repeat(law.spans[None], 5, axis=0)
@@ -82,9 +89,9 @@ def test_minima_of_many_rigs_are_those_of_each_rig(laws, name):
             assert min_forces[i, turn] == pytest.approx(exact, rel=0.02, abs=1.0)
 
 
-# Number of evaluations of a search for a jump speed.
+# -- number of evaluations that a search for a jump speed needs
 
-#: Largest number of evaluations that these tests allow.
+#: Limit of evaluations in these tests, lower than that of the package.
 MAX_TEST_EVALUATIONS = 1e6
 #: Range of each random number, which is the range that a rig file allows.
 RANGES = {
@@ -102,10 +109,10 @@ RANGES = {
 @pytest.mark.parametrize("stiffness", [1e9, 1e12, 1e15])
 @pytest.mark.parametrize("duration", [1.7, None])
 def test_a_stiffer_stem_takes_no_more_evaluations(laws, two_mass, monkeypatch, stiffness, duration):
-    """The search on a very stiff stem finds the rigid speed in few steps.
+    """On a very stiff stem the search finds the rigid jump speed in few evaluations.
 
-    There are 10⁷ resonances below the jump speed at 10¹⁵ N/m. The search proves contact over wide
-    ranges of the speed, and does not evaluate each resonance.
+    At 10¹⁵ N/m there are 10⁷ resonances below it. The search proves contact over wide ranges of the
+    speed and does not evaluate each resonance.
     """
     monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", MAX_TEST_EVALUATIONS)
     stiff = replace(two_mass, stem_stiffness=stiffness)
@@ -114,7 +121,7 @@ def test_a_stiffer_stem_takes_no_more_evaluations(laws, two_mass, monkeypatch, s
 
 
 def random_rig(two_mass, seed):
-    """Return a rig with numbers at the limits, between them, or from the paper."""
+    """Return a rig whose numbers are at the limits, between them, or the paper's."""
     rng = np.random.default_rng(seed)
     numbers = {}
     for name, (low, high) in RANGES.items():
@@ -127,7 +134,10 @@ def random_rig(two_mass, seed):
 @pytest.mark.variants(12)
 @pytest.mark.parametrize("seed", range(312))
 def test_any_rig_has_a_jump_speed_or_an_error(laws, two_mass, monkeypatch, seed):
-    """Within the allowed evaluations each rig gets a speed, or an error with a remedy."""
+    """Within the allowed evaluations each random rig gets a jump speed or an error.
+
+    The error states the allowed values.
+    """
     monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", MAX_TEST_EVALUATIONS)
     rng = np.random.default_rng(seed)
     law = laws[str(rng.choice(["poly345", "cycloidal", "bezier15", "bezier_segments"]))]
@@ -139,7 +149,10 @@ def test_any_rig_has_a_jump_speed_or_an_error(laws, two_mass, monkeypatch, seed)
 
 
 def test_a_search_with_too_many_evaluations_is_refused(laws, two_mass, monkeypatch):
-    """The error contains the speed that was reached, the limit and remedies."""
+    """If a search needs too many evaluations, the error states the speed reached.
+
+    It also states the limit and remedies.
+    """
     monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", 2e3)
     with pytest.raises(
         DynamicsError, match=r"contact holds up to .* more than 2000 evaluations .*stem"

@@ -1,4 +1,7 @@
-"""Jump speeds against the exact model, closed forms and exhaustive searches."""
+"""Jump speeds against the exact model, closed forms and exhaustive searches.
+
+The jump speed is the lowest speed at which the follower loses contact with the cam.
+"""
 
 from dataclasses import asdict, replace
 
@@ -21,7 +24,10 @@ from ..helpers import lift_off, with_joints
 
 
 def loses_contact(law, parameters, speed, duration):
-    """Return True if the exact model loses contact in the run."""
+    """Return True if the exact model loses contact at this speed (rad/s).
+
+    The run starts from rest and takes `duration` s. Without a duration it is one steady turn.
+    """
     start = np.zeros(2)
     if duration is None:
         start = contact_response(law, parameters, speed).periodic()
@@ -31,7 +37,10 @@ def loses_contact(law, parameters, speed, duration):
 @pytest.mark.parametrize("cam", ["bezier15", "poly345", "cycloidal"])
 @pytest.mark.parametrize("duration", [1.7, None])
 def test_jump_speed_is_that_of_the_exact_model(laws, two_mass, cam, duration):
-    """The exact model keeps contact 0.005 rpm below and loses it 0.005 rpm above."""
+    """The exact model keeps contact 0.005 rpm below the jump speed.
+
+    It loses contact 0.005 rpm above it. Angle and time of the loss agree.
+    """
     law = laws[cam]
     jump = find_jump(law, two_mass, duration)
     assert not loses_contact(law, two_mass, jump.speed - 0.005 * RPM, duration)
@@ -41,8 +50,12 @@ def test_jump_speed_is_that_of_the_exact_model(laws, two_mass, cam, duration):
 
 @pytest.mark.parametrize("slowest", [1.0, 249.0, 340.0])
 def test_a_resonance_that_only_just_loses_contact(cams, two_mass, slowest):
-    """A least force of −0.1 N within 0.4 rpm is found, whatever the first speed is."""
-    # Regression: the force is negative between two samples of a former grid in time.
+    """A loss of contact in a range of only 0.4 rpm is found.
+
+    The smallest force is −0.1 N. The result does not depend on the first speed of the search.
+    """
+    # A former search missed this case, because the force is negative only between two of its
+    # samples.
     numbers = Numbers(2.0524121, 1433596.1, 0.3233099, 31.3206927)
     laws, follower = refitted({"poly345": cams["poly345"]}, two_mass, numbers)
     jump_speed = find_jump_speed(laws["poly345"], follower, 1.7, slowest)
@@ -55,7 +68,7 @@ def test_a_resonance_that_only_just_loses_contact(cams, two_mass, slowest):
 def test_a_resonance_narrower_than_a_millionth(laws, two_mass):
     """With very low damping the jump speed is that of the first critical resonance.
 
-    Contact is lost in a band of a millionth of the speed, and next at a much higher speed.
+    Contact is lost only in a range of a millionth of the speed, and next at a much higher speed.
     """
     law, follower = laws["poly345"], replace(two_mass, stem_damping=0.003, damping=0.003)
     jump_speed = find_jump(law, follower, None).speed
@@ -73,25 +86,32 @@ def test_a_resonance_narrower_than_a_millionth(laws, two_mass):
     ],
 )
 def test_no_jump_speed(laws, two_mass, changes, duration, message):
-    """No preload, no damping in steady state and a very large preload are refused."""
+    """Rigs without a jump speed are refused with the reason.
+
+    Reasons are no preload, no damping in steady state, and a preload so large that contact is never
+    lost.
+    """
     with pytest.raises(DynamicsError, match=message):
         find_jump(laws["poly345"], replace(two_mass, **changes), duration)
 
 
-# Jump speeds of many rigs in one call.
+# -- jump speeds of many rigs in one call
 
-#: Number of rigs.
+#: Number of rigs per call.
 COUNT = 12
 
 
 @pytest.fixture(params=["paper_table2", "tm21"])
 def shipped(request):
-    """Shipped rigs with two masses and with one mass."""
+    """Shipped rig of two masses, then that of one mass."""
     return cam_rig.load_rig(request.param)
 
 
 def test_each_row_is_that_of_a_single_call(laws, shipped):
-    """Speed, angle and time of random followers have the same bits as in single calls."""
+    """A call for many followers gives exactly the results of single calls.
+
+    Speed, angle and time of the loss are equal in all bits.
+    """
     rng, law = np.random.default_rng(5), laws["poly345"]
     numbers = {
         "mass": rng.uniform(0.5, 2.0, COUNT),
@@ -110,7 +130,10 @@ def test_each_row_is_that_of_a_single_call(laws, shipped):
 
 
 def test_a_rig_without_a_jump_speed_has_a_reason(laws, shipped):
-    """A negative preload and NaN give a reason, and other rows are complete."""
+    """In a call for many rigs an invalid preload gives NaN and a reason in its row.
+
+    The other rows are complete.
+    """
     preload = np.array([30.0, -1.0, np.nan, 30.0])
     result = cam_rig.jump_speed(laws["poly345"], shipped, preload=preload)
     first, *others, last = result.rows
@@ -130,11 +153,11 @@ def test_arrays_must_have_one_length(laws, shipped):
         cam_rig.jump_speed(law, shipped, preload=np.ones((2, 2)))
 
 
-# Rigid jump speed against a closed form, and the kind of follower of a rig.
+# -- rigid jump speed against a closed form, and the kind of follower of a rig
 
 
 def test_the_follower_of_a_rig():
-    """A rig with a divided mass has two masses, and a rig without has one."""
+    """A rig with `roller_share` has a follower of two masses, another rig one mass."""
     split, whole = cam_rig.load_rig("paper_table2"), cam_rig.load_rig("tm21")
     assert describe_follower(follower_of(split)) == "two masses"
     assert describe_follower(follower_of(whole)) == "one rigid mass"
@@ -144,7 +167,10 @@ def test_the_follower_of_a_rig():
 
 
 def damped(stem_stiffness, share, ratio):
-    """Return the rig of Table 2 with another stem, mass share and damping ratio."""
+    """Return the two masses of the Table 2 rig with another stem.
+
+    `share` is the roller's share of the mass, and `ratio` the damping ratio of the stem.
+    """
     numbers = {"roller_share": share, "stem_stiffness": stem_stiffness, "damping": 0.0}
     whole = TwoMassParameters.from_rig(cam_rig.load_rig("paper_table2").with_follower(**numbers))
     return replace(whole, stem_damping=2.0 * ratio * (whole.stiffness * whole.end_mass) ** 0.5)
@@ -154,7 +180,10 @@ def damped(stem_stiffness, share, ratio):
     ("stiffness", "share", "ratio"), [(1e5, 0.4, 3.0), (1e6, 0.05, 2.0), (1e12, 0.4, 10.0)]
 )
 def test_an_overdamped_stem(laws, stiffness, share, ratio):
-    """The least steady force by an FFT of the lift is zero at the jump speed."""
+    """With an overdamped stem the smallest steady force is zero at the jump speed.
+
+    The force is computed independently, from the Fourier series of the lift.
+    """
     law, p, count = laws["poly345"], damped(stiffness, share, ratio), 1 << 16
     lift = np.fft.rfft(law.motion_at(np.arange(count) * (TURN / count))[0])
     jump_speed = find_jump(law, p, None).speed
@@ -169,7 +198,10 @@ def test_an_overdamped_stem(laws, stiffness, share, ratio):
 
 
 def test_the_error_of_high_damping_has_the_damping_ratio(laws):
-    """Five times the critical damping is refused on a law of high degree."""
+    """On a law of high degree a stem of five times critical damping is refused.
+
+    The error states the damping ratio.
+    """
     message = r"is damped 5 times critical, .*allowed.* less damping"
     with pytest.raises(DynamicsError, match=message):
         find_jump_speed(laws["modified_sine"], damped(1.26e6, 0.4, 5.0), None, 300.0)
@@ -177,7 +209,7 @@ def test_the_error_of_high_damping_has_the_damping_ratio(laws):
 
 @pytest.mark.parametrize("cam", ["poly345", "trigonometric", "tm21"])
 def test_a_follower_without_preload(laws, follower, cam):
-    """The jump speed without preload is that of a very small preload.
+    """The jump speed without preload is the limit of a very small preload.
 
     A force of zero in a dwell does not count as a loss of contact.
     """
@@ -192,7 +224,7 @@ def test_a_follower_without_preload(laws, follower, cam):
 
 
 def test_contact_is_lost_at_rest_on_a_law_below_zero(laws, follower):
-    """The jump speed is 0 if the preload is too small for a negative lift."""
+    """If the preload is too small for a negative lift, the jump speed is 0."""
     law = laws["poly345"]
     below = Law("below", law.breaks, law.ordinates - 0.5 * peak(law, 0).value)
     assert rigid_jump(below, replace(follower, preload=0.0)) == (0.0, extremes(below, 0)[0].angle)
@@ -200,15 +232,16 @@ def test_contact_is_lost_at_rest_on_a_law_below_zero(laws, follower):
     assert rigid_jump(below, replace(follower, preload=sufficient))[0] > 0.0
 
 
-# Rigid jump speeds of laws of many pieces, against exhaustive searches.
+# -- rigid jump speeds of laws of many polynomial pieces, against exhaustive searches
 
 
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(6))
 def test_rigid_jump_is_the_exhaustive_minimum(laws, follower, seed):
-    """The jump speed agrees to 1e-10 with the lowest of a million points of a turn.
+    """The rigid jump speed equals the lowest result of a million angles.
 
-    A parabola through the three lowest points refines their minimum.
+    A parabola through the three lowest angles refines their minimum. The tolerance is 1e-10, or
+    1e-5 at a joint, where no parabola fits.
     """
     rng = np.random.default_rng(seed)
     law = laws[("poly345", "tm21", "bezier15", "cycloidal", "trigonometric", "measured")[seed]]
@@ -220,7 +253,7 @@ def test_rigid_jump_is_the_exhaustive_minimum(laws, follower, seed):
     index = int(np.argmin(speeds))
     low, least, high = (speeds[(index + i) % (angles.size - 1)] for i in (-1, 0, 1))
     curvature, slope = low - 2.0 * least + high, 0.5 * (high - low)
-    if abs(slope) < curvature:  # else the minimum is at a joint with a falling s''
+    if abs(slope) < curvature:  # else at a joint with a falling s''
         least -= 0.5 * slope**2 / curvature
     speed, angle = rigid_jump(law, mass)
     assert speed == pytest.approx(least, rel=1e-10 if abs(slope) < curvature else 1e-5)
@@ -230,9 +263,9 @@ def test_rigid_jump_is_the_exhaustive_minimum(laws, follower, seed):
 
 
 def first_zeros(law, mass, angles):
-    """Return the least Ω > 0 with m s'' Ω² + c s' Ω + k s + F₀ = 0 at each angle.
+    """Return at each angle the lowest speed (rad/s) at which the force is zero.
 
-    It is infinite without such a speed.
+    It is the smallest Ω > 0 with m s'' Ω² + c s' Ω + k s + F₀ = 0, or infinite.
     """
     s, slope, curvature = law.motion_at(angles)
     a, b, c = mass.mass * curvature, mass.damping * slope, mass.spring_stiffness * s + mass.preload
@@ -244,7 +277,10 @@ def first_zeros(law, mass, angles):
 @pytest.mark.parametrize("duration", [1.7, None])
 @pytest.mark.parametrize("rig", ["paper_table2", "tm21"])
 def test_a_cam_of_dwells_keeps_contact(rig, duration):
-    """A law of degree 0 keeps contact, because its contact force is the preload."""
+    """A cam without lift never loses contact, because the force is the preload.
+
+    This is an error, because it has no jump speed.
+    """
     flat = Law("flat", np.array([0.0, TURN]), np.zeros((1, 1)))
     with pytest.raises(DynamicsError, match="'flat': the follower keeps contact up to 100000 rpm"):
         find_jump(flat, follower_of(cam_rig.load_rig(rig)), duration)

@@ -1,4 +1,7 @@
-"""The exact propagator in comparison with 50-digit arithmetic."""
+"""Exact solution of linear systems (propagator) against 50-digit arithmetic.
+
+A system x' = A x + f(t) is driven by a polynomial of time f over one piece, a range of time.
+"""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -20,7 +23,7 @@ from cam_rig.units import TURN
 
 @pytest.fixture
 def exact(many_digits):
-    """Return a function that returns the stored exact state at a time."""
+    """Function that returns the exact state at a time, computed once and then stored."""
 
     def recall(matrix, forcing, duration, start, time):
         inputs = (matrix, forcing, duration, start, time)
@@ -30,7 +33,10 @@ def exact(many_digits):
 
 
 def by_exponential(matrix, forcing, duration, start, time):
-    """Return the state at a time by the exponential of the system augmented by tʲ/j!."""
+    """Return the state at a time (s) in 60 digits.
+
+    It is the matrix exponential of the system with the powers tʲ/j! as additional states.
+    """
     n, degree = matrix.shape[0], forcing.shape[1] - 1
     with mp.workdps(60):
         size = n + degree + 1
@@ -52,7 +58,10 @@ def by_exponential(matrix, forcing, duration, start, time):
 @pytest.mark.parametrize("degree", [0, 5, 15])
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_random_stable_system(exact, n, degree):
-    """States in a piece of a few time constants are exact to 1e-11 of their maximum."""
+    """States of random stable systems are exact to 1e-11 of their maximum.
+
+    The forcing is a polynomial over a few time constants.
+    """
     rng = np.random.default_rng(10 * n + degree)
     matrix = rng.normal(size=(n, n))
     matrix -= (np.linalg.eigvals(matrix).real.max() + 0.5) * np.eye(n)  # all modes decay
@@ -67,9 +76,9 @@ def test_random_stable_system(exact, n, degree):
     np.testing.assert_allclose(part.end(start), expected[:, -1], rtol=0, atol=1e-11 * size)
 
 
-#: Matrix, seed and number of ordinates of the forcing, start, and durations. The cases are pieces
-#: much shorter and longer than the time constant of 1 s, an undamped mode with a piece of exactly
-#: its period, modes without a spring, which drift, and a matrix with one eigenvector.
+#: Cases: matrix, seed and number of ordinates of the forcing, start state, and durations (s). Their
+#: durations are much shorter and longer than the time constant of 1 s. Others are an undamped mode
+#: over exactly its period, modes without a spring, which drift, and a matrix with one eigenvector.
 SPECIAL = {
     "quick": ([[-1.0]], 5, 6, [0.7], [1e-3, 0.1, 1.0, 10.0, 1000.0]),
     "quick, degree 15": ([[-1.0]], 15, 16, [0.7], [1e-3, 0.1, 1.0, 10.0, 1000.0]),
@@ -82,7 +91,7 @@ SPECIAL = {
 
 @pytest.mark.parametrize("name", SPECIAL)
 def test_special_matrices(exact, name):
-    """Defective matrices and matrices without a restoring force are as exact."""
+    """Systems with repeated eigenvalues or without a spring are exact to 1e-12."""
     matrix, seed, count, start, durations = SPECIAL[name]
     matrix, start = np.array(matrix), np.array(start)
     forcing = np.random.default_rng(seed).normal(size=(start.size, count))
@@ -92,17 +101,17 @@ def test_special_matrices(exact, name):
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
-# Extreme matrices: the stiffest stem without damping, critical damping, a free mass
+# -- extreme systems: the stiffest stem without damping, critical damping, a free mass
 
 SPEED = 300.0 * np.pi / 30.0
 
 
 @dataclass(frozen=True)
 class Vibration(Oscillator):
-    """Eq. 5 of the paper for r = x − α s, as the model solves it.
+    """Eq. 5 of the paper for the vibration r = x − α s, as the package solves it.
 
-    In x the rounding of the lift, and a step of 1e-17 m at a joint of the law, are invisible. In
-    the force they are multiplied by the stiffness of the stem.
+    α s is the static part of the displacement x. In x the rounding of the lift and a step of 1e-17
+    m at a joint are negligible. In the force they are multiplied by the stiffness of the stem.
     """
 
     def phases(self):
@@ -112,7 +121,7 @@ class Vibration(Oscillator):
 
 
 def errors(reference, law, model, speed, turns=1):
-    """Return the largest relative errors of (r, ṙ) in comparison with 50 digits."""
+    """Return the largest relative errors of r and ṙ compared with 50 digits."""
     case = Case("edge", "edge", law, model, speed, turns, turns, output_times(speed, turns, 29))
     wanted = reference.solution(case, many_digits_of.solve)
     numbers = [float(x) for x in vars(model).values()]
@@ -127,9 +136,9 @@ def errors(reference, law, model, speed, turns=1):
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "cycloidal", "tm21"])
 @pytest.mark.parametrize("turns", [1, 20])
 def test_stiffest_stem_without_damping(laws, many_digits, cam, turns):
-    """Without damping and at 1e10 N/m the error is the rounding of the phase."""
-    # Ωt is 17 500 rad per turn. The tolerance is four times its rounding, eps Ωt, due to the sums
-    # over the parts of a turn.
+    """At 1e10 N/m without damping the error is the rounding of the phase."""
+    # The phase Ωt is 17 500 rad per turn. The tolerance is four times its rounding, eps Ωt, because
+    # the parts of a turn are added.
     model = Vibration(1.3, 0.0, 4030.0, 1e10)
     phase = np.sqrt(1e10 / 1.3) * turns * TURN / SPEED
     limit = 4.0 * np.finfo(float).eps * phase
@@ -140,8 +149,11 @@ def test_stiffest_stem_without_damping(laws, many_digits, cam, turns):
 @pytest.mark.parametrize("off", [0.0, 1e-12, -1e-12, 1e-6, -1e-6])
 @pytest.mark.parametrize("speed", [0.3, 20.0, 3000.0])
 def test_a_critically_damped_stem(laws, many_digits, off, speed):
-    """Critical damping, with two rates of 64 1/s, and damping near it are exact."""
-    # The reference differs from critical damping by 1e-22, because it uses eigenvectors.
+    """Motion with critical damping, and with damping close to it, is exact to 1e-11.
+
+    At critical damping the two decay rates, 64 1/s, coincide.
+    """
+    # The reference uses eigenvectors, so its damping differs from critical by a relative 1e-22.
     with mp.workdps(60):
         damping = mp.mpf(128.0 * (1.0 + off)) * (1 + mp.mpf(10) ** -22)
     model = Vibration(1.0, damping, 96.0, 4000.0)
@@ -149,7 +161,10 @@ def test_a_critically_damped_stem(laws, many_digits, off, speed):
 
 
 def test_critically_damped_flight():
-    """A flight with proportional damping, critical for one mode, is exact."""
+    """A flight of two masses with a critically damped mode is exact to 1e-12.
+
+    The damping is proportional to the stiffness.
+    """
     m1, m2, k1, k2 = 1.0, 2.0, 3000.0, 1000.0
     squares = np.linalg.eigvals(np.array([[k1 / m1, -k1 / m1], [-k1 / m2, (k1 + k2) / m2]]))
     for square in squares:
@@ -172,9 +187,10 @@ def test_critically_damped_flight():
 
 @pytest.mark.parametrize("turns", [1, 7, 1000])
 def test_a_mass_without_spring_and_damper(laws, turns):
-    """The drift of a free mass under a force K s(θ) is the double integral of the law.
+    """A free mass under a force K s(θ) moves by the double integral of the law.
 
-    v increases by K ∮s dt per turn, and x(NT) = N x(T) + v(T) T N(N − 1)/2.
+    v increases by K ∮s dt per turn, and x(NT) = N x(T) + v(T) T N(N − 1)/2 after N turns. The
+    tolerance is a relative 1e-12.
     """
     law, push = laws["poly345"], 7.0
     free = np.array([[0.0, 1.0], [0.0, 0.0]])

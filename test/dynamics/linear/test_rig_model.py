@@ -1,4 +1,7 @@
-"""The linear model of a rig, against closed forms and the exact propagator."""
+"""Linear model of a rig against closed forms and the exact solution.
+
+The model is a state-space system or a frequency response from the lift to the follower.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +17,7 @@ W = np.geomspace(1.0, 3e4, 40)
 
 
 def rigs(count):
-    """Yield rigs with random numbers over several decades."""
+    """Yield rigs with random parameters over several decades."""
     random = np.random.default_rng(5)
     for _ in range(count):
         mass, spring, stem = 10.0 ** random.uniform((-2, 2, 5), (2, 5, 9))
@@ -32,7 +35,7 @@ def rigs(count):
 
 
 def closed_form(rig, model, w):
-    """Return the transfer functions x/s and F/s in closed form."""
+    """Return the transfer functions x/s and F/s at the angular frequencies w (rad/s)."""
     follower, s = rig.follower, 1j * w
     m, k, c = follower.mass.si, follower.spring_stiffness.si, follower.damping.si
     if model == "one_mass":
@@ -46,11 +49,15 @@ def closed_form(rig, model, w):
 
 @pytest.mark.parametrize("model", rig_model.MODELS)
 def test_the_frequency_response_is_the_closed_form(model):
-    """All outputs agree with closed forms, such as velocity jω x."""
+    """All outputs of the frequency response agree with closed forms.
+
+    Velocity is jω x and acceleration −ω² x. The tolerance is 1e-10 of lift and response.
+    """
     for rig in rigs(20):
         x, velocity, acceleration, force = rig.frequency_response(W, model)
         exact_x, exact_force = closed_form(rig, model, W)
-        # far above the eigenfrequency the vibration cancels the static fraction of the lift
+        # Far above the natural frequency the vibration cancels the static part, which leaves
+        # rounding errors.
         rounding = 1e-10 * (1.0 + np.abs(exact_x))
         assert (np.abs(x - exact_x) <= rounding).all()
         assert (np.abs(velocity - 1j * W * exact_x) <= W * rounding).all()
@@ -60,7 +67,10 @@ def test_the_frequency_response_is_the_closed_form(model):
 
 
 def test_the_state_space_converges_to_the_model():
-    """The error of scipy's lsim decreases with its time step."""
+    """scipy's lsim of the state space converges to the exact model.
+
+    Half the time step must reduce the error by more than 2.5.
+    """
     rig, law = cam_rig.load_rig("tm21"), cam_rig.build_law(cam_rig.load_cam("poly345"))
     rig, speed = rig.replace(stem_stiffness="40 N/mm"), 30.0
     system = rig.state_space()
@@ -72,9 +82,9 @@ def test_the_state_space_converges_to_the_model():
         _, out, states = lsim(system, motion.T, time)
         exact = elastic_stem.response(law, follower, speed).states(np.zeros(2), 0.0, time)
         errors.append(np.abs(states.T - exact).max() / np.abs(exact).max())
-    assert errors[1] < errors[0] / 2.5 < 1e-5  # square of the step, except at joints
+    assert errors[1] < errors[0] / 2.5 < 1e-5  # second order, except at joints
     x = out[:, 0]
-    assert np.abs(x - motion[0]).max() < 0.5 * law.lift  # below the law, because of the spring
+    assert np.abs(x - motion[0]).max() < 0.5 * law.lift  # lower because of the spring
     force = follower.stem_stiffness * (motion[0] - x)
     np.testing.assert_allclose(out[:, 3], force, rtol=1e-9, atol=1e-6)
 
@@ -97,5 +107,5 @@ def test_errors_of_the_linear_model():
 
 
 def test_a_rig_imports_the_right_module():
-    """The name of the module in `cam_rig.schema.rig` is right."""
+    """`cam_rig.schema.rig` refers to the linear model by its correct module name."""
     assert rig_model.__name__ == schema.LINEAR

@@ -1,4 +1,9 @@
-"""Inequalities (15) to (37) of docs/proofs.md against samples of random cases."""
+"""Inequalities (15) to (37) of docs/proofs.md against samples of random cases.
+
+The search for the jump speed relies on these bounds. P is the part of the output that the law
+forces, and V the free vibration. A chord error is the difference of a function of the speed from
+the straight line between two speeds.
+"""
 
 import math
 from functools import partial
@@ -35,21 +40,21 @@ from cam_rig.units import TURN
 
 from .test_first_zero import case, forces, noise, random_law, random_rig
 
-#: Number of random laws, rigs and speeds per inequality.
+#: Number of random combinations of law, rig and speed per inequality.
 CASES = 30
-#: Relative rounding error of a sample that is compared with a bound.
+#: Relative rounding error that is allowed between a sample and its bound.
 ROUNDING = 1e-9
-#: Fractions of a step at which a chord error is sampled.
+#: Fractions of a speed step at which a chord error is sampled.
 X = np.linspace(0.0, 1.0, 201)[1:-1]
 
 
 def norms(norm, states):
-    """Return the norms N of free vibrations ``(2, n)``."""
+    """Return the norm N of each free vibration, given states of shape (2, n)."""
     return np.hypot(norm.rho * states[0], states[1] + norm.delta * states[0])
 
 
 def random_step(rng):
-    """Return two speeds (rad/s) with a relative difference of 1e-4 to 0.3."""
+    """Return two random speeds (rad/s) with a relative difference of 1e-4 to 0.3."""
     low = 10.0 ** rng.uniform(0.0, 2.0)
     return low, low * (1.0 + 10.0 ** rng.uniform(-4.0, -0.5))
 
@@ -63,7 +68,7 @@ def chord_errors(function, low, high):
 
 
 def test_norm_of_a_free_vibration():
-    """Inequalities (16), (17) and (18) are satisfied, and nearly reached by some cases."""
+    """Inequalities (16), (17) and (18) hold, and some cases reach 99 % of each bound."""
     closest = np.zeros(3)
     for seed in range(4 * CASES):
         rng = np.random.default_rng(seed)
@@ -87,7 +92,10 @@ def test_norm_of_a_free_vibration():
 
 
 def runs(count=CASES):
-    """Yield random laws, rigs, runs and motions whose output is resolved."""
+    """Yield random cases whose output can be computed to a few digits.
+
+    A case has the seed, law, rig, duration (s), speed (rad/s), mode on the law and motion.
+    """
     for seed in range(count):
         law, rig, duration = case(seed)
         run, table = force_run(law, rig, duration), law_series(law)
@@ -98,7 +106,10 @@ def runs(count=CASES):
 
 
 def pieces_of(table, motion, duration, rng):
-    """Yield pieces of a run: their index, turn, and angles (rad) from their start."""
+    """Yield random polynomial pieces of a run that are within its duration.
+
+    Each has its index, its turn, and 300 angles (rad) from the start of the piece.
+    """
     turns = len(motion.turn_starts)
     for _ in range(8):
         piece = int(rng.integers(table.span_index.size))
@@ -110,7 +121,10 @@ def pieces_of(table, motion, duration, rng):
 
 
 def test_output_in_pieces():
-    """Inequalities (15), (19), (20) and (21) are satisfied in random pieces and turns."""
+    """Inequalities (15), (19), (20) and (21) hold in random pieces and turns.
+
+    (15) gives the output itself, the others lower bounds. Some cases must be close to each bound.
+    """
     floors = chords = pairs = 0
     for seed, law, rig, duration, speed, on_law, motion in runs():
         table, mode, _ = on_law
@@ -144,7 +158,7 @@ def test_output_in_pieces():
 
 
 def test_output_in_parts_of_pieces():
-    """(22) bounds |V|, |V̈| and |P''| of random parts by at most twice their size."""
+    """(22) bounds |V|, |V̈| and |P''| in random pieces, often within a factor 2."""
     close = 0
     for seed, law, rig, duration, speed, on_law, motion in runs():
         table, mode, _ = on_law
@@ -167,10 +181,7 @@ def test_output_in_parts_of_pieces():
 
 
 def excitations(seed):
-    """Return a random mode on a law, its norm, a step of the speed, and jumps of s⁽ᵏ⁾.
-
-    The random generator is returned first.
-    """
+    """Return a random generator, mode, norm, two speeds, and jumps of s⁽ᵏ⁾ at a joint."""
     rng = np.random.default_rng(seed)
     law, rig = random_law(rng), random_rig(rng)
     run = mode_on_law(law_series(law), force_run(law, rig, 1.7).mode)
@@ -181,7 +192,10 @@ def excitations(seed):
 
 
 def excite(run, jumps, speed, order=0):
-    """Return the derivative of an order in Ω of the jumps of X and Ẋ, ``(2,)``."""
+    """Return the vibration (X, Ẋ) that jumps excite, or its derivative by the speed.
+
+    `order` is the order of the derivative in Ω. The shape is (2,).
+    """
     eta, k = run.series.eta, np.arange(jumps.size)
     factor = np.prod([k - i for i in range(order)], axis=0) * speed ** (k - float(order))
     displacement = (eta * jumps[:-1] * factor[:-1]).sum()
@@ -189,14 +203,17 @@ def excite(run, jumps, speed, order=0):
 
 
 def vibration_at(run, jumps, angle, speed):
-    """Return the free vibration at an angle (rad) after the jumps, ``(2,)``."""
+    """Return the free vibration at an angle (rad) after the jumps, shape (2,)."""
     flow, (eta, rate) = flow_over(run.mode, angle / speed), excite(run, jumps, speed)
     displacement = flow.eta_eta * eta + flow.eta_rate * rate
     return np.array([displacement, flow.rate_eta * eta + flow.rate_rate * rate])
 
 
 def test_vibration_excited_by_jumps():
-    """(23) bounds N, N' and N'' of random jumps up to the higher speed."""
+    """(23) bounds the norms N, N' and N'' of a vibration that jumps excite.
+
+    It applies to all speeds up to the higher speed of a step. Some cases reach half the bound.
+    """
     closest = 0.0
     for seed in range(4 * CASES):
         _, run, norm, low, high, jumps = excitations(seed)
@@ -211,7 +228,7 @@ def test_vibration_excited_by_jumps():
 
 
 def test_vibrations_that_fade():
-    """(24) bounds the chord error of vibrations that random jumps excited at any time."""
+    """(24) bounds the chord error of a decaying vibration at any time after its start."""
     closest = 0.0
     for seed in range(4 * CASES):
         rng, run, norm, low, high, jumps = excitations(seed)
@@ -235,7 +252,10 @@ def test_vibrations_that_fade():
 
 
 def test_vibrations_of_earlier_turns():
-    """(25) bounds the sums over the previous turns, which are added turn by turn here."""
+    """(25) bounds the vibration left from all earlier turns.
+
+    The reference adds the turns one by one.
+    """
     for seed in range(10 * CASES):
         rng = np.random.default_rng(seed)
         law, rig = random_law(rng), random_rig(rng)
@@ -251,7 +271,7 @@ def test_vibrations_of_earlier_turns():
 
 
 def test_curvature_of_the_polynomial_part():
-    """(26) bounds |d²P/dΩ²| of random groups at random angles and speeds."""
+    """(26) bounds |d²P/dΩ²| in groups of pieces at random angles and speeds."""
     closest = 0.0
     for seed in range(CASES):
         rng, run, norm, low, high, _ = excitations(seed)
@@ -271,7 +291,10 @@ def test_curvature_of_the_polynomial_part():
 
 
 def test_harmonics_of_a_law():
-    """(28) bounds |cₖ| by Gaussian quadrature, also of harmonics in blocks."""
+    """(28) bounds the Fourier coefficients |cₖ| of random laws.
+
+    The reference is a Gaussian quadrature. High harmonics are bounded in blocks.
+    """
     points, weights = np.polynomial.legendre.leggauss(16)
     for seed in range(CASES):
         law = random_law(np.random.default_rng(seed))
@@ -295,7 +318,7 @@ def test_harmonics_of_a_law():
 
 
 def resonant_cases():
-    """Yield a random generator, a norm of light damping, and a step of the speed."""
+    """Yield a random generator, the norm of a lightly damped mode, and two speeds."""
     for seed in range(4 * CASES):
         rng = np.random.default_rng(seed)
         low = 10.0 ** rng.uniform(0.0, 2.0)
@@ -308,14 +331,17 @@ def resonant_cases():
 
 
 def harmonic_error_of(k, norm, low, high):
-    """Return the complex chord error of 1/(ikΩ − λ₁) at `X`."""
+    """Return the complex chord error of 1/(ikΩ − λ₁) at the fractions `X`.
+
+    This is the response of the mode to the harmonic k.
+    """
     rate = norm.delta - 1j * norm.rho
     return chord_errors(lambda speed: 1.0 / (1j * k * speed + rate), low, high)
 
 
 @pytest.mark.parametrize("from_rest", [False, True])
 def test_error_of_one_harmonic(from_rest):
-    """(29), (30) and (31) bound the chord error of harmonics ±k, also from rest."""
+    """(29), (30) and (31) bound the chord error of the harmonics ±k, also from rest."""
     table, closest = law_series(random_law(np.random.default_rng(0))), 0.0
     for rng, norm, low, high in resonant_cases():
         k = max(1, round(norm.rho / low * rng.choice([0.5, 0.9, 1.0, 1.1, 2.0, 5.0])))
@@ -341,7 +367,10 @@ def test_error_of_one_harmonic(from_rest):
 
 
 def test_error_of_blocks_of_harmonics():
-    """(30) bounds the sum over harmonics ±k of blocks with |cₖ| at their bounds."""
+    """(30) bounds the sum of the chord errors of all harmonics in blocks.
+
+    Each |cₖ| is at the bound of its block.
+    """
     table = law_series(random_law(np.random.default_rng(0)))
     for rng, norm, low, high in resonant_cases():
         first, count = int(rng.integers(1, 6)), 3 * math.ceil(norm.rho / low)
@@ -349,7 +378,7 @@ def test_error_of_blocks_of_harmonics():
         k = np.arange(first + 1.0, 2.0 * count + 1.0)
         index = np.log(k / (first + 1.0)) / math.log(harmonic_error.BLOCK_RATIO)
         sizes = blocks[np.floor(index + 1e-9).astype(int)]
-        # The bound of the far harmonics assumes that they decrease as 1/k². Random blocks do not.
+        # The bound of high harmonics assumes that |cₖ| decreases as 1/k². Random blocks do not.
         far = k * low > harmonic_error.FAR_RATIO * norm.rho
         sizes = np.where(far, 0.0, sizes)
         zeros = np.zeros(first)
@@ -364,13 +393,16 @@ def test_error_of_blocks_of_harmonics():
 
 
 def missing_vibration(rate, angle, ends, speeds, speed):
-    """Return e^{λ₁τ/Ω} times the chord between two ends."""
+    """Return e^{λ₁τ/Ω} times the chord between two end values.
+
+    This is the difference between a run from rest and the steady state.
+    """
     x = (speed - speeds[0]) / (speeds[1] - speeds[0])
     return np.exp(rate * angle / speed) * (ends[0] + x * (ends[1] - ends[0]))
 
 
 def test_error_of_the_difference_from_steady_state():
-    """(32) bounds the chord error of e^{λ₁τ/Ω} times a chord, for angles τ from rest."""
+    """(32) bounds the chord error of e^{λ₁τ/Ω} times a chord, τ radians after rest."""
     closest = 0.0
     for seed, _, _, duration, low, on_law, motion in runs(4 * CASES):
         if duration is None or not harmonic_error.can_use_harmonics(on_law.mode, motion.norm):
@@ -411,7 +443,10 @@ def random_function(rng):
 
 
 def test_steps_that_are_proven():
-    """(33), (34) and (35) prove only steps that stay positive or become negative once."""
+    """(33), (34) and (35) prove only steps without a missed loss of contact.
+
+    In a proven step a random function stays positive, or becomes negative once and stays so.
+    """
     positive, negative_once = 0, 0
     for seed in range(200 * CASES):
         rng = np.random.default_rng(seed)
@@ -431,7 +466,10 @@ def test_steps_that_are_proven():
 
 
 def test_groups_that_are_proven():
-    """(27), (33), (35) and (36) prove only sums P + V that do not rise from below 0."""
+    """(27), (33), (35) and (36) prove only groups in which P + V stays valid.
+
+    In a proven group P + V is never negative, or stays negative from one speed on.
+    """
     proven, by_forced = 0, 0
     for seed in range(200 * CASES):
         rng = np.random.default_rng(seed)
@@ -452,7 +490,7 @@ def test_groups_that_are_proven():
 
 
 def test_parts_that_keep_a_rigid_mass_in_contact():
-    """(37) discards only parts whose force is not negative up to the known zero."""
+    """(37) discards only pieces whose force stays ≥ 0 up to the known jump speed."""
     discarded = 0
     for seed in range(100 * CASES):
         rng = np.random.default_rng(seed)

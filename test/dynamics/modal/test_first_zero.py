@@ -1,4 +1,4 @@
-"""The search for the first zero steps over no loss of contact, however narrow."""
+"""Search for the first speed of lost contact: no loss is missed, however narrow."""
 
 import math
 
@@ -23,16 +23,16 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN
 
-#: Durations of the runs from rest (s), and None for the steady state.
+#: Durations (s) of the runs from rest. None is the steady state.
 DURATIONS = (1.7, 0.4, None)
-#: Relative scatter of the lift and its derivatives at joints about those of an eccentric.
+#: Relative random change of the lift and its derivatives at joints, from those of an eccentric cam.
 SCATTER = 0.1
 
 
 def random_law(rng):
-    """Return a law of 1 to 60 pieces of degree 3 to 15 that is C¹ to C⁷ at joints.
+    """Return a law of 1 to 60 polynomial pieces, of degree 3 to 15 and C¹ to C⁷.
 
-    Some laws have one piece that is shorter than the others by a factor of up to 1000.
+    In some laws one piece is shorter than the others by a factor of up to 1000.
     """
     count = int(rng.choice([1, 2, 3, 5, 8, 12, 30, 60]))
     order = int(rng.integers(1, 8))
@@ -67,7 +67,7 @@ def random_rig(rng):
 
 
 def case(seed):
-    """Return a random law, a random rig and the duration of a run."""
+    """Return a random law, a random rig and the duration (s) of a run, or None."""
     rng = np.random.default_rng(seed)
     law, rig = random_law(rng), random_rig(rng)
     duration = DURATIONS[int(rng.integers(3))]
@@ -75,31 +75,31 @@ def case(seed):
     return law, rig, DURATIONS[0] if is_undamped and duration is None else duration
 
 
-#: Number of speeds of the scan from the slowest speed to the jump speed.
+#: Number of speeds of the scan from the lowest speed to the jump speed.
 SPEEDS = 400
-#: Number of the lowest minima of the scan that are refined.
+#: Number of the lowest minima of the scan that a minimiser refines.
 DIPS = 4
-#: Rounding error of a force, relative to its terms.
+#: Rounding error of a force, relative to the sum of its terms.
 ROUNDING = 1e-11
 
 
 @pytest.fixture(autouse=True)
 def compiled(monkeypatch):
-    """Use compiled code, because each case takes thousands of evaluations."""
+    """Use compiled code, because each case needs thousands of evaluations."""
     monkeypatch.setenv(VARIABLE, "compiled")
 
 
 def noise(law, rig, speed):
-    """Return the rounding error of a force (N) at a speed (rad/s)."""
+    """Return the rounding error (N) of a contact force at a speed (rad/s)."""
     on_law = mode_on_law(law_series(law), force_run(law, rig, None).mode)
     sizes, series = on_law.law.max_derivatives, on_law.series.output
     return ROUNDING * max(np.abs(series) * sizes[:-1] * speed ** np.arange(law.degree + 1.0))
 
 
 def require_first(seed):
-    """Check that the least force is positive below the jump speed, and zero at it.
+    """Check that contact is kept below the jump speed, and lost just above it.
 
-    The speeds below it are those of a fine grid, and the minima of the force between them.
+    The smallest force is evaluated at 400 speeds below it and at the minima between them.
     """
     law, rig, duration = case(seed)
     try:
@@ -117,7 +117,7 @@ def require_first(seed):
     assert run.min_output(jump.speed * (1.0 + 1e-7)) < small
     length = duration or TURN / jump.speed
     assert jump.time <= length * (1.0 + 1e-9)
-    if jump.time < length * (1.0 - 1e-9):  # else the force falls or jumps down at the run's end
+    if jump.time < length * (1.0 - 1e-9):  # else it falls only at the run's end
         size = rig.preload + np.abs(least).max()
         assert abs(run.min_output(jump.speed)) < 1e-6 * size + small
 
@@ -131,19 +131,22 @@ def require_first(seed):
     ids=str,
 )
 def test_no_loss_of_contact_is_stepped_over(seeds):
-    """Jump speeds of random cases are the first zero of a fine scan of the force."""
+    """The jump speeds of random cases are the first zero of a fine scan of the force."""
     for seed in seeds:
         require_first(seed)
 
 
 @pytest.mark.parametrize("seed", [3809, 3873, 4417])
 def test_contact_that_is_lost_at_the_end_of_the_run(seed):
-    """A loss at the end of the run is found, also at a joint with a jump of the force."""
+    """A loss of contact at the end of a run is found, also at a joint.
+
+    At a joint the force may jump to a negative value.
+    """
     require_first(seed)
 
 
 def forces(law, rig, speed, duration, angles):
-    """Return the contact force (N) of the exact model at angles (rad) of the run."""
+    """Return the contact force (N) of the exact model at cam angles (rad) of the run."""
     response, output = contact_response(law, rig, speed), force_output(rig)
     start = response.periodic() if duration is None else np.zeros(2)
     states = response.states(start, 0.0, angles / speed)
@@ -154,7 +157,10 @@ def forces(law, rig, speed, duration, angles):
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(30))
 def test_no_chord_error_exceeds_its_bound(seed):
-    """(27) and (29) to (32) bound the chord error of the exact model."""
+    """(27) and (29) to (32) of docs/proofs.md bound the force's chord error.
+
+    A chord error is the difference from the straight line between two speeds.
+    """
     law, rig, duration = case(seed)
     rng = np.random.default_rng(seed)
     low = 10.0 ** rng.uniform(0.0, 2.0)
@@ -188,7 +194,7 @@ def test_no_chord_error_exceeds_its_bound(seed):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(200, 208))
 def test_plain_and_compiled_find_the_same_bits(seed, monkeypatch):
-    """Both backends reach the same speed and the same zero."""
+    """Plain Python and compiled code reach the same speed and zero, bit by bit."""
     law, rig, duration = case(seed)
     run, climbs = force_run(law, rig, duration), []
     for value in ("plain", "compiled"):

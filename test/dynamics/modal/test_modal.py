@@ -1,4 +1,4 @@
-"""Least output of a mode against the exact response at one speed."""
+"""Smallest contact force of the modal method against the exact response."""
 
 from dataclasses import asdict, replace
 
@@ -26,7 +26,10 @@ from .test_first_zero import forces
 
 
 def test_exactly_critical_damping(laws, two_mass):
-    """At critical damping two modes coincide, and the least force is that of samples."""
+    """At critical damping, where two modes coincide, the smallest force is correct.
+
+    It agrees with 200 000 samples of the exact response within 0.1 %.
+    """
     critical = 2.0 * np.sqrt(two_mass.stiffness * two_mass.end_mass)
     parameters = replace(two_mass, stem_damping=0.5 * critical, damping=0.5 * critical)
     law, speed, count = laws["poly345"], 300.0 * RPM, 200_000
@@ -36,7 +39,7 @@ def test_exactly_critical_damping(laws, two_mass):
 
 
 def test_no_steady_state_at_undamped_resonance(laws, two_mass):
-    """Without damping, a harmonic at the frequency of the mode is refused."""
+    """Without damping, a speed with a harmonic at the natural frequency is refused."""
     parameters = replace(two_mass, stem_damping=0.0, damping=0.0)
     run = force_run(laws["poly345"], parameters, None)
     speed = np.sqrt(parameters.stiffness / parameters.end_mass) / 30.0
@@ -45,16 +48,16 @@ def test_no_steady_state_at_undamped_resonance(laws, two_mass):
         run.steady(speed, 0.0)
 
 
-# Least force of long laws, against an exhaustive search.
+# -- smallest force on laws of many pieces, against an exhaustive search
 
-#: Number of pieces of a law, and the damping of its rig as a multiple of that of the paper.
+#: Number of polynomial pieces of a law, and factor of the paper's damping for its rig.
 CASES = [(1, 1.0), (2, 0.3), (7, 0.0), (7, 400.0), (30, 1.0), (90, 228.8), (360, 1.0), (1440, 3.0)]
 
 
 def random_law(rng, count):
-    """Return a random spline of degree 3, 5 or 7 on uneven knots.
+    """Return a random spline of degree 3, 5 or 7 with uneven knots as a law.
 
-    A law of one piece is a Bézier curve.
+    With `count` 1 it is a single Bézier curve.
     """
     if count == 1:
         ordinates = 0.02 * rng.random(10)
@@ -72,9 +75,9 @@ def random_law(rng, count):
 
 
 def random_rig(rng, damping):
-    """Return the paper's follower with random factors of 1 to 1.5 on each number.
+    """Return the paper's two masses with a random factor of 1 to 1.5 on each number.
 
-    ``damping`` is a further factor of both dampers.
+    `damping` is a further factor of both dampers.
     """
     numbers = {name: x * rng.uniform(1.0, 1.5) for name, x in asdict(TWO).items()}
     rig = TwoMassParameters(**numbers)
@@ -85,9 +88,10 @@ def random_rig(rng, damping):
 @pytest.mark.parametrize("from_rest", [True, False])
 @pytest.mark.parametrize(("count", "damping"), CASES)
 def test_least_force_is_the_exhaustive_minimum(count, damping, from_rest):
-    """The least force is that of the exact model to 1e-11, and floors are lower.
+    """The smallest force is that of the exact model to 1e-11 of the largest.
 
-    The exact model has 40 000 samples, and a minimisation next to the lowest sample.
+    The exact model has 40 000 samples and a minimisation next to the lowest sample. The floors,
+    which are lower bounds per group of pieces, are not above the samples.
     """
     if not from_rest and damping == 0.0:
         return  # no steady state
@@ -123,7 +127,7 @@ def test_least_force_is_the_exhaustive_minimum(count, damping, from_rest):
 
 @pytest.mark.parametrize("count", [1, 8, 60, 360])
 def test_first_lift_off_is_that_of_a_simulation(count):
-    """`first_lift_off` returns the first event of a run, or None if it has no event."""
+    """`first_lift_off` returns the time of the first event of a simulation, or None."""
     rng = np.random.default_rng(count)
     law, rig = random_law(rng, count), random_rig(rng, 1.0)
     lift_offs = 0
@@ -141,9 +145,9 @@ def test_first_lift_off_is_that_of_a_simulation(count):
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("seed", [133, 232, 257])
 def test_no_lift_off_at_the_end_of_a_part(seed):
-    """Below the jump speed the search passes the end of each part despite rounding."""
-    # Regression: a search of one part restarted after the end of the part, because the end was
-    # one float before the requested time.
+    """Below the jump speed no lift-off is reported at the end of a part of a run."""
+    # A former search restarted after the end of a part, because this end was one float before the
+    # requested time.
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 40))
     law, rig = random_law(rng, count), random_rig(rng, 1.0)
@@ -154,7 +158,10 @@ def test_no_lift_off_at_the_end_of_a_part(seed):
 
 
 def test_pieces_together_are_pieces_alone():
-    """`pieces` agrees with `piece` to 1e-13 for mixed spans and slow and fast modes."""
+    """`pieces` computes many pieces with the results of `piece` for each, to 1e-13.
+
+    The durations are mixed, with slow and fast modes.
+    """
     rng = np.random.default_rng(5)
     for matrix in (
         np.array([[0.0, 1.0], [-1.4e6, -20.0]]),

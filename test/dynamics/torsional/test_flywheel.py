@@ -1,4 +1,4 @@
-"""A flywheel of finite inertia: momentum, energy, closed forms and limits."""
+"""Elastic shaft with a flywheel of finite inertia: momentum, energy, limits."""
 
 import dataclasses
 import math
@@ -20,12 +20,12 @@ SPEED = 300.0 * np.pi / 30.0
 
 @pytest.fixture(scope="module")
 def shaft(config_dir):
-    """Shipped shaft with its flywheel."""
+    """Parameters of the shipped rig with a flywheel."""
     return MODELS["torsional"].parameters(load_rig(config_dir / "rigs" / "paper_flywheel.yaml"))
 
 
 def integral(motion, value):
-    """Return ∫ value dt over all windows of a motion by the Gauss-Legendre rule."""
+    """Return the time integral of `value(times)` over a motion, by Gauss-Legendre."""
     times, weights = gauss(motion.path.edges, 48)
     return float(weights @ value(times))
 
@@ -39,7 +39,10 @@ def momentum(motion, time):
 
 @pytest.mark.variants(3)
 def test_balance_of_angular_momentum(law, shaft):
-    """The momentum changes by the motor torque less the follower torque F s'."""
+    """The angular momentum changes by motor torque minus follower torque F s'.
+
+    The tolerance is 1e-12 of the total.
+    """
     p = dataclasses.replace(shaft, motor_torque=2.0)
     start = TorsionalState(2e-4, -0.1, 0.7, SPEED, 0.01, -0.3)
     motion = solve(law, p, start, 0.0, 1.7 * TURN / SPEED)
@@ -54,9 +57,9 @@ def test_balance_of_angular_momentum(law, shaft):
 
 
 def test_two_inertias_and_a_motor(shaft):
-    """Without lift flywheel and cam are two inertias whose momentum the motor raises.
+    """Without lift, flywheel and cam are two inertias that the motor accelerates.
 
-    The twist ψ oscillates about −T/(k I_v μ).
+    The twist ψ oscillates about −T/(k I_v μ), with the motor torque T and the mobility μ.
     """
     disc = Law("round", np.array([0.0, TURN]), np.zeros((1, 1)))
     p = dataclasses.replace(shaft, shaft_damping=0.0, flywheel_inertia=0.05, motor_torque=7.0)
@@ -75,7 +78,10 @@ def test_two_inertias_and_a_motor(shaft):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(6))
 def test_the_steady_state_returns_after_a_turn(laws, seed):
-    """The state returns, and the work of the motor equals that of the dampers."""
+    """The steady state returns after a turn, to 1e-9.
+
+    In a turn the work of the motor equals that of the dampers.
+    """
     rng = np.random.default_rng(seed)
     law = laws[["poly345", "tm21", "bezier15", "cycloidal", "poly4567", "modified_sine"][seed]]
     inertia, flywheel = 10.0 ** rng.uniform(-2.5, -1.0), 10.0 ** rng.uniform(-2.0, 4.0)
@@ -101,7 +107,10 @@ def test_the_steady_state_returns_after_a_turn(laws, seed):
 
 @pytest.mark.parametrize("cam", ["poly345", "tm21"])
 def test_a_heavy_flywheel_has_constant_speed(laws, shaft, cam):
-    """For I_v → ∞ the twist converges to that of eq. 10 as 1/I_v, down to rounding."""
+    """For a flywheel inertia I_v → ∞ the twist converges to that at constant speed.
+
+    The difference decreases as 1/I_v down to rounding. Constant speed is the assumption of eq. 10.
+    """
     law, times = laws[cam], np.linspace(0.0, TURN / SPEED, 400)
     limit = steady_motion(law, dataclasses.replace(shaft, flywheel_inertia=None), SPEED).at(times)
     errors = []
@@ -131,7 +140,10 @@ def by_energy(law, p, motion, times):
     ("inertia", "stiffness", "error"), [(0.2, 1e7, 2e-5), (0.02, 1e7, 2e-5), (1e-5, 5e3, 1e-3)]
 )
 def test_the_speed_of_one_body_follows_from_energy(laws, shaft, inertia, stiffness, error):
-    """A rigid shaft or almost no flywheel makes one body, whose energy is constant."""
+    """The speed of a rigid shaft, or one with almost no flywheel, follows from energy.
+
+    Cam and flywheel are then one body whose energy is constant.
+    """
     follower = dataclasses.replace(shaft.follower, damping=0.0)
     p = TorsionalParameters(follower, 0.02, stiffness, 1e-9, inertia)
     law, times = laws["poly4567"], np.linspace(0.0, TURN / SPEED, 300)
@@ -142,7 +154,7 @@ def test_the_speed_of_one_body_follows_from_energy(laws, shaft, inertia, stiffne
 
 
 def test_a_run_may_start_at_any_angle(laws, shaft):
-    """A run that starts within a turn has the steady state at its angle."""
+    """A run that starts within a turn starts in the steady state at its angle."""
     whole = Interval(0, 200 * MS, 0.0, SPEED)
     rows = run_in_ticks(laws["poly345"], "torsional", shaft, whole, [0, 200 * MS], 24_000)[0]
     part = Interval(90 * MS, 200 * MS, SPEED * 0.09, SPEED)
@@ -151,7 +163,10 @@ def test_a_run_may_start_at_any_angle(laws, shaft):
 
 
 def test_a_ramp_follows_the_drive_and_a_new_speed_is_steady(laws, shaft):
-    """On a ramp the drive sets the flywheel, and after it the motion is steady."""
+    """On a ramp the drive prescribes the motion of the flywheel.
+
+    After the ramp, and after a change of speed, the motion is steady again.
+    """
     law, advance = laws["poly345"], MODELS["torsional"].advance
     ramp = Interval(0, 100 * MS, 0.0, 0.0, 10.0 * SPEED)
     driven = dataclasses.replace(shaft, flywheel_inertia=None)

@@ -21,21 +21,22 @@ from ..helpers import ONE as FOLLOWER
 SLOW = 350.0 * np.pi / 30.0
 
 
-# Joints, samples and the periodic state
+# -- joints, samples and the periodic state
 
 REST = TorsionalState(0.0, 0.0, 0.0, SLOW)
 
 
 @pytest.fixture(scope="module")
 def damped(follower):
-    """Soft, damped shaft."""
+    """Soft, damped shaft of a flywheel at constant speed."""
     return TorsionalParameters(follower, 0.02, 8e3, 0.4)
 
 
 def test_windows_end_at_joints(laws, damped):
-    """Windows of the motion end when the cam, not the flywheel, is at a joint.
+    """The pieces of a torsional motion end when the twisted cam is at a joint.
 
-    The jump is (I + m s'²) Δθ̈_c = −m Δs'' θ̇_c² s'. All other quantities are continuous.
+    There the acceleration jumps by (I + m s'²) Δθ̈_c = −m Δs'' θ̇_c² s'. All other quantities are
+    continuous.
     """
     law, f = laws["tm21"], damped.follower
     motion = solve(law, damped, REST, 0.0, TURN / SLOW)
@@ -56,7 +57,7 @@ def test_windows_end_at_joints(laws, damped):
 @pytest.mark.variants(6)
 @pytest.mark.parametrize(("ramp", "inertia"), [(0.0, None), (80.0, None), (0.0, 0.05)])
 def test_rows_satisfy_the_equation(law, damped, ramp, inertia):
-    """Rates are derivatives, and θ̈_c satisfies eq. 10, also on a ramp."""
+    """The rates are derivatives, and θ̈_c satisfies eq. 10, also on a ramp."""
     damped = dataclasses.replace(damped, flywheel_inertia=inertia)
     motion = solve(law, damped, REST, 2.0, 0.2, ramp)
     times, h = np.linspace(2.001, 2.199, 333), 1e-6
@@ -98,7 +99,10 @@ def test_periodic_state_returns(law, damped, speed):
 
 
 def test_resonance_has_no_periodic_state(laws, follower):
-    """An undamped shaft with whole periods per turn, and speed 0, are errors."""
+    """An undamped shaft with a whole number of periods per turn is an error.
+
+    A speed of 0 is an error, too.
+    """
     base = laws["poly345"]
     undamped = dataclasses.replace(follower, damping=0.0)
     p = TorsionalParameters(undamped, 0.02, 0.02 * (5 * SLOW) ** 2)
@@ -111,7 +115,10 @@ def test_resonance_has_no_periodic_state(laws, follower):
 
 @pytest.mark.parametrize("ramp", [0.0, 60.0])
 def test_a_stiff_shaft_equals_the_kinetostatic_model(laws, ramp):
-    """With an almost rigid shaft the follower moves as in the kinetostatic model."""
+    """With an almost rigid shaft the follower moves as in the kinetostatic model.
+
+    The tolerances are 1e-8 m and 0.01 N.
+    """
     stiff = TorsionalParameters(FOLLOWER, 0.02, 1e9, 1e3)
     interval = Interval(0, 200 * MS, 0.0, 10.0 if ramp else SLOW, ramp)
     law = laws["poly345"]
@@ -121,7 +128,7 @@ def test_a_stiff_shaft_equals_the_kinetostatic_model(laws, ramp):
     np.testing.assert_allclose(rows[4], rigid[4], atol=1e-2)
 
 
-# Ramps θ_v = θ₀ + ω t + α t²/2, with the law at the twisted angle
+# -- ramps θ_v = θ₀ + ω t + α t²/2 of the flywheel, with the law at the twisted angle
 
 #: Shaft without damping, as in the reference.
 SHAFT = TorsionalParameters(FOLLOWER, 0.02, 5e3)

@@ -12,19 +12,19 @@ __all__ = ["no_faulty_figure"]
 
 @pytest.fixture(scope="session")
 def table2(config_dir):
-    """The rig that was identified from the jump speeds of Table 2."""
+    """Rig that was identified from the jump speeds of the paper's Table 2."""
     return load_rig(config_dir / "rigs" / "paper_table2.yaml")
 
 
 @pytest.fixture(scope="session")
 def two_mass(table2):
-    """The two masses of that rig."""
+    """Two-mass parameters of the rig of Table 2."""
     return TwoMassParameters.from_rig(table2)
 
 
 @pytest.fixture
 def printed_by(tmp_path, capsys):
-    """Run a script, and return its output. Its figure is written."""
+    """Function that runs a script, checks its figure file, and returns its output."""
 
     def run(script):
         script.main(["--out", str(tmp_path)])

@@ -1,4 +1,7 @@
-"""The cam as it was cut: the roller's law on the contour, and its jump speed."""
+"""Cam as it was cut for a point: the law of a roller on it, and its jump speed.
+
+The TM21's contour is cut as the path of a point, but a roller follows it.
+"""
 
 from itertools import pairwise
 
@@ -21,7 +24,7 @@ ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
 
 
 def random_law(seed, lift=0.02):
-    """Return a whole turn of one Bézier curve, closed with C²."""
+    """Return a law of one Bézier curve over a turn, closed with C². `lift` is in m."""
     ordinates = np.zeros(14)
     ordinates[4:10] = lift * np.random.default_rng(seed).uniform(0.0, 1.0, 6)
     return Law(f"random {seed}", [0.0, 2.0 * np.pi], ordinates[:, None])
@@ -29,13 +32,16 @@ def random_law(seed, lift=0.02):
 
 @pytest.fixture(scope="module")
 def followed_by(laws):
-    """The roller's law on each cam cut for a point, computed once."""
+    """Pairs of a law and the law of a roller on a cam that was cut for a point."""
     made = [*(laws[name] for name in ("bezier15", "poly345", "cycloidal")), random_law(3)]
     return [(law, followed_law(law, BASE, ROLLER)) for law in made]
 
 
 def test_a_roller_put_on_the_contour_has_the_lift(followed_by):
-    """A roller lowered onto the points of the finished contour has the computed lift."""
+    """A roller lowered onto the points of the cut contour has the computed lift.
+
+    The tolerance is 1e-11 m.
+    """
     point, at = GuidedCentre.on_base(BASE, 0.0, 0.0), ANGLES[::4]
     for law, found in followed_by:
         outline = Contour.of(Disc("", point), Motion.uniform(law, 7200)).points
@@ -46,7 +52,10 @@ def test_a_roller_put_on_the_contour_has_the_lift(followed_by):
 
 
 def test_fifty_digits():
-    """Lift and three derivatives agree with mpmath, which finds the contact."""
+    """Lift and three derivatives agree with mpmath, which solves for the contact.
+
+    The tolerances are 1e-15 m to 1e-9 m/rad³.
+    """
     law, found = random_law(5), followed_law(random_law(5), BASE, ROLLER)
     ordinates = [mp.mpf(float(y)) for y in law.ordinates[:, 0]]
     with mp.workdps(50):
@@ -72,9 +81,10 @@ def test_fifty_digits():
 
 
 def test_lift_is_kept_and_never_below(followed_by):
-    """The lift as cut is at least s, and equal to s at its extremes.
+    """The roller's lift is at least the law s, and equal to s at its extremes.
 
-    The acceleration there is s''/(1 − R_r s''/(ρ (ρ + R_r))).
+    The acceleration there is s''/(1 − R_r s''/(ρ (ρ + R_r))), with the roller radius R_r and the
+    distance ρ from the axis.
     """
     at = np.array([np.pi])
     for law, found in followed_by:
@@ -89,10 +99,10 @@ def test_lift_is_kept_and_never_below(followed_by):
 
 
 def test_limits_and_refusals(laws):
-    """Under a point follower the lift as cut is s.
+    """With a roller of radius 0 the lift is s.
 
-    On a large cam it exceeds s by R_r s'²/(2 ρ (ρ + R_r)), to the first order. A law that is
-    hollower than the roller is refused.
+    On a large cam it exceeds s by R_r s'²/(2 ρ (ρ + R_r)), to the first order. A law whose contour
+    is hollower than the roller is refused.
     """
     law = laws["bezier15"]
     assert np.abs(followed_law(law, BASE, 0.0)(ANGLES) - law(ANGLES)).max() < 1e-15
@@ -110,7 +120,7 @@ def test_limits_and_refusals(laws):
 
 @pytest.fixture(scope="module")
 def bezier():
-    """Bézier 15 as cut, at the radii of its file."""
+    """Result for the cam Bézier 15 as cut, with the radii of its file."""
     (found,) = study(["bezier15"])
     return found
 
@@ -124,14 +134,17 @@ def test_the_jump_speed_by_the_exact_model(bezier, two_mass):
 
 
 def test_numbers_of_the_report(bezier):
-    """The row of Bézier 15 agrees with the report, at the radii of the cam's file."""
+    """The row of Bézier 15 has the numbers that the report prints."""
     row = ["65", "10", "0.866", "-39.12", "-37.41", "569.05", "584.16", "-0.027", "+0.023"]
     assert table([bezier], "").for_report.text_rows == [["Bézier degree 15", *row, "–", "–"]]
 
 
 @pytest.mark.slow
 def test_jump_speeds_and_landings_of_the_other_cams():
-    """Jump speeds and lowest speeds with landings, of s and as cut, are as reported."""
+    """Jump speeds and lowest speeds with landings of the other cams are as reported.
+
+    They are those of s and of the cam as cut.
+    """
     rows = table(study(script.CAMS[1:]), "").for_report.text_rows
     assert [row[6:8] + row[-2:] for row in rows] == [
         ["413.44", "413.07", "–", "–"],

@@ -9,7 +9,10 @@ from examples.paper.identify import Geometry, levels, study, with_geometry
 
 
 def test_calibration_repeats_the_rig_file(printed_by):
-    """The script gives the shipped constants, and does not write by default."""
+    """The calibration script gives the constants of the rig file.
+
+    It does not write the file by default.
+    """
     printed = printed_by(calibrate)
     assert "gain 9.86e-05 Pa·s/N, corner 18.42 Hz; 0.634 dB RMS over 21 speeds" in printed
     assert "written" not in printed
@@ -18,12 +21,12 @@ def test_calibration_repeats_the_rig_file(printed_by):
     assert found.corner_frequency == pytest.approx(rig.radiation.corner_frequency.si, rel=1e-4)
 
 
-#: The geometry in config/cams/tm21.yaml, with its residual.
+#: Geometry in config/cams/tm21.yaml (mm and degrees), with its residual in dB.
 SHIPPED = Geometry(lift=5.682, event=114.54, nose=78.60, rms=0.93, trials=1104)
 
 
 def test_the_shipped_geometry_has_its_residual(printed_by, monkeypatch):
-    """The cam of these numbers is the shipped one, 0.93 dB from the published curve."""
+    """A cam of these numbers is the shipped TM21, 0.93 dB from the published curve."""
     cam = cam_rig.load_cam("tm21")
     made = with_geometry(cam, 1e-3 * SHIPPED.lift, SHIPPED.event, SHIPPED.nose)
     angles = np.linspace(0.0, 2.0 * np.pi, 721)
@@ -40,7 +43,7 @@ def test_the_shipped_geometry_has_its_residual(printed_by, monkeypatch):
 @pytest.mark.long
 @pytest.mark.slow
 def test_the_search_ends_at_the_shipped_geometry():
-    """Seed 1 gives the numbers of the cam file."""
+    """The search with seed 1 gives the numbers of the cam file."""
     found = study(1)
     assert (found.lift, found.event, found.nose) == (5.682, 114.54, 78.60)
     assert round(found.rms, 2) == SHIPPED.rms

@@ -1,4 +1,4 @@
-"""Factorial study: the laws of its designs, effects, and sums of squares."""
+"""Factorial study of slopes and continuity: its laws, effects and sums of squares."""
 
 import math
 
@@ -23,7 +23,7 @@ RISES = ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9", "modi
 
 @pytest.fixture
 def no_faulty_figure():
-    """The figure of a few cases, whose labels overlap, is not checked."""
+    """Disable the check of figures, because labels overlap with only a few cases."""
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def found():
 
 @pytest.mark.parametrize("rise", RISES)
 def test_up_and_down(rise):
-    """A law rises and falls by the lift over the angle, with its class at the joints."""
+    """A law rises and falls by the lift over the event angle, with dwells between."""
     law = up_and_down(rise, math.radians(100.0), 0.05)
     at = np.radians([0.0, 39.9, 140.1, 180.0, 219.9, 320.1])
     assert law(at) == pytest.approx([0.0, 0.0, 0.05, 0.05, 0.05, 0.0], abs=1e-12)
@@ -53,14 +53,20 @@ def test_up_and_down(rise):
 
 
 def test_no_dwell_is_left_at_180():
-    """An event of 180° has no dwells: simple harmonic becomes a smooth eccentric."""
+    """With an event angle of 180° no dwell is left.
+
+    Simple harmonic motion then becomes a smooth eccentric.
+    """
     law = up_and_down("simple_harmonic", math.pi, 0.05)
     assert law.spans.size == 2
     assert all(joint.continuity >= 4 for joint in joints(law))
 
 
 def test_squeezed(laws):
-    """`squeezed` compresses a turn into 240° with proportional slopes, then rests."""
+    """`squeezed` compresses a turn into 240° and adds a dwell.
+
+    Its slopes are steeper by 360/240.
+    """
     law = script.squeezed(laws["bezier15"], math.radians(240.0))
     angle = np.linspace(0.0, TURN, 99, endpoint=False)
     assert law(angle * 240.0 / 360.0) == pytest.approx(laws["bezier15"](angle), abs=1e-15)
@@ -71,7 +77,7 @@ def test_squeezed(laws):
 
 
 def test_cells_that_leave(found):
-    """A law and angle are lost if the follower jumps below the effect's fastest speed.
+    """A combination is excluded if the follower jumps below the study's highest speed.
 
     The remaining laws and angles form a complete table.
     """
@@ -83,7 +89,7 @@ def test_cells_that_leave(found):
     assert not stay.lost("residual").any()
     assert len(stay.cells) == len(stay.rises) >= 2
     assert "simple_harmonic" not in stay.rises
-    assert not design.lost("noise").any()  # a rigid follower may fly and land
+    assert not design.lost("noise").any()  # a rigid follower may lift off
 
 
 def test_the_script(found, printed_by, monkeypatch):
@@ -96,7 +102,7 @@ def test_the_script(found, printed_by, monkeypatch):
 
 @pytest.mark.slow
 def test_numbers_of_the_report():
-    """Shares of slopes and continuity, and jump speeds, agree with the report."""
+    """Shares of slopes and continuity, and jump speeds, are those of the report."""
     found = study()
     by_caption = {table.caption: table.for_report.text_rows for table in script.tables(found)}
     advantage = next(rows for key, rows in by_caption.items() if key.startswith("Advantage"))
@@ -122,7 +128,7 @@ def test_numbers_of_the_report():
 
 
 def test_up_and_down_with_another_high_dwell():
-    """The high dwell has its width, and the low dwell the rest of the turn."""
+    """The high dwell has the given angle, and the low dwell the rest of the turn."""
     event, high = math.radians(100.0), math.radians(20.0)
     law = up_and_down("poly345", event, 0.05, high)
     middle = 0.5 * (2.0 * math.pi - 2.0 * event - high) + event
@@ -134,7 +140,7 @@ def test_up_and_down_with_another_high_dwell():
     assert none(math.pi, 1) == pytest.approx(0.0, abs=1e-12)
 
 
-# -- analysis of variance: sums that add up, and tables whose answer is known -----------------
+# -- analysis of variance: sums that add up, and tables with known results
 
 
 TABLES = arrays(np.float64, (3, 4), elements=st.floats(-100.0, 100.0))
@@ -142,9 +148,9 @@ TABLES = arrays(np.float64, (3, 4), elements=st.floats(-100.0, 100.0))
 
 @given(TABLES)
 def test_shares_add_up(values):
-    """Shares of rows, columns and interaction add up to the variation about the mean.
+    """The shares of rows, columns and interaction add up to the total variation.
 
-    Those of the transposed table are exchanged.
+    The shares of the transposed table are exchanged.
     """
     found, turned = shares_of(values, range(3)), shares_of(values.T, range(4))
     assert found.total == pytest.approx(((values - values.mean()) ** 2).sum(), abs=1e-9)
@@ -166,9 +172,9 @@ def test_known_tables():
 
 @given(arrays(np.float64, (2, 2, 2), elements=st.floats(-100.0, 100.0)))
 def test_shares_of_two_levels_are_of_all(values):
-    """Every factor and interaction counts once.
+    """With factors of two levels, the shares of all effects add up to 1.
 
-    A two-way table gives the same two shares.
+    A table with two factors gives the same shares as `shares_of`.
     """
     shares = two_levels(values)
     total = ((values - values.mean()) ** 2).sum()

@@ -1,4 +1,4 @@
-"""Misprints of the sources: each printed text breaks an identity.
+"""Misprints of the sources: each printed text violates an identity.
 
 Each function returns the error of the identity with the printed text, the error with the correct
 text, and the largest error of a correct text.
@@ -18,7 +18,7 @@ from examples.paper.misprints import MISPRINTS
 U = np.linspace(0.0, 1.0, 201)
 THETA = np.linspace(0.1, 6.0, 60)
 STEP = 1e-5
-#: Error of a central difference of the second order, for values of the order of 1.
+#: Error of a central difference of second order, for values of the order of 1.
 DIFFERENCE = 1e-8
 PRINTED_JUMPS = (570, 415, 390, 410, 400)  # rpm, Table 2 of the paper
 
@@ -33,9 +33,9 @@ def largest(error):
 
 
 def eq_2():
-    """Return the errors of eq. 2: the curve is that of the law.
+    """Return the errors of eq. 2, the polynomial of Bézier 15.
 
-    Coefficients are ordinates times binomials.
+    Identity: its coefficients are the ordinates times the binomials.
     """
     law = cam_rig.build_law(cam_rig.load_cam("bezier15"))
     ordinates = np.zeros(16)
@@ -54,9 +54,9 @@ def eq_2():
 
 
 def eq_20():
-    """Return the errors of eq. 20: both cams are equally loud at 335 rpm.
+    """Return the errors (dB) of eq. 20, the sound level of Bézier 15.
 
-    The paper states this of Bézier 15 and TM21.
+    Identity: Bézier 15 and TM21 are equally loud at 335 rpm, as the paper states.
     """
     published = load_published(config_root() / "published" / "tm21_noise.yaml")
     apart = published.level("bezier15", 335) - published.level("tm21", 335)
@@ -64,9 +64,10 @@ def eq_20():
 
 
 def ordinates_of_bezier_15():
-    """Return the errors of the ordinates: those of Bézier 15 are symmetric.
+    """Return the errors of the printed ordinates of Bézier 15.
 
-    The coefficients of u⁴ and u¹¹ in eq. 2 are equal, and so are those of u⁵ and u¹⁰.
+    Identity: they are symmetric, because in eq. 2 the coefficients of u⁴ and u¹¹ are equal, and so
+    are those of u⁵ and u¹⁰.
     """
 
     def asymmetry(fifth):
@@ -77,9 +78,9 @@ def ordinates_of_bezier_15():
 
 
 def table_1():
-    """Return the errors of Table 1's mass: jump speeds reach the lowest printed one.
+    """Return the errors (rpm) of the mass in Table 1, 13 or 1.3 kg.
 
-    They are the missing speeds (rpm) with 13 and 1.3 kg.
+    Identity: at least one computed jump speed reaches the lowest printed one.
     """
     laws = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 
@@ -98,9 +99,9 @@ def table_1():
 
 
 def eq_3_6():
-    """Return the errors of eq. 3.6: the slope at the end is 2, and the degree 8.
+    """Return the errors of eq. 3.6, a half rise of degree 8.
 
-    The curve rises from rest to the constant velocity 2 h/β.
+    Identity: the curve ends with the constant velocity 2 h/β, so the slope is 2.
     """
 
     def error(ordinates):
@@ -114,15 +115,15 @@ def eq_3_6():
 
 
 def shape(name):
-    """Return a unit rise as a curve over u."""
+    """Return a unit rise as a curve over u from 0 to 1."""
     breaks, pieces = unit_rise(name)
     return BPoly(np.array(pieces).T, breaks)
 
 
 def eq_3_7():
-    """Return the errors of eq. 3.7: the derivatives are those of the law itself.
+    """Return the errors of eq. 3.7, the half rise 2u − 2u³ + u⁴.
 
-    The law is 2u − 2u³ + u⁴, and its second and third derivatives are printed.
+    Identity: the printed second and third derivatives are those of the law.
     """
     law = shape("bezier4_end")
     assert largest(law(U) - (2 * U - 2 * U**3 + U**4)) < 1e-13
@@ -135,9 +136,10 @@ def eq_3_7():
 
 
 def eq_2_1():
-    """Return the errors of eq. 2.1: basis functions add up to one at a knot too.
+    """Return the errors of eq. 2.1 and 2.10, sums of B-spline basis functions.
 
-    Without a₀ a law that starts at 1 would start at 0.
+    Identities: the basis functions add up to one at a knot too, and without a₀ a law that starts at
+    1 would start at 0.
     """
     knots = np.arange(5.0)
 
@@ -155,9 +157,9 @@ def eq_2_1():
 
 
 def eq_2_13():
-    """Return the errors of eq. 2.13: its ordinates give a B-spline's derivative.
+    """Return the errors of eq. 2.13, the derivative of a B-spline.
 
-    The knots at the ends are n-fold as in the thesis.
+    Identity: its ordinates give the derivative. The knots at the ends are n-fold as in the thesis.
     """
     degree, random = 3, np.random.default_rng(1)
     inner = np.sort(random.uniform(0.1, 0.9, 4))
@@ -175,7 +177,7 @@ def eq_2_13():
 
 
 def distance(angle):
-    """Return the follower's distance (m) from the axis at cam angles."""
+    """Return the follower's distance (m) from the axis at cam angles (rad)."""
     return 0.05 + 0.01 * np.sin(angle) + 0.003 * np.cos(2.0 * angle)
 
 
@@ -188,13 +190,13 @@ def second(angle):
 
 
 TILT, OFFSET = 0.3, 0.004
-FACE = np.array([-np.sin(TILT), np.cos(TILT)])  # the normal of the inclined face, in base 1, 2
+FACE = np.array([-np.sin(TILT), np.cos(TILT)])  # normal of the inclined face, base 1, 2
 
 
 def eq_2_17():
-    """Return the errors of eq. 2.17: the contact lies on the inclined face.
+    """Return the errors (m) of eq. 2.17, the contact on an inclined face.
 
-    The face passes through (ε, d).
+    Identity: the contact lies on the face, which passes through (ε, d).
     """
     along = slope(THETA) * np.cos(TILT)
     across = distance(THETA) * np.cos(TILT) - OFFSET * np.sin(TILT)
@@ -209,9 +211,9 @@ def eq_2_17():
 
 
 def eq_2_33():
-    """Return the errors (m/rad) of eq. 2.33: the tangent is a derivative.
+    """Return the errors (m/rad) of eq. 2.33, the tangent of the pitch curve.
 
-    It is that of the pitch curve, eq. 2.30 and 2.31.
+    Identity: the tangent is the derivative of eq. 2.30 and 2.31.
     """
     pivot, arm = 0.12, 0.1
 
@@ -234,14 +236,14 @@ def eq_2_33():
 
 
 def eq_2_39():
-    """Return the errors (m/rad²) of eq. 2.39: the derivative in a rotating base.
+    """Return the errors (m/rad²) of eq. 2.39, a second derivative of the contour.
 
-    There d/dθ of (x, y) is (x' + y, y' − x).
+    Identity: in the rotating base, d/dθ of (x, y) is (x' + y, y' − x).
     """
     printed = -(distance(THETA) + second(THETA)) * np.cos(TILT) - OFFSET * np.sin(TILT)
     right = -((distance(THETA) + second(THETA)) * np.cos(TILT) - OFFSET * np.sin(TILT))
 
-    def contour(angle):  # in the cam's base, up to a rotation that does not matter
+    def contour(angle):  # cam base, up to a rotation
         one = slope(angle) * np.cos(TILT)
         two = distance(angle) * np.cos(TILT) - OFFSET * np.sin(TILT)
         return (one + 1j * two) * np.exp(-1j * angle)
@@ -254,7 +256,7 @@ def eq_2_39():
 
 
 def part_a():
-    """Return the errors of part a of an example: S(π/2) of S = a θ/β + b.
+    """Return the errors of part a of the worked example, S = a θ/β + b at θ = π/2.
 
     The identity is true for any a and b.
     """
@@ -264,9 +266,9 @@ def part_a():
 
 
 def part_b():
-    """Return the errors of part b of an example: the rise meets its conditions.
+    """Return the errors of part b of the worked example, a harmonic motion.
 
-    It rises from 0 at θ/β = 1 to 1 at θ/β = 2.
+    Identity: it rises from 0 at θ/β = 1 to 1 at θ/β = 2, as its boundary conditions state.
     """
 
     def error(sign):
@@ -285,7 +287,7 @@ CHECKS = (
 
 @pytest.mark.parametrize("check", CHECKS)
 def test_printed_text_is_wrong_and_correct_text_is_right(check):
-    """The printed text breaks the identity by far more than the correct text."""
+    """The printed text violates the identity by far more than the correct text."""
     printed, right, tolerance = check()
     assert right <= tolerance
     assert printed > 1e3 * right

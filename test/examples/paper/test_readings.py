@@ -1,4 +1,7 @@
-"""Readings of Table 2: loss of contact on the table's grid, and the search."""
+"""Interpretations ("readings") of Table 2: possible rigs, and the search for them.
+
+A reading is a set of the four numbers that the paper does not print.
+"""
 
 import math
 
@@ -43,9 +46,9 @@ def test_events_and_high_dwell_are_as_requested(cam):
 
 
 def test_the_first_speed_of_the_grid_by_the_exact_model():
-    """Contact is lost at the first speed, and at no slower speed of the grid.
+    """The exact model loses contact at `first_on_grid`, the first speed of the table.
 
-    The law is 3-4-5 on a stem that vibrates.
+    It keeps contact at every lower speed of the 5 rpm grid.
     """
     law = build_law(CAMS["poly345"])
     follower = TwoMassParameters(0.5, 0.8, 1.26e6, 4030.0, 0.5, 0.5, 20.0)
@@ -58,12 +61,15 @@ def test_the_first_speed_of_the_grid_by_the_exact_model():
     assert math.isnan(first_on_grid(law, follower, rpm - 5.0, 1.0))
 
 
-#: Follower with little damping: the vibration of 3-4-5 grows for ten turns near 415 rpm.
+#: Follower with little damping: the vibration of the 3-4-5 cam grows for ten turns near 415 rpm.
 LIGHT = TwoMassParameters(0.634, 0.666, 2.424962e6, 4030.0, 0.0105, 0.0105, 14.29)
 
 
 def test_a_window_by_the_exact_model():
-    """Contact is lost at the printed time over the computed range of speeds."""
+    """`window` is the range of speeds (rpm) that lose contact at the printed time.
+
+    It agrees with the exact model at 501 speeds.
+    """
     law = build_law(CAMS["poly345"])
     printed = (415.0, 1.2)
     speeds = np.linspace(410.0, 420.0, 501)
@@ -77,7 +83,7 @@ def test_a_window_by_the_exact_model():
 
 
 def test_a_trial_that_shows_the_table_has_no_miss():
-    """A trial rig at the exact speed shows the table, and 5 rpm from it does not."""
+    """A trial rig with the printed jump speed has no error, and 5 rpm off it has."""
     reading = READINGS["shipped"]
     numbers = {key: np.array([getattr(reading, key).si]) for key in BOUNDS}
     numbers |= {"mass": np.array([1.3]), "spring_stiffness": np.array([4030.0])}
@@ -89,7 +95,7 @@ def test_a_trial_that_shows_the_table_has_no_miss():
 
 
 def test_a_search_finds_a_rig_that_shows_the_table(capsys):
-    """The search for two parameters of a known rig ends without a miss."""
+    """A search for two parameters of a known rig ends without an error."""
     reading = READINGS["shipped"]
     made = {
         cam: (first_on_grid(reading.law(cam), reading.follower, 650.0, RUN), 1.0)
@@ -106,12 +112,12 @@ def test_a_search_finds_a_rig_that_shows_the_table(capsys):
 
 @pytest.fixture(scope="module")
 def shipped():
-    """Reading of Table 2 by the shipped rig on every cam."""
+    """Result of the shipped rig for every cam of Table 2."""
     return read("shipped", READINGS["shipped"], RUN)
 
 
 def test_numbers_of_the_report(shipped):
-    """Jump speeds and times of the shipped reading agree with the report."""
+    """Jump speeds and times of the shipped reading are those of the report."""
     readings, cams = tables([shipped])
     assert "".join(readings.rows[0][:8]).count("*") == len(shipped.reading.fitted) == 4
     assert readings.for_report.text_rows[0][8:] == ["4", "4", "0", "0.41"]
@@ -128,9 +134,10 @@ def test_numbers_of_the_report(shipped):
 
 @pytest.mark.slow
 def test_what_agrees_in_each_reading():
-    """Speeds, times and r.m.s. differences of each reading are those of the report.
+    """The agreement of each reading with Table 2 is as reported.
 
-    The widest window of a printed time is as reported too.
+    It is the number of speeds and times and the r.m.s. difference. The widest range of speeds with
+    a printed time is as reported too.
     """
     found = script.study()
     assert [(one.name, one.speeds, one.times, round(100.0 * one.rms, 2)) for one in found] == [
@@ -143,7 +150,7 @@ def test_what_agrees_in_each_reading():
     ]
     assert max(row.window for one in found for row in one.rows) == pytest.approx(0.02, abs=1e-4)
     five = found[3]
-    row = five.hidden[0]  # the grid hides a jump of the reading with all five speeds
+    row = five.hidden[0]  # the 5 rpm grid hides a jump
     law, speed = five.reading.law(row.cam), row.jump * 1.00001 * RPM
     assert first_lift_off(law, five.reading.follower, speed, np.zeros(2), RUN) is not None
 

@@ -1,4 +1,4 @@
-"""Refit of the four unprinted numbers of the two-mass rig."""
+"""Refit of the four numbers of the two-mass rig that the paper does not print."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ FOUR = ("bezier15", "poly345", "poly4567", "cycloidal")
 
 
 def test_every_start_of_a_refit_is_reported(cams, laws, two_mass, monkeypatch):
-    """A refit reports the result of every start, the best first.
+    """A refit reports the result of every start value, the best first.
 
     Four parameters fitted to four speeds may have several solutions.
     """
@@ -37,8 +37,7 @@ def test_every_start_of_a_refit_is_reported(cams, laws, two_mass, monkeypatch):
 def test_with_event(cams):
     """A changed rise and fall angle leaves the lift unchanged.
 
-    Both halves of a divided rise get equal angles. A cam that moves over a whole turn is
-    unchanged.
+    Both halves of a divided rise get equal angles. A cam that moves over a whole turn is unchanged.
     """
     for name, halves in (("poly345", 1), ("bezier_segments", 2)):
         changed = with_event(cams[name], np.radians(100.0))
@@ -49,7 +48,7 @@ def test_with_event(cams):
 
 
 def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
-    """A refit to speeds of known parameters finds them from a different start."""
+    """A refit to jump speeds of known parameters finds these from another start."""
     monkeypatch.setattr(jump_refit, "STARTS", 1)
     monkeypatch.setattr(jump_refit, "MAX_STEPS", 6)
     speeds = {cam: find_jump(laws[cam], two_mass, 0.4).rpm for cam in FOUR}

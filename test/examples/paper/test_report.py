@@ -1,4 +1,4 @@
-"""Report of the paper: every section with figures and tables, and its numbers."""
+"""Report on the paper: every section with figures and tables, and its numbers."""
 
 import re
 from concurrent.futures import Future
@@ -9,10 +9,10 @@ from examples.paper import as_cut, factorial, flywheel, readings, report, sectio
 
 from ...cli.test_report import numbered, sentences, too_long, untypeset
 
-#: Names of cams and rises that are not words. A rig has the name of a cam.
+#: Names of cams and rises that are not words. Text must have titles instead, except after "rig".
 NAMES = r"(?<!rig )\b(tm21|bezier\d+|poly\d+|bezier_segments|simple_harmonic)\b"
 
-#: Replacement of a picture, which takes a second or two.
+#: Replacement of a picture, which would take a second or two to draw.
 PICTURE = "data:image/svg+xml;base64,AAAA"
 
 
@@ -33,12 +33,12 @@ class Here:
 
 @pytest.fixture
 def no_faulty_figure():
-    """Figures are not checked here but in the tests of the scripts."""
+    """Disable the check of figures, which the tests of the scripts do."""
 
 
 @pytest.fixture
 def fewer(monkeypatch):
-    """Each long study has a few cases only, and no figure is drawn."""
+    """Reduce each long study to a few cases, and draw no figure."""
     pictures = property(lambda content: {key: [PICTURE] * 2 for key in content.figures})
     monkeypatch.setattr("cam_rig.report.document.Content.figure_uris", pictures)
     monkeypatch.setattr("examples.paper.designs.REQUESTS", ())
@@ -67,20 +67,21 @@ def test_the_page(tmp_path, capsys):
 @pytest.mark.long
 @pytest.mark.slow
 def test_the_whole_page(tmp_path):
-    """The page of all speeds, readings and laws has its figures."""
+    """The page of all speeds, readings and laws has all its figures."""
     check_page(tmp_path, figures=19)
 
 
 def check_page(tmp_path, figures):
     """Check a page: every section, figures in order, tables 1 to 3, and origins.
 
-    It starts with the statements of the paper and the results here. No sentence has over 30 words.
+    It starts with the statements of the paper and the results of the rig. No sentence has over 30
+    words.
     """
     out = tmp_path / "out" / "paper.html"
     report.main(["--out", str(out)])
     page = out.read_text(encoding="utf-8")
     pictures = re.findall(r'<img src="([^"]{,40})', page)
-    assert page.count("<figure ") == figures < len(pictures)  # tall pictures in strips
+    assert page.count("<figure ") == figures < len(pictures)  # tall pictures are divided
     assert all(p.startswith("data:image/svg+xml;base64,") for p in pictures)
     for words in ("Table 1:", "Table 2:", "Table 3:", "Given, assumed, identified"):
         assert words in page
@@ -93,7 +94,7 @@ def check_page(tmp_path, figures):
     for outward in ("<script", "http://", "https://", "<link"):
         assert outward not in page
     assert too_long(page) == [] and untypeset(page) == []
-    listed = page.index('<details id="numbers">')  # with the names that files have
+    listed = page.index('<details id="numbers">')  # lists file names
     titled = re.sub('<td data-head="rig".*?</td>', "", page[:listed])
     named = [words for words in sentences(titled) if re.search(NAMES, words)]
     assert named == []
@@ -103,7 +104,7 @@ def check_page(tmp_path, figures):
 
 @pytest.mark.slow
 def test_numbers_of_the_summary():
-    """The statements of the paper and the results agree with the page."""
+    """The results in the summary are those that the documentation states."""
     paper = shared.Paper(factorial.study)
     rows = {question: here for question, _, here in shared.summary_table(paper).rows}
     assert list(rows.values()) == [
@@ -131,7 +132,7 @@ def test_table_1():
 
 
 def test_another_kind_of_page(tmp_path, capsys):
-    """A file with another suffix than those of pages is refused before the run."""
+    """A file with another suffix than .html or .md is refused before the run."""
     with pytest.raises(SystemExit):
         report.main(["--out", str(tmp_path / "a.pdf")])
     assert "unknown kind of page; allowed: .html, .md" in capsys.readouterr().err

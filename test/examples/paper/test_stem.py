@@ -1,4 +1,4 @@
-"""A stem of n masses: two masses, closed forms, and the bar that is its limit."""
+"""Stem of n masses: two masses, closed forms, and the continuous bar as its limit."""
 
 import math
 from dataclasses import replace
@@ -18,11 +18,11 @@ from examples.paper.stem import BAR, Stem, stem_jump, stem_turn
 
 
 def chain_response(law, stem, speed):
-    """Return a chain in contact for the rig's exact solver.
+    """Return the linear response of a chain of masses in contact, and its outputs.
 
-    The outputs are contact force and head, in N and m. The state is displacement and velocity of
-    each node behind the foot about their static position under the lift, from the foot on. The
-    rounding of the lift is then not multiplied by the stem.
+    The outputs are contact force (N) and head displacement (m). The state is displacement and
+    velocity of each node behind the foot, relative to its static position under the lift, from the
+    foot on. So the rounding of the lift is not multiplied by the stiffness of the stem.
     """
     f, n = stem.follower, int(stem.elements)
     masses = np.full(n, stem.mass / n)
@@ -54,7 +54,7 @@ def chain_response(law, stem, speed):
 
 
 def exact(law, stem, speed, count):
-    """Return force and head of a steady turn, ``(2, count)``."""
+    """Return contact force and head displacement of a steady turn, shape (2, count)."""
     model, outputs = chain_response(law, stem, speed)
     return sample(model, model.periodic(), 0.0, 0.0, TURN / speed / count, count, outputs)
 
@@ -72,7 +72,7 @@ def some_follower(seed):
 
 
 def test_masses_and_static_stiffness_are_kept(two_mass):
-    """A stem of any number of masses has the same total mass and static stiffness."""
+    """Any number of masses keeps the total mass and the static stiffness of the stem."""
     for elements in (1.0, 2.0, 7.0, BAR):
         stem = Stem(two_mass, elements)
         total = stem.foot_mass + stem.mass + stem.head_mass
@@ -85,7 +85,7 @@ def test_masses_and_static_stiffness_are_kept(two_mass):
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(3))
 def test_one_element_is_the_two_mass_follower(law, seed):
-    """A stem of one element has the contact force of two masses, on random rigs."""
+    """A stem of one element has the contact force of two masses, within 1e-9 N."""
     p = some_follower(seed)
     model = contact_response(law, p, SPEED)
     step = TURN / SPEED / 500
@@ -103,7 +103,7 @@ def test_natural_frequencies_are_those_of_the_matrix(laws, two_mass, elements):
 
 
 def test_a_fixed_free_bar(two_mass):
-    """A stem without head and spring has the frequencies of a fixed-free bar.
+    """Without head and spring the stem has the frequencies of a fixed-free bar.
 
     Those of the bar are (i + ½) π √(k/m), those of the chain √(4 n² k/m) sin((i + ½) π/2n).
     """
@@ -117,7 +117,7 @@ def test_a_fixed_free_bar(two_mass):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_masses_tend_to_the_bar_as_one_over_n_squared(seed):
-    """The error of a chain against the bar falls to a quarter for twice the masses.
+    """With twice the masses, the error of a chain against the bar is a quarter.
 
     This is true for frequencies and transfer functions.
     """
@@ -136,7 +136,10 @@ def test_masses_tend_to_the_bar_as_one_over_n_squared(seed):
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("elements", [1.0, 3.0, 8.0])
 def test_the_series_is_the_exact_solver(laws, seed, elements):
-    """The turn by harmonics agrees with the turn in closed form, piece by piece."""
+    """The turn computed by harmonics agrees with the exact turn.
+
+    The tolerances are 1e-5 of the force and 1e-6 of the displacement.
+    """
     law, stem = laws[("poly4567", "bezier15")[seed % 2]], Stem(some_follower(seed), elements)
     turn = stem_turn(law, stem, SPEED)
     force, head = exact(law, stem, SPEED, turn.angle.size)
@@ -151,21 +154,21 @@ def test_the_series_is_the_exact_solver(laws, seed, elements):
 
 @pytest.fixture(scope="module")
 def found(laws, table2):
-    """Jump of polynomial 3-4-5 on the identified stem."""
+    """Result of the 3-4-5 cam on the identified stem."""
     return script.study_stem(table2, {"poly345": laws["poly345"]})
 
 
 @pytest.fixture(scope="module")
 def rows(found):
-    """Rows of stems with an increasing number of masses."""
+    """Table of stems with an increasing number of masses."""
     return found.over_elements.frame
 
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "poly4567", "cycloidal"])
 def test_one_element_jumps_as_two_masses(laws, two_mass, table2, cam):
-    """One element has the jump speed of two masses in the jump study.
+    """A stem of one element has the jump speed of two masses in `cam-rig jump`.
 
-    That study has a separate search with an exact proof.
+    That command uses a separate search with a proof.
     """
     expected = find_jump(laws[cam], two_mass, None).rpm
     assert stem_jump(laws[cam], Stem(two_mass, 1.0), table2) == pytest.approx(expected, rel=2e-5)
@@ -173,7 +176,7 @@ def test_one_element_jumps_as_two_masses(laws, two_mass, table2, cam):
 
 @pytest.mark.parametrize("elements", [2.0, 5.0])
 def test_the_exact_solver_loses_contact_there(laws, two_mass, table2, elements):
-    """The least force by the rig's solver changes its sign at the jump speed."""
+    """At the jump speed the smallest force of the exact solver changes its sign."""
     law, stem = laws["cycloidal"], Stem(two_mass, elements)
     jump = stem_jump(law, stem, table2) * RPM
     below, above = (exact(law, stem, jump * (1.0 + s), 8000)[0].min() for s in (-1e-4, 1e-4))
@@ -181,7 +184,10 @@ def test_the_exact_solver_loses_contact_there(laws, two_mass, table2, elements):
 
 
 def test_the_sound_of_a_stiff_stem_is_that_of_a_rigid_follower(laws, table2, two_mass):
-    """The level by harmonics agrees with that of the exact structure under eq. 9."""
+    """The sound level of a very stiff stem is that of a rigid follower.
+
+    The exact level follows from eq. 9. The tolerance is 5e-4 dB.
+    """
     law, follower = laws["poly4567"], FollowerParameters.from_rig(table2)
     radiation = RadiationParameters.from_rig(table2)
     stiff = replace(two_mass, stem_stiffness=1e10)
@@ -192,7 +198,7 @@ def test_the_sound_of_a_stiff_stem_is_that_of_a_rigid_follower(laws, table2, two
 
 
 def test_numbers_of_the_report(found, rows):
-    """The values of 3-4-5 on the identified stem agree with the report."""
+    """The values of the 3-4-5 cam on the identified stem are those of the report."""
     assert rows["first natural frequency [Hz]"].iloc[[0, -1]].round(1).tolist() == [202.6, 221.9]
     jumps = [414.5, 369.9, 374.2, 376.4, 377.2, 377.6]
     assert rows["jump speed [rpm]"].astype(float).round(1).tolist() == jumps
@@ -204,7 +210,7 @@ def test_numbers_of_the_report(found, rows):
 def test_where_two_masses_are_not_sufficient(found, laws, two_mass):
     """At the reported speed two masses differ from the bar by a tenth of the preload.
 
-    The difference is that of the least force. Below the speed it is smaller.
+    The difference is that of the smallest force. Below the speed it is smaller.
     """
     rpm = float(found.over_cams.frame["force off from [rpm]"][0])
 
@@ -216,7 +222,10 @@ def test_where_two_masses_are_not_sufficient(found, laws, two_mass):
 
 
 def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(found, two_mass):
-    """Most of the error of two masses is that of their first natural frequency."""
+    """A bar with the first natural frequency of two masses jumps nearly as they do.
+
+    So most of the error of two masses is that of this frequency.
+    """
     stiffness = script.matched_stiffness(two_mass)
     bar = Stem(replace(two_mass, stem_stiffness=stiffness), BAR).frequencies(1)
     assert bar == pytest.approx(Stem(two_mass, 1.0).frequencies(1), rel=1e-10)

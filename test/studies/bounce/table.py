@@ -1,7 +1,8 @@
-"""A ball on a moving table: the law of the table, and its turn in many digits.
+"""Independent reference for bounce maps: a ball on a harmonically moving table.
 
-The reference shares no code with the package. Its law is the cosine, its landings are roots in
-mpmath's arithmetic, and a derivative is a difference in 60 digits.
+The tests compare the package with these results, which share no code with it. The table moves as s
+= A (1 − cos θ). Landings are roots computed in mpmath's multi-digit arithmetic. Derivatives are
+differences in 60 digits.
 """
 
 from __future__ import annotations
@@ -19,42 +20,43 @@ from cam_rig.laws.segments import trigonometric
 from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.units import TURN
 
-#: Half of the table's stroke, m.
+#: Amplitude A of the table in m, half of its stroke.
 AMPLITUDE = 0.01
 #: Gravity, m/s².
 GRAVITY = 9.81
-#: Stiffness of a negligible spring, N/m.
+#: Spring stiffness of the ball, N/m. It is negligible, but the parameters require a value above 0.
 NO_SPRING = 1e-15
 
 
 def table_law() -> Law:
-    """Return the law s = A (1 − cos θ) of the table."""
+    """Return the displacement law s = A (1 − cos θ) of the table as a `Law`, in m."""
     breaks, ordinates = fit_curve(trigonometric(AMPLITUDE, [-AMPLITUDE], [0.0]), 0.0, TURN)
     return Law("table", breaks, np.stack(ordinates, axis=1))
 
 
 def ball(restitution: float, damping: float = 0.0, spring: float = NO_SPRING) -> FollowerParameters:
-    """Return a ball of 1 kg."""
+    """Return the parameters of a ball of 1 kg that gravity presses on the table."""
     return FollowerParameters(1.0, spring, damping, GRAVITY, 1e8, restitution)
 
 
 def by_speed(follower: FollowerParameters) -> Sweep:
-    """Return a sweep of a follower over the speed."""
+    """Return a sweep of this follower whose swept number is the speed (rad/s)."""
     return Sweep(OperatingPoint(follower, 1.0))
 
 
 def speed_at(ratio: float) -> float:
-    """Return the speed (rad/s) at a ratio A ω²/g."""
+    """Return the speed ω (rad/s) for a ratio A ω²/g of table acceleration to gravity."""
     return math.sqrt(ratio * GRAVITY / AMPLITUDE)
 
 
 def window(restitution: float, turns: int = 1) -> tuple[float, float]:
-    """Return the limits of A ω²/g between which a landing per ``turns`` turns is stable.
+    """Return the limits of A ω²/g between which a landing per `turns` turns is stable.
 
-    The lower limit is a fold and the upper limit a period doubling. In a flight of n turns T the
-    ball takes off at g n T/2, so at the landing ṡ = (g n T/2) (1 − r)/(1 + r). The derivative of
-    the turn has the trace (1 + r)² (1 + s̈/g) − 2 r and the determinant r². The fold is at s̈ = 0,
-    the doubling at s̈/g = −2 (1 + r²)/(1 + r)².
+    The lower limit is a fold and the upper limit a period doubling. In a flight of n turns of
+    period T the ball takes off at the relative speed g n T/2, so at the landing ṡ = (g n T/2) (1 −
+    r)/(1 + r), with the restitution r. The derivative of the map of one turn has the trace (1 + r)²
+    (1 + s̈/g) − 2 r and the determinant r². The fold is at s̈ = 0, the doubling at s̈/g = −2 (1 +
+    r²)/(1 + r)².
     """
     r = restitution
     least = math.pi * turns * (1.0 - r) / (1.0 + r)
@@ -62,9 +64,13 @@ def window(restitution: float, turns: int = 1) -> tuple[float, float]:
 
 
 def one_landing(restitution: float, ratio: float) -> tuple[float, tuple[float, float]]:
-    """Return speed (rad/s), gap and rate at angle 0 of a ball with a landing per turn."""
+    """Return the speed and the state at angle 0 of a ball that lands once per turn.
+
+    `ratio` is A ω²/g. The speed is in rad/s. The state is the gap between ball and table (m) and
+    its rate (m/s), in closed form.
+    """
     speed, (least, _) = speed_at(ratio), window(restitution)
-    landing = 0.5 * math.pi + math.acos(least / ratio)  # ṡ has the required value and falls
+    landing = 0.5 * math.pi + math.acos(least / ratio)  # table speed ṡ as required, falling
     left, up = (TURN - landing) / speed, math.pi * GRAVITY / speed
     gap = AMPLITUDE * (1.0 - math.cos(landing)) + up * left - 0.5 * GRAVITY * left**2
     return speed, (gap, up - GRAVITY * left)
@@ -77,16 +83,18 @@ def as_array(matrix) -> np.ndarray:
 # -- two masses on a moving table, in many digits ----------------------------------------------
 
 
-#: Kinds of events: a lift-off, and landings after which the roller stays, bounces, or leaves at
-#: once because the table falls.
+#: Kinds of events of the roller: it lifts off the table, or it lands. After a landing it stays in
+#: contact, bounces, or leaves at once because the table accelerates away from it.
 LIFTS_OFF, STAYS, BOUNCES, LEAVES = "lifts off", "stays", "bounces", "leaves"
 
 
 class TwoInManyDigits:
-    """Map of a turn of ``speed`` rad/s over the table s = A (1 − cos θ).
+    """Map of one turn of the two-mass model over the table s = A (1 − cos θ).
 
-    It contains the modes of the matrices of (z, ż, y, ẏ, 1) in flight, and of (y, ẏ, cos, sin, 1)
-    on the table.
+    It is computed in mpmath arithmetic. `speed` is in rad/s. The motion between events is solved by
+    the eigenvectors of two matrices: one for (z, ż, y, ẏ, 1) in flight, and one for (y, ẏ, cos,
+    sin, 1) in contact with the table. z is the position of the roller mass and y that of the end
+    mass, both in m.
     """
 
     def __init__(self, parameters: TwoMassParameters, speed: float) -> None:
@@ -108,16 +116,19 @@ class TwoInManyDigits:
             [0, 0, w, 0, 0],
             [0, 0, 0, 0, 0],
         ]
-        modes = (mp.eig(mp.matrix(matrix)) for matrix in (flight, contact))  # all are distinct
+        modes = (mp.eig(mp.matrix(matrix)) for matrix in (flight, contact))  # distinct rates
         self.flight, self.contact = ((rates, shapes, shapes**-1) for rates, shapes in modes)
 
     def table(self, t):
-        """Return s, ṡ and s̈ of the table."""
+        """Return s (m), ṡ (m/s) and s̈ (m/s²) of the table at the time t (s)."""
         a, w = mp.mpf(AMPLITUDE), mp.mpf(self.speed)
         return a * (1 - mp.cos(w * t)), a * w * mp.sin(w * t), a * w**2 * mp.cos(w * t)
 
     def at(self, state, start, t):
-        """Return (z, ż, y, ẏ) or (y, ẏ) at a time, from the state at the time ``start``."""
+        """Return the state at the time `t` (s), given the state at the time `start` (s).
+
+        A state of four numbers is a flight (z, ż, y, ẏ). A state of two is in contact (y, ẏ).
+        """
         angle = mp.mpf(self.speed) * start
         driven = [1] if len(state) == 4 else [mp.cos(angle), mp.sin(angle), 1]
         rates, shapes, inverse = self.flight if len(state) == 4 else self.contact
@@ -127,7 +138,11 @@ class TwoInManyDigits:
         return [mp.re(value) for value in shapes * modes][: len(state)]
 
     def gap(self, state, start, t):
-        """Return the value that is zero at an event: the gap, or the force on the table."""
+        """Return the function of time that is zero at the next event.
+
+        In flight it is the gap (m) between roller and table. In contact it is the force (N) on the
+        table.
+        """
         s, velocity, acceleration = self.table(t)
         current = self.at(state, start, t)
         if len(current) == 4:
@@ -137,11 +152,12 @@ class TwoInManyDigits:
         return force - mp.mpf(p.stem_damping) * (current[1] - velocity)
 
     def turn(self, numbers, events):
-        """Return gap, stretch and their rates one turn later.
+        """Return gap, stem stretch and their rates one turn later, in m and m/s.
 
-        ``events`` are kinds near times (s).
+        `numbers` has the same four values at angle 0. `events` has the pairs (time in s, kind) of
+        the turn. The times are approximate and are refined to roots here.
         """
-        gap, gap_rate, w, rate = numbers  # at angle 0 the table has s = 0 and ṡ = 0
+        gap, gap_rate, w, rate = numbers  # table at angle 0: s = 0 and ṡ = 0
         flies = gap != 0 or gap_rate != 0
         state = [gap, gap_rate, gap + w, gap_rate + rate] if flies else [w, rate]
         start = mp.mpf(0)
@@ -163,9 +179,10 @@ class TwoInManyDigits:
         return [z - s, v - velocity, y - z, other - v]
 
     def derivative(self, numbers, events):
-        """Return the derivative of a turn, ``(4, 4)``, by central differences.
+        """Return the derivative of `turn` by central differences, shape (4, 4).
 
-        The first two columns of a turn from the table are zero.
+        If the turn starts in contact, the first two columns are zero, because gap and gap rate are
+        fixed.
         """
         numbers, h = [mp.mpf(number) for number in numbers], mp.mpf(10) ** -22
         matrix = mp.zeros(4, 4)

@@ -1,4 +1,7 @@
-"""Classification of runs, and basins of attraction."""
+"""Classification of simulated motions, and basins of attraction.
+
+A motion is in contact, periodic, irregular, or undetermined.
+"""
 
 from dataclasses import replace
 
@@ -25,7 +28,11 @@ from ...dynamics.test_turn_map import random_map
 @pytest.mark.variants(12)
 @pytest.mark.parametrize("seed", range(120))
 def test_each_kind_of_motion_has_its_property(laws, seed):
-    """A periodic motion repeats, and irregular growth is above its error."""
+    """The motion that is reported for a random rig has the property of its kind.
+
+    In contact: no landing. Periodic: one more period returns to the state within 1e-8 times the
+    growth of an error. Irregular: the Lyapunov exponent is larger than its own error.
+    """
     turn_map, _ = random_map(laws, seed)
     run = turn_map.run(160)
     motion = motion_of(turn_map, run, 60)
@@ -36,7 +43,7 @@ def test_each_kind_of_motion_has_its_property(laws, seed):
     elif motion.motion == PERIODIC:
         assert motion.settled <= 160 - 2 * motion.period
         state_later = turn_map.run(motion.period, tuple(last)).states[-1]
-        if turn_map.law.spans.size < 1000:  # hundreds of bounces on a noisy one enlarge a rounding
+        if turn_map.law.spans.size < 1000:  # more bounces amplify rounding
             grows = max(1.0, np.abs(run.derivatives[-motion.period :]).max())
             assert np.abs((state_later - last) / scale).max() < 1e-8 * grows
         assert motion.lyapunov_exponent < 1e-6
@@ -57,7 +64,10 @@ def test_each_kind_of_motion_has_its_property(laws, seed):
     ],
 )
 def test_a_period_that_rounding_decides_is_not_reported(laws, rig, name, restitution, speed):
-    """A period that changes with one ulp of the spring is undetermined."""
+    """A motion is undetermined if its period changes with one ulp of a parameter.
+
+    The spring stiffness differs by one ulp, the smallest step of a float, between the two runs.
+    """
     follower = bouncing(rig, restitution)
     periods, motions = [], []
     for stiffness in (follower.spring_stiffness, np.nextafter(follower.spring_stiffness, np.inf)):
@@ -72,7 +82,10 @@ def test_a_period_that_rounding_decides_is_not_reported(laws, rig, name, restitu
 
 
 def test_restitution_of_the_caller_replaces_that_of_the_rig(rig):
-    """The caller's restitution replaces that of the rig. One of them is required."""
+    """A restitution given by the caller replaces that of the rig file.
+
+    Without both, the error contains the option --restitution.
+    """
     assert bouncing(rig, None).restitution == 0.0
     assert bouncing(rig, 0.4).restitution == 0.4
     data = rig.model_dump(exclude_none=True)
@@ -83,17 +96,21 @@ def test_restitution_of_the_caller_replaces_that_of_the_rig(rig):
         bouncing(incomplete, None)
 
 
-# -- basins: every start ends in the reported motion
+# -- basins of attraction: from each start state the motion ends in the reported motion
 
 
 @pytest.fixture(scope="module")
 def two(laws, rig):
-    """Basins at 420 rpm, where two motions exist."""
+    """Basins of attraction at 420 rpm, where two different motions exist."""
     return basins(laws["tm21"], rig, rpm=420, restitution=0.7, grid=8)
 
 
 def test_two_motions_at_one_speed(two):
-    """At 420 rpm one motion is irregular and one periodic, and all starts end in them."""
+    """At 420 rpm one motion is irregular and one periodic.
+
+    Each start state of the grid ends in one of them. The shares of the motions are the fractions of
+    the start states and are in descending order.
+    """
     assert {motion.motion for motion in two.motions} == {IRREGULAR, PERIODIC}
     assert [motion.name for motion in two.motions] == ["A", "B"]
     assert sum(motion.share for motion in two.motions) == pytest.approx(1.0)
@@ -107,7 +124,11 @@ def test_two_motions_at_one_speed(two):
 
 @pytest.mark.parametrize("position", [(0, 0), (3, 5), (7, 2), (4, 4)])
 def test_a_start_ends_in_the_reported_motion(two, position):
-    """A run from a start of the grid ends in the reported motion."""
+    """A direct run of 240 turns from a start state ends in the reported motion.
+
+    A periodic motion is compared by its landings and its state (relative 1e-6). An irregular motion
+    must have varying landing speeds.
+    """
     start = float(two.gap[position[1]]), float(two.gap_rate[position[0]])
     run = StroboscopicMap(two.law, two.parameters, two.rpm * RPM).run(240, start)
     motion = two.motions[two.ends[position]]
@@ -119,7 +140,10 @@ def test_a_start_ends_in_the_reported_motion(two, position):
 
 
 def test_a_portrait_shows_one_period(two):
-    """The gap is never negative, and the portrait starts at the section."""
+    """The phase portrait of a motion (gap, gap rate) covers a period from angle 0 on.
+
+    The gap is never negative beyond rounding (1e-12 m).
+    """
     motion = next(candidate for candidate in two.motions if candidate.motion == PERIODIC)
     gap, rate = two.portrait(motion)
     assert gap.min() > -1e-12
@@ -128,7 +152,7 @@ def test_a_portrait_shows_one_period(two):
 
 
 def test_data_has_one_row_per_start(two):
-    """The data have one row per start with the name of its motion."""
+    """The JSON data have one row per start state, with the name of its final motion."""
     data = two.data()
     assert len(data["starts"]) == two.ends.size
     assert data["starts"][1]["gap"] == pytest.approx(two.gap[1])
@@ -138,5 +162,6 @@ def test_data_has_one_row_per_start(two):
 
 
 def test_a_grid_below_two_is_refused(two):
+    """Basins of attraction on a grid of fewer than 2 x 2 points raise ConfigError."""
     with pytest.raises(ConfigError, match="grid must be 2 or more"):
         basins(two.law, two.rig, rpm=420, grid=1)

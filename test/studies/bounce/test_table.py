@@ -1,4 +1,8 @@
-"""A ball on a moving table, whose bouncing has closed forms (Holmes 1982)."""
+"""Bounce maps against the closed forms of a ball on a moving table (Holmes 1982).
+
+A is the amplitude of the table, ω its speed, g gravity, r the restitution and s̈ the table's
+acceleration at the landing.
+"""
 
 import math
 from dataclasses import replace
@@ -27,7 +31,10 @@ LAW = table_law()
 
 @pytest.mark.parametrize("restitution", [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
 def test_the_period_doubles_at_its_closed_form(restitution):
-    """One landing per turn becomes unstable at s̈/g = −2 (1 + r²)/(1 + r)², to 1e-10."""
+    """A motion with one landing per turn doubles its period at the known speed.
+
+    The condition is s̈/g = −2 (1 + r²)/(1 + r)². The speed agrees within a relative 1e-10.
+    """
     _, doubling = window(restitution)
     speed, state = one_landing(restitution, 0.99 * doubling)
     family = Family(LAW, by_speed(ball(restitution)), 1)
@@ -41,7 +48,10 @@ def test_the_period_doubles_at_its_closed_form(restitution):
 
 @pytest.mark.parametrize("restitution", [0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
 def test_the_window_starts_at_its_closed_form(restitution):
-    """One landing per turn exists above A ω²/g = π (1 − r)/(1 + r), to 1e-10."""
+    """A motion with one landing per turn starts to exist at the known speed.
+
+    The condition is A ω²/g = π (1 − r)/(1 + r), a fold. The speed agrees within a relative 1e-10.
+    """
     fold_ratio, _ = window(restitution)
     speed, state = one_landing(restitution, 1.05 * fold_ratio)
     family = Family(LAW, by_speed(ball(restitution)), 1)
@@ -51,12 +61,16 @@ def test_the_window_starts_at_its_closed_form(restitution):
     assert [bifurcation.kind for bifurcation in found] == [FOLD]
     assert found[0].point.rpm == pytest.approx(speed_at(fold_ratio) / RPM, rel=1e-10)
     assert motions[0].stable
-    assert motions[-1].multipliers.real.max() > 1.0  # beyond the fold, on the unstable side
+    assert motions[-1].multipliers.real.max() > 1.0  # past the fold the branch is unstable
 
 
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
 def test_multipliers_are_those_of_the_closed_form(restitution):
-    """The trace is (1 + r)² (1 + s̈/g) − 2 r and the determinant r², to 1e-10."""
+    """The derivative of the map of one turn has the known trace and determinant.
+
+    The trace is (1 + r)² (1 + s̈/g) − 2 r within 1e-10, and the determinant r² within a relative
+    1e-11.
+    """
     fold_ratio, doubling = window(restitution)
     ratio = fold_ratio + 0.6 * (doubling - fold_ratio)
     speed, state = one_landing(restitution, ratio)
@@ -68,7 +82,7 @@ def test_multipliers_are_those_of_the_closed_form(restitution):
     assert np.linalg.det(motion.derivative) == pytest.approx(restitution**2, rel=1e-11)
 
 
-# -- over restitution, preload or mass at one speed: rows of such rigs, and known bifurcations
+# -- sweeps over restitution, preload or mass at constant speed
 
 
 @pytest.mark.parametrize(
@@ -76,7 +90,7 @@ def test_multipliers_are_those_of_the_closed_form(restitution):
     [(RESTITUTION, [0.3, 0.62, 0.9]), (PRELOAD, [6.0, 20.0, 50.0]), (MASS, [0.8, 1.0, 1.7])],
 )
 def test_a_swept_row_equals_the_row_of_such_a_rig(laws, rig, parameter, values):
-    """A swept row equals the row of a rig with that number."""
+    """A row of a sweep over a rig parameter equals the row of a rig with this value."""
     fixed = {} if parameter == RESTITUTION else {"restitution": 0.7}
     how = {"turns": 20, "transient_turns": 80}
     result = cam_rig.bounce_map(
@@ -100,7 +114,10 @@ def test_a_swept_row_equals_the_row_of_such_a_rig(laws, rig, parameter, values):
     "restitution", [0.2, *(pytest.param(e, marks=pytest.mark.long) for e in (0.6, 0.9))]
 )
 def test_windows_over_preload_and_mass(parameter, restitution):
-    """Fold and doubling over preload and mass are at the closed forms of A ω² m/P."""
+    """Over preload P and mass m, fold and doubling are at the closed forms.
+
+    They are at the same values of A ω² m/P as over the speed, within a relative 1e-10.
+    """
     fold_ratio, doubling = window(restitution)
     speed, state = one_landing(restitution, 0.5 * (fold_ratio + doubling))
     base = OperatingPoint(ball(restitution), speed)
@@ -119,7 +136,11 @@ def test_windows_over_preload_and_mass(parameter, restitution):
 
 
 def test_contact_is_lost_at_the_closed_form():
-    """Contact is lost at P = m A ω² over preload or mass, never over restitution."""
+    """In a sweep, contact is first lost at the preload P = m A ω² (relative 1e-10).
+
+    The restitution has no effect on the first loss, so its sweep returns NaN. So does a preload
+    that keeps contact at every mass.
+    """
     base = OperatingPoint(ball(0.5), 30.0)
     values = np.linspace(0.5, 20.0, 40).tolist()
     assert Sweep(base, PRELOAD).lift_off(LAW, values) == pytest.approx(9.0, rel=1e-10)
@@ -130,7 +151,11 @@ def test_contact_is_lost_at_the_closed_form():
 
 
 def test_bifurcations_of_a_map_over_preload(laws, rig):
-    """Bifurcations are in order and include the first lift-off."""
+    """A sweep over the preload lists its bifurcations by rising preload.
+
+    The list includes the first lift-off, which the summary states, and the figure has the preload
+    as axis.
+    """
     how = {"restitution": 0.7, "turns": 20, "transient_turns": 100, "continuation": True}
     values = np.arange(14.0, 34.0, 2.0)
     result = cam_rig.bounce_map(laws["tm21"], rig, rpm=450, parameter=PRELOAD, values=values, **how)
@@ -142,7 +167,10 @@ def test_bifurcations_of_a_map_over_preload(laws, rig):
 
 
 def test_a_branch_ends_at_the_limit_of_the_swept_number():
-    """A branch that reaches restitution 0 ends without a bifurcation."""
+    """A branch that reaches the restitution 0, the lowest valid value, ends there.
+
+    The end is not reported as a bifurcation.
+    """
     restitution = 0.05
     fold_ratio, _ = window(0.0)
     speed, state = one_landing(restitution, 1.05 * fold_ratio)

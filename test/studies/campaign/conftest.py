@@ -1,4 +1,7 @@
-"""Small campaigns and their results."""
+"""Fixtures for tests of campaigns: small studies and their results.
+
+A campaign computes measures, such as the jump speed, at many points of varied inputs.
+"""
 
 import pytest
 
@@ -20,13 +23,19 @@ SMALL = {
 
 @pytest.fixture(scope="session")
 def study():
-    """Function that creates a campaign of 3-4-5 with changed parts."""
+    """Function that returns a small campaign on the 3-4-5 cam.
+
+    Its keywords replace entries of SMALL, for example `plan` or `vary`.
+    """
     return lambda **parts: campaign_from(SMALL | parts, Library((config_root(),)))
 
 
 @pytest.fixture(scope="session")
 def measured(study):
-    """Function that measures all points of a grid, by default of one point."""
+    """Function that measures all points of a grid and returns (campaign, rows).
+
+    Without `vary` the grid has one point with the nominal preload.
+    """
 
     def measure(*measures, vary=None, **parts):
         vary = vary or {"rig.follower.preload": {"values": [30.6], "unit": "N"}}
@@ -37,7 +46,7 @@ def measured(study):
 
 
 def run(dataset, resume=False):
-    """Compute the missing points, and return the message on damaged files."""
+    """Compute the missing points of a dataset, and return a warning of damaged files."""
     with dataset.open(resume) as damaged:
         compute_missing(dataset, measure_batch, SerialExecutor(), 1)
     return damaged
@@ -45,7 +54,7 @@ def run(dataset, resume=False):
 
 @pytest.fixture(scope="session")
 def results(study):
-    """Function that computes a campaign in this process and returns its result."""
+    """Function that computes a campaign in a folder and returns its `CampaignResult`."""
 
     def compute(folder, **parts):
         dataset = CampaignDataset(folder, study(**parts))

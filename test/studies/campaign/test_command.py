@@ -1,4 +1,4 @@
-"""cam-rig campaign: tables, files, figures, progress, errors and resumption."""
+"""Command `cam-rig campaign`: tables, files, figures, errors and resumption."""
 
 import json
 import signal
@@ -28,7 +28,7 @@ shipped = partial(cli.load, "campaigns")
 
 @pytest.fixture
 def study(tmp_path):
-    """Function that writes a study file: a shipped study with changed parts."""
+    """Function that writes a shipped study with changed entries and returns its path."""
 
     def write(name="tolerance_poly345", **parts):
         path = tmp_path / "campaigns" / "study.yaml"
@@ -43,7 +43,7 @@ def study(tmp_path):
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("name", ["jump_map", "tolerance_poly345", "noise_map"])
 def test_shipped_studies_run_and_draw(study, tmp_path, name):
-    """A small version of each shipped study gives tables, JSON, CSV and a figure."""
+    """Each shipped study, with few points, writes Parquet, JSON, CSV and a figure."""
     data, out = shipped(name), tmp_path / "rows"
     for variation in data["vary"].values():
         if "count" in variation:
@@ -67,7 +67,7 @@ CAMPAIGN = [sys.executable, "-m", "cam_rig.cli.main", "campaign"]
 
 @contextmanager
 def started(command, **options):
-    """Run a process, and kill it at the end of the context."""
+    """Start a process and kill it when the context ends."""
     with subprocess.Popen(command, **options) as process:
         try:
             yield process
@@ -79,7 +79,7 @@ SPREAD = {"uniform": 1, "unit": "um"}
 
 
 def wavy(wavelength):
-    """Return the variation of a waviness with a given wavelength in degrees."""
+    """Return the `vary` entry of a waviness of 2 µm with a varied wavelength (°)."""
     return {
         "vary": {
             "profile.waviness.amplitude": {"values": [2], "unit": "um"},
@@ -123,7 +123,10 @@ BAD = (
 
 
 def test_bad_studies_are_refused_in_one_line(study, tmp_path):
-    """Each message names the key, and is given before any file is written."""
+    """An invalid study ends with exit code 2 and one line with the key or value.
+
+    No output folder is created.
+    """
     for parts, words in BAD:
         result = call(study(**parts), "--out", tmp_path / "rows")
         assert (result.exit_code, result.stderr.count("\n")) == (2, 1), words
@@ -133,7 +136,10 @@ def test_bad_studies_are_refused_in_one_line(study, tmp_path):
 
 @pytest.mark.long
 def test_a_campaign_without_a_valid_point_fails_with_the_reason(study, tmp_path):
-    """A campaign without any valid point fails with the reason of its points."""
+    """A campaign in which every point is invalid fails with the reason and its count.
+
+    If only some points are invalid, the campaign succeeds and lists the reason in its JSON.
+    """
     mass, out = {"range": [-3, -1], "unit": "kg"}, tmp_path / "rows"
     parts = {"plan": {"kind": "sobol", "points": 8}, "measures": ["jump_speed_rigid"], "limits": []}
     path = study(vary={"rig.follower.mass": mass}, **parts)
@@ -151,7 +157,11 @@ def test_a_campaign_without_a_valid_point_fails_with_the_reason(study, tmp_path)
 
 @pytest.mark.long
 def test_a_cam_and_a_rig_by_their_paths(study, tmp_path):
-    """Paths relative to the study's folder give the same rows as names."""
+    """A study that names cam and rig by file path gives the same rows as by name.
+
+    A relative path is relative to the study's folder. The error for a missing cam lists both paths
+    searched.
+    """
     folder_of_study = tmp_path / "campaigns" / "mine"
     folder_of_study.mkdir(parents=True)
     for folder, name in (("cams", "poly345"), ("rigs", "paper_table2")):
@@ -174,7 +184,11 @@ def test_a_cam_and_a_rig_by_their_paths(study, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_resume_completes_an_interrupted_campaign(study, tmp_path, number):
-    """After a signal, --resume gives the rows of an uninterrupted run."""
+    """A campaign that a signal stopped and `--resume` completed has the same rows.
+
+    They are compared with those of an uninterrupted run. After SIGINT and SIGTERM the last line
+    states the command that continues it.
+    """
     path, out = study(plan={"kind": "sobol", "points": 32, "seed": 2}), tmp_path / "rows"
     arguments = [str(path), "--jobs", "1", "--out", str(out)]
     with started([*CAMPAIGN, *arguments], stderr=subprocess.PIPE, text=True) as run:
@@ -199,7 +213,10 @@ def test_resume_completes_an_interrupted_campaign(study, tmp_path, number):
 @pytest.mark.long
 @pytest.mark.slow
 def test_a_lost_scheduler_ends_the_run_with_one_line(study, tmp_path):
-    """A lost Dask scheduler ends the run with one line that names --resume."""
+    """If the Dask scheduler is killed, the command ends with exit code 1.
+
+    One line states the loss and the command that continues. The finished points are kept.
+    """
     path, out = study(plan={"kind": "sobol", "points": 400, "seed": 2}), tmp_path / "rows"
     file = tmp_path / "scheduler.json"
     arguments = ["--scheduler-file", str(file), "--no-dashboard"]
@@ -234,7 +251,10 @@ def test_a_lost_scheduler_ends_the_run_with_one_line(study, tmp_path):
 
 
 def test_a_folder_with_rows_is_not_overwritten(study, tmp_path):
-    """A folder with rows is only resumed, and only with the same study."""
+    """A folder with rows is accepted only with --resume and an unchanged study.
+
+    The error states which number of the plan differs.
+    """
     path, out = study(plan={"kind": "sobol", "points": 2}), tmp_path / "rows"
     dataset = CampaignDataset(out, open_campaign(path))
     with dataset.open(False):
@@ -249,7 +269,7 @@ def test_a_folder_with_rows_is_not_overwritten(study, tmp_path):
 
 @pytest.fixture
 def batches(study, tmp_path):
-    """Dataset of 1000 points, and a function that writes a batch without measuring."""
+    """Dataset of 1000 points, and a function that writes rows with random jump speeds."""
     plan = {"kind": "sobol", "points": 1000}
     path = study(plan=plan, measures=["jump_speed_rigid"], limits=[])
     dataset = CampaignDataset(tmp_path / "rows", open_campaign(path))
@@ -264,9 +284,10 @@ def batches(study, tmp_path):
 
 
 def test_the_log_line_has_rate_time_left_and_size(batches, monkeypatch):
-    """The periodic log line has rate, time left and size.
+    """The periodic log line has the number of points, rate, time left and file size.
 
-    The rate excludes the first batch. 50 points in 20 s leave 940 points at 2.5 points/s, 376 s.
+    The rate excludes the first batch, which includes the start of the workers. Here 50 points in 20
+    s are 2.5 points/s, and the remaining 940 points need 376 s.
     """
     (dataset, write), now, lines = batches, [0.0], []
     monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
@@ -284,7 +305,7 @@ def test_the_log_line_has_rate_time_left_and_size(batches, monkeypatch):
 
 
 def test_the_final_size_is_extrapolated(batches):
-    """The size is extrapolated from the first batches to within a fifth."""
+    """The final size of the files is estimated from the first batches within 20 %."""
     dataset, write = batches
     with dataset.open(False):
         for first, last in ((0, 1), (1, 101), (101, 201)):

@@ -1,4 +1,4 @@
-"""Dataset on the disk: always valid, one writer, and detection of damaged files."""
+"""Files of a campaign: readable at any time, one writer, detection of damage."""
 
 import os
 import random
@@ -30,13 +30,15 @@ MASS = {"rig.follower.mass": {"values": [-1, 1, 1.3, 2, 3], "unit": "kg"}}
 
 @pytest.fixture
 def dataset(study, tmp_path):
+    """Data set of a small campaign over the mass, without computed points."""
     return CampaignDataset(tmp_path / "rows", study(vary=MASS, plan={"kind": "grid"}))
 
 
 def test_duckdb_and_pandas_read_it(dataset):
-    """duckdb and pandas read a dataset with one row per point and all columns.
+    """duckdb and pandas read a dataset as one row per point with all columns.
 
-    The schema has the units.
+    A failed point has status, reason and an empty measure. The schema of the Parquet files has the
+    units and the versions.
     """
     run(dataset)
     pattern = f"{dataset.folder}/*.parquet"
@@ -58,7 +60,10 @@ def test_duckdb_and_pandas_read_it(dataset):
 
 
 def test_resume_computes_only_missing_points(dataset):
-    """A resume computes the points of missing, damaged and partial files only."""
+    """A resume computes only the points of missing, damaged and incomplete files.
+
+    Intact files are not written again, and the data equal those of the first run.
+    """
     run(dataset)
     whole = {name: dataset.column(name) for name in ("point", "jump_speed_rigid_rpm")}
     files = [path for _, _, path in dataset.batches()]
@@ -76,7 +81,10 @@ def test_resume_computes_only_missing_points(dataset):
 
 
 def test_a_second_writer_is_refused(dataset):
-    """A second writer is refused, and the first one continues."""
+    """Opening a dataset for writing while another writer is active raises an error.
+
+    The first writer continues.
+    """
     with dataset.open(False):
         with pytest.raises(OutputError, match="another run writes"), dataset.open(False):
             pass
@@ -85,13 +93,16 @@ def test_a_second_writer_is_refused(dataset):
 
 
 def test_a_full_disk_leaves_only_complete_files(dataset, tmp_path, monkeypatch):
-    """Finished files stay readable after a full disk, and a resume adds the others."""
+    """If a write fails as on a full disk, only complete files remain.
+
+    A limit of 1000 bytes per file simulates the full disk. A later resume adds the missing points.
+    """
     campaign = dataset.campaign
     full = CampaignDataset(tmp_path / "full", campaign)
     with full.open(False):
         full.write(measure_batch(campaign, 0, 2))
         limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-        monkeypatch.setattr("sys.dont_write_bytecode", True)  # else half of a module's stays
+        monkeypatch.setattr("sys.dont_write_bytecode", True)  # else it writes cut .pyc files
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
         try:
             with pytest.raises(OutputError, match=r"cannot be written.*finished batches are kept"):
@@ -104,13 +115,13 @@ def test_a_full_disk_leaves_only_complete_files(dataset, tmp_path, monkeypatch):
     assert full.missing() == []
 
 
-#: Last points of the batches of the campaign that is damaged.
+#: Number of points up to the end of each batch file of the dataset that the tests damage.
 BATCHES = (1, 4, 9, 16)
 
 
 @pytest.fixture(scope="module")
 def whole(study, tmp_path_factory):
-    """Finished dataset of several files, with failed points."""
+    """Complete dataset of four files, in which some points have failed."""
     plan = {"kind": "sobol", "points": BATCHES[-1], "seed": 5}
     campaign = study(vary={"rig.follower.mass": {"normal": 60, "unit": "%"}}, plan=plan)
     dataset = CampaignDataset(tmp_path_factory.mktemp("whole"), campaign)
@@ -121,19 +132,19 @@ def whole(study, tmp_path_factory):
 
 
 def copied(whole, folder):
-    """Return a copy of a dataset in another folder."""
+    """Copy a dataset to another folder and return the copy."""
     shutil.copytree(whole.folder, folder)
     return CampaignDataset(folder, whole.campaign)
 
 
 def numbers(dataset):
-    """Return all data of a dataset except its files, as text."""
+    """Return all columns and failure reasons of a dataset as text, for comparison."""
     columns = {name: dataset.column(name).tolist() for name in dataset.schema.names}
     return repr((columns, dataset.reasons()))
 
 
 def flip(files, draw):
-    """Change one bit anywhere in a file."""
+    """Flip one random bit in a random file."""
     path = draw.choice(files)
     data = bytearray(path.read_bytes())
     data[draw.randrange(len(data))] ^= 1 << draw.randrange(8)
@@ -141,7 +152,7 @@ def flip(files, draw):
 
 
 def cut(files, draw):
-    """Truncate a file."""
+    """Truncate a random file at a random length."""
     path = draw.choice(files)
     data = path.read_bytes()
     path.write_bytes(data[: draw.randrange(len(data))])
@@ -157,7 +168,7 @@ def swap(files, draw):
 
 
 def zero(files, draw):
-    """Overwrite a block of a file with zeros, as after a power failure."""
+    """Overwrite 64 bytes of a file with zeros, as after a power failure."""
     path = draw.choice(files)
     data = bytearray(path.read_bytes())
     offset = draw.randrange(len(data) - 64)
@@ -166,7 +177,10 @@ def zero(files, draw):
 
 
 def as_another(files, draw):
-    """Replace a file by another file that keeps its digest."""
+    """Rename a file to the point range of another file, which it replaces.
+
+    The digest in the name stays that of the content.
+    """
     first, second = draw.sample(files, 2)
     first.replace(second.with_name(second.name[:29] + first.name[29:]))
     second.unlink()
@@ -177,9 +191,9 @@ DAMAGES = (flip, cut, swap, zero, as_another)
 
 @pytest.mark.parametrize("seeds", [range(5), pytest.param(range(1000), marks=pytest.mark.long)])
 def test_damaged_files_are_reported_and_computed_again(whole, tmp_path, seeds):
-    """Each kind of damage is reported, and the points are computed again.
+    """Each kind of damage is reported, and a resume computes the points again.
 
-    The first draws cover all kinds of damage.
+    The first five seeds cover all five kinds. The repaired dataset equals the original.
     """
     for seed in seeds:
         dataset, damage = copied(whole, tmp_path / str(seed)), DAMAGES[seed % len(DAMAGES)]
@@ -192,7 +206,7 @@ def test_damaged_files_are_reported_and_computed_again(whole, tmp_path, seeds):
 
 
 def test_points_in_two_files_are_counted_once(whole, tmp_path):
-    """Points that are in two files are counted once."""
+    """If two files contain the same points, a resume reports it and keeps each once."""
     dataset = copied(whole, tmp_path / "both")
     dataset.write(measure_batch(whole.campaign, 3, 6))
     assert "with another file's points" in run(dataset, resume=True)
@@ -200,7 +214,7 @@ def test_points_in_two_files_are_counted_once(whole, tmp_path):
 
 
 def test_a_file_without_a_digest_is_refused(whole, tmp_path):
-    """A file without a digest, from an earlier version, is refused."""
+    """A file from an earlier version, which has no digest in its name, is refused."""
     dataset = copied(whole, tmp_path / "old")
     first = dataset.batches()[0][2]
     first.rename(first.with_name("points-0000000000-0000000001.parquet"))
@@ -209,7 +223,10 @@ def test_a_file_without_a_digest_is_refused(whole, tmp_path):
 
 
 def test_a_folder_of_another_study_is_not_changed(whole, study, tmp_path):
-    """A refused folder of another study is not changed."""
+    """Opening the folder of another study raises an error and changes no file.
+
+    This applies also if one of the files is damaged.
+    """
     theirs = copied(whole, tmp_path / "theirs")
     flip([theirs.batches()[0][2]], random.Random(1))
     before = sorted(path.name for path in theirs.folder.iterdir())
@@ -220,7 +237,7 @@ def test_a_folder_of_another_study_is_not_changed(whole, study, tmp_path):
 
 
 def test_python_warns_of_damaged_files(whole, tmp_path):
-    """The Python function warns of damaged files and computes their points again."""
+    """`cam_rig.campaign` with `resume` warns of damaged files and recomputes them."""
     dataset = copied(whole, tmp_path / "rows")
     cut([dataset.batches()[1][2]], random.Random(2))
     study = whole.campaign.config.model_dump(exclude_none=True)
@@ -230,7 +247,7 @@ def test_python_warns_of_damaged_files(whole, tmp_path):
     assert found.to_pandas().point.tolist() == list(range(BATCHES[-1]))
 
 
-# -- rows are independent of the executor: this process, two, a Dask cluster that loses a worker
+# -- rows do not depend on the executor: no pool, a killed pool, a Dask cluster that loses a worker
 
 PARTS = {
     "vary": {
@@ -244,7 +261,10 @@ PARTS = {
 
 
 class Killing(Progress):
-    """Progress that kills a process when the first points are written."""
+    """Progress callback that kills a process as soon as the first points are written.
+
+    `process` is a function that returns the process ID.
+    """
 
     def __init__(self, process):
         self.process, self.killed = process, None
@@ -257,16 +277,16 @@ class Killing(Progress):
 
 @pytest.fixture(scope="module")
 def alone(study, tmp_path_factory):
-    """Dataset computed by this process, one batch after another."""
+    """Dataset computed in this process without a pool, one batch after another."""
     dataset = CampaignDataset(tmp_path_factory.mktemp("alone"), study(**PARTS))
     run(dataset)
     return dataset
 
 
 def test_a_point_is_the_same_after_any_other(alone):
-    """A point does not depend on the points before it.
+    """The result of a point does not depend on the points computed before it.
 
-    Points computed backwards in batches of one are equal.
+    Points computed alone in descending order have the same digits.
     """
     campaign = alone.campaign
     expected = alone.column("jump_speed_rpm")
@@ -277,7 +297,10 @@ def test_a_point_is_the_same_after_any_other(alone):
 
 @pytest.mark.long
 def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
-    """A cluster that loses a worker computes the same rows, each once."""
+    """A Dask cluster that loses a worker computes each point once.
+
+    The rows have the digits of a run in one process.
+    """
     dataset = CampaignDataset(tmp_path, alone.campaign)
     with (
         LocalCluster(
@@ -294,7 +317,10 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
 
 
 def test_a_killed_process_ends_the_run_and_resume_completes_it(alone, tmp_path):
-    """A killed process ends the run with one line, and a resume completes the dataset."""
+    """If a worker process is killed, RunError is raised and finished batches stay.
+
+    A resume completes the dataset with the same digits.
+    """
     dataset = CampaignDataset(tmp_path, alone.campaign)
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         killing = Killing(lambda: next(iter(pool._processes)))
@@ -307,7 +333,12 @@ def test_a_killed_process_ends_the_run_and_resume_completes_it(alone, tmp_path):
 
 
 def test_the_size_of_batches_follows_their_duration():
-    """Batches grow by at most a factor of four, and a slow point is alone."""
+    """The next batch size is chosen so that a batch takes BATCH_S seconds.
+
+    It grows at most four-fold per step. A point that takes longer than BATCH_S is a batch of its
+    own, unless a plan of 1e8 points would need too many files. Then the batches grow in spite of
+    it.
+    """
 
     def after(seconds, count, total=10**4, workers=2):
         sizes = BatchSizes(total, workers)

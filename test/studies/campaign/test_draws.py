@@ -1,4 +1,7 @@
-"""Inputs of points from the index in a plan, and errors of a manufactured profile."""
+"""Random inputs of a campaign, and errors added to a manufactured cam profile.
+
+The inputs of a point depend only on its index in the plan.
+"""
 
 import math
 from itertools import pairwise
@@ -18,7 +21,10 @@ KINDS = ("latin_hypercube", "sobol", "shares")
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_point_is_the_same_in_any_batch(kind):
-    """The inputs of a point do not depend on its batch, and lie in the unit cube."""
+    """The inputs of a point do not depend on the batch in which it is drawn.
+
+    They lie strictly inside the unit cube and change with the seed.
+    """
     first, second = (unit_points(kind, seed, 64, 2, 0, 64) for seed in (1, 2))
     assert not (first == second).any()
     total = rows_of(kind, 64, [1] * 3)
@@ -31,7 +37,10 @@ def test_a_point_is_the_same_in_any_batch(kind):
 
 
 def test_a_latin_hypercube_meets_each_stratum_once():
-    """Every dimension has one point in each stratum, in different orders."""
+    """In each dimension of a Latin hypercube every stratum has exactly one point.
+
+    The order of the strata differs between dimensions.
+    """
     for total in (1, 2, 3, 5, 64, 100, 1021):
         points = unit_points("latin_hypercube", 5, total, 3, 0, total)
         for column in points.T:
@@ -41,7 +50,7 @@ def test_a_latin_hypercube_meets_each_stratum_once():
 
 
 def test_the_sobol_sequence_is_scipys():
-    """The sequence is scipy's, moved to the middles of its intervals."""
+    """The Sobol points are scipy's, moved to the middle of their interval of 2^-30."""
     ours = unit_points("sobol", 9, 128, 4, 0, 128)
     theirs = qmc.Sobol(4, scramble=True, rng=9).random_base2(7)
     assert np.abs(ours - theirs).max() < 2.0**-30
@@ -49,9 +58,9 @@ def test_the_sobol_sequence_is_scipys():
 
 
 def test_shares_are_saltellis_rows():
-    """The rows of a plan of shares are those of Saltelli's blocks.
+    """The plan `shares` has the rows of Saltelli's scheme for sensitivity indices.
 
-    A block is a, a with one number of b (d times), then b.
+    A block of d + 2 points is a, then a with the i-th number of b for each of the d inputs, then b.
     """
     rows = unit_points("shares", 1, 8 * 5, 3, 0, 8 * 5).reshape(8, 5, 3)
     a, b = rows[:, 0], rows[:, -1]
@@ -63,7 +72,7 @@ def test_shares_are_saltellis_rows():
 
 
 def test_a_grid_has_every_combination_once():
-    """A grid has every combination once, the last input fastest."""
+    """A grid has every combination of the listed values once, the last input fastest."""
     indices = grid_indices([2, 3, 4], 0, 24)
     assert len({tuple(row) for row in indices.tolist()}) == 24
     assert indices[:5].tolist() == [[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 3], [0, 1, 0]]
@@ -91,7 +100,11 @@ DISTRIBUTIONS = (
 
 
 def test_numbers_follow_their_distribution(study):
-    """Drawn numbers follow their distributions, with Sobol's small distance."""
+    """The drawn inputs follow the requested distributions.
+
+    The Kolmogorov-Smirnov distance of 4096 Sobol points is below 1e-3, less than random points
+    reach.
+    """
     for variation, expected in DISTRIBUTIONS:
         drawn = column(study, variation)
         assert kstest(drawn, expected.cdf).statistic < 1e-3
@@ -99,7 +112,7 @@ def test_numbers_follow_their_distribution(study):
 
 
 def test_a_list_is_drawn_evenly_and_a_unit_is_taken_to_si(study):
-    """Each number of a list is drawn equally often, and units are converted to SI."""
+    """Each value of a list is drawn equally often (200 ± 2 of 1000), in SI units."""
     drawn = column(study, {"values": [1, 2, 4, 8, 16], "unit": "N"}, points=1000)
     numbers, counts = np.unique(drawn, return_counts=True)
     assert numbers.tolist() == [1.0, 2.0, 4.0, 8.0, 16.0]
@@ -109,26 +122,30 @@ def test_a_list_is_drawn_evenly_and_a_unit_is_taken_to_si(study):
 
 
 def test_zero_spread_is_the_base_exactly(study):
-    """A spread of zero gives the base's number exactly."""
+    """A spread of zero gives exactly the number of the base scene."""
     for variation in ({"normal": 0, "unit": "%"}, {"uniform": 0, "unit": "N"}):
         assert set(column(study, variation, points=64).tolist()) == {30.6}
 
 
 def test_correlated_inputs_keep_their_distributions(study):
-    """Correlated inputs keep their distributions, and rows do not depend on the batch."""
+    """Correlated inputs keep their distributions and have the given correlation.
+
+    Spearman's coefficient is that of a Gaussian copula within 0.005. The rows do not depend on the
+    batch.
+    """
     vary = {PRELOAD: {"uniform": 10, "unit": "%"}, MASS: {"normal": 2, "unit": "%"}}
     pair = {"inputs": [PRELOAD, MASS], "coefficient": 0.8}
     plan = {"kind": "sobol", "points": 4096}
     draws = study(vary=vary, correlated=[pair], plan=plan).draws
     rows = draws.rows(0, 4096)
-    expected = 6.0 / np.pi * np.arcsin(0.4)  # Spearman's, of a Gaussian copula
+    expected = 6.0 / np.pi * np.arcsin(0.4)  # Spearman's coefficient of a Gaussian copula
     assert spearmanr(rows).statistic == pytest.approx(expected, abs=0.005)
     assert kstest(rows[:, 1], norm(1.3, 0.026).cdf).statistic < 4e-3
     assert np.array_equal(np.concatenate([draws.rows(0, 7), draws.rows(7, 40)]), rows[:40])
 
 
 def test_contradicting_correlations_are_refused(study):
-    """Three contradicting correlations are refused."""
+    """Correlations whose matrix is not positive definite are refused."""
     paths = [PRELOAD, MASS, "rig.follower.spring_stiffness"]
     pairs = [
         {"inputs": [paths[i], paths[j]], "coefficient": r}
@@ -141,7 +158,10 @@ def test_contradicting_correlations_are_refused(study):
 
 @pytest.mark.parametrize("folder", ["cams", "rigs"])
 def test_every_number_of_a_shipped_file_can_be_set(folder):
-    """Each number of a shipped file can be set by its path, without any other change."""
+    """Each number of a shipped cam or rig file can be set by its path.
+
+    Setting a number to its own value changes it by rounding only, and no other number.
+    """
     load = {"cams": load_cam, "rigs": load_rig}[folder]
     for path in sorted((config_root() / folder).glob("*.yaml")):
         config = load(path)
@@ -162,7 +182,12 @@ ANGLES = np.linspace(0.0, TURN, 20011)[:-1]
 
 @pytest.mark.parametrize("degrees", [3.0, 7.77, 100.0, 360.0])
 def test_a_wave_is_within_the_documented_bounds(law, degrees):
-    """The error of a wave is within the documented bounds."""
+    """A law with added waviness equals law plus sine within the documented bounds.
+
+    The bounds are fractions of the wave's amplitude: 4.5e-7 for the lift and 3.9e-5 k² for its
+    second derivative, with k waves per turn. Near the end of the turn, where the wave is closed,
+    the bound is five times as large.
+    """
     errors = ProfileErrors(waviness=1e-4, wavelength=math.radians(degrees), waviness_phase=0.4)
     wavy = errors.add_to(law)
     k = 360.0 / degrees
@@ -178,7 +203,11 @@ def test_a_wave_is_within_the_documented_bounds(law, degrees):
 
 @pytest.mark.parametrize("degrees", [3.0, 33.3, 250.0])
 def test_a_wave_closes_without_a_step(law, degrees):
-    """A wave is continuous up to the second derivative, at the end of the turn too."""
+    """A wave whose length does not divide 360° is blended at the end of the turn.
+
+    The lift and its first two derivatives have no step there beyond rounding, and the wave does not
+    exceed its amplitude.
+    """
     errors = ProfileErrors(waviness=1e-5, wavelength=math.radians(degrees), waviness_phase=1.0)
     wavy = errors.add_to(law)
     k = 360.0 / degrees
@@ -189,9 +218,9 @@ def test_a_wave_closes_without_a_step(law, degrees):
 
 
 def test_size_and_eccentricity_are_added(law):
-    """Errors of size and eccentricity are added exactly to the law.
+    """Errors of size (a constant) and eccentricity (one sine per turn) are added.
 
-    Zero errors do not change the law.
+    The size is added exactly. Errors of zero do not change the law.
     """
     errors = ProfileErrors(size=2e-5, eccentricity=3e-5, eccentricity_phase=0.7)
     sum_ = errors.add_to(law)(ANGLES)

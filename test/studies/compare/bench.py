@@ -1,4 +1,4 @@
-"""Simulated test bench: a scene's follower, measured with known instrument errors."""
+"""Simulated test bench: readings of a follower with known instrument errors."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from cam_rig.units import TURN
 COUNTS = 1024
 #: Readings per second of each instrument.
 RATE = 1000.0
-#: Cam angle minus encoder angle, °.
+#: Cam angle minus encoder angle, in °.
 OFFSET_DEG = 3.0
 
 
 def with_follower(loaded, **factors):
-    """Return the scene with parameters of its follower multiplied by factors."""
+    """Return the scene with some follower parameters multiplied by the given factors."""
     follower = loaded.rig.follower
     changed = {name: getattr(follower, name).si * factor for name, factor in factors.items()}
     return replace(loaded, rig=loaded.rig.with_follower(**changed))
@@ -40,12 +40,13 @@ def measured(
     backlash=0.0,
     sense=None,
 ):
-    """Return the run of a scene with one cam as a bench records it.
+    """Return the `MeasuredRun` that a bench would record of a scene with one cam.
 
-    The sensors' clock is slow by the fraction `slow`, and stamps are `late` (s). `force_noise` is a
-    fraction of the largest force, and `lift_noise` is in m. `counts` is the number of encoder
-    counts per turn, or 0. `backlash` is the whole width of the lift's hysteresis in m. `sense(time,
-    force)` returns the reading of the load cell.
+    The clock of lift, force and level sensors is slow by the fraction `slow`, and their stamps are
+    `late` by this time (s). `force_noise` is a fraction of the largest force, and `lift_noise` is
+    in m. `counts` is the number of encoder counts per turn, or 0 for an ideal encoder. `backlash`
+    is the full width of the hysteresis of the lift in m. `sense(time, force)` returns the reading
+    of the load cell.
     """
     rng = np.random.default_rng(seed)
     ticks = list(simulate_ticks(loaded))
@@ -75,6 +76,6 @@ def measured(
 
 
 def compared(run, loaded, offset=None):
-    """Return the pairs of a run and its scene, and the rows of each speed."""
+    """Return the pairs of measured and model signals of a run, and one row per speed."""
     pairs = pair_measured(run, loaded, loaded.scene.cams[0], offset)
     return pairs, compare_steps(pairs.steps(), loaded.laws)

@@ -1,4 +1,4 @@
-"""cam-rig compare for bags of the rig and of a bench: tables, files, errors."""
+"""Command `cam-rig compare` for bags of the rig and of a test bench."""
 
 import csv
 import re
@@ -27,9 +27,10 @@ call = partial(run, "compare")
 
 @pytest.fixture
 def bench(tmp_path, make_loaded_scene):
-    """Bag and scene of a bench with encoder, two sensors and microphone.
+    """Bag of a simulated bench, and its scene.
 
-    The clock of the sensors is slow.
+    The bench has an encoder, two sensors and a microphone. The clock of the sensors is 200 ppm
+    slow.
     """
     loaded = make_loaded_scene(cams=["tm21"], speeds=[250, 400], turns=12, transient_turns=2)
     run = measured(loaded, slow=200e-6)
@@ -44,12 +45,15 @@ def bench(tmp_path, make_loaded_scene):
 
 @pytest.fixture(scope="module")
 def golden():
-    """Comparison of the golden run with its scene."""
+    """Comparison of the stored reference run with its scene."""
     return cam_rig.compare(GOLDEN, "quick")
 
 
 def test_a_bag_of_the_rig_agrees_with_its_scene(golden):
-    """A bag of the rig agrees with its scene at every speed, to rounding."""
+    """A bag that the rig recorded agrees with the simulation of its scene to rounding.
+
+    This applies to lift, force, lift-offs and sound level of each cam at each speed.
+    """
     found = golden.data()
     assert repr(golden).startswith("RunComparison(departures: 8 rows")
     rows = [(row["cam"], row["rpm"]) for row in found["departures"]]
@@ -65,9 +69,10 @@ def test_a_bag_of_the_rig_agrees_with_its_scene(golden):
 
 
 def test_a_figure_has_at_most_three_speeds_per_cam(golden):
-    """A figure of a comparison has at most three speeds per cam.
+    """The figure of a comparison shows at most three speeds per cam.
 
-    Differences within rounding are labelled so, on a scale of µm and N.
+    A difference within rounding is labelled "equal to rounding". Its axis spans ±1 µm or ±1 N, so
+    that rounding is not magnified.
     """
     panels = golden.plot().axes
     titles = [axes.get_title() for axes in panels if axes.get_title()]
@@ -79,7 +84,10 @@ def test_a_figure_has_at_most_three_speeds_per_cam(golden):
 
 
 def test_the_scene_needs_only_the_chosen_cam(make_loaded_scene):
-    """With --cam the scene needs only this cam of the bag."""
+    """With --cam the scene only has to contain this cam of the bag.
+
+    Without it, a scene that lacks a cam of the bag is refused.
+    """
     settings = {"model": "one_mass", "transient_turns": 1, "sample_rate": 1000}
     scene = make_loaded_scene(cams=["bezier15"], **settings).scene_file
     refused = call(GOLDEN, scene)
@@ -91,9 +99,10 @@ def test_the_scene_needs_only_the_chosen_cam(make_loaded_scene):
 
 @pytest.mark.long
 def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
-    """A bag of a bench is compared by the topics of --topics, within the noise.
+    """A bench's bag is read by the topics of --topics and agrees within the noise.
 
-    CSV, figure and recording are written.
+    The command reports the angle offset (3.1°) and the clock drift (200 ppm) of the bench, and
+    writes CSV, figure and recording.
     """
     bag, loaded = bench
     plot, recording = tmp_path / "a.svg", tmp_path / "a.rrd"
@@ -117,9 +126,9 @@ def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
 
 
 def test_the_recording_has_run_and_model(bench, tmp_path):
-    """The recording of a comparison has curves of run and model at each speed.
+    """The Rerun recording of a comparison has measured and model curves per speed.
 
-    The difference is measured minus model.
+    The third curve is the difference, measured minus model.
     """
     _, loaded = bench
     _, rows = compared(measured(loaded), loaded)

@@ -1,4 +1,4 @@
-"""Readings of a bench against the model, with each instrument error."""
+"""Alignment of bench readings with the model, for each kind of instrument error."""
 
 import json
 from dataclasses import replace
@@ -27,12 +27,18 @@ from cam_rig.units import RPM, TURN
 from ..orders.test_orders import random_law
 from .bench import COUNTS, OFFSET_DEG, compared, measured, with_follower
 
-#: Mean delay (°) of a reading: the offset and half a count, because an encoder rounds down.
+#: Mean angle in ° by which an encoder reading is too small: the offset plus half a count, because
+#: an encoder rounds down.
 BEHIND = OFFSET_DEG + 180.0 / COUNTS
 
 
 @pytest.fixture
 def scene(make_loaded_scene):
+    """Function that returns a scene of a cam at given speeds.
+
+    At each speed it has 12 turns, of which the first 2 are for settling.
+    """
+
     def make(cam="poly345", speeds=(200, 300), **changes):
         settings = {"turns": 12, "transient_turns": 2, "sample_rate": 8000, **changes}
         return make_loaded_scene(cams=[cam], speeds=list(speeds), **settings)
@@ -44,10 +50,10 @@ def scene(make_loaded_scene):
     ("cam", "speeds"), [("poly345", (200, 300, 400)), ("tm21", (250, 380, 480))]
 )
 def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds):
-    """A bench of the scene's rig agrees with the model within the noise at each speed.
+    """Readings of a bench that has the scene's rig agree with the model at each speed.
 
-    The comparison identifies angle offset, clock drift and noise. The errors are 1 % of force
-    noise, 10 µm, 1024 counts, 3° and 200 ppm.
+    The comparison finds angle offset, clock drift and noise of the bench. These are 3°, 200 ppm, 1
+    % of the force, 10 µm and 1024 counts per turn.
     """
     loaded = scene(cam, speeds)
     pairs, rows = compared(measured(loaded, slow=200e-6), loaded)
@@ -72,9 +78,10 @@ def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds):
 
 
 def test_turns_that_differ_are_no_noise(scene):
-    """Turns that differ from each other are reported, and do not count as noise.
+    """A difference between turns that repeats does not count as noise.
 
-    With half of the counts per turn, every other turn has the other half of the lift.
+    A warning reports it. The doubled encoder angle makes every other turn contain the other half of
+    the lift, which is such a difference.
     """
     loaded = scene()
     run = measured(loaded)
@@ -90,9 +97,10 @@ def test_turns_that_differ_are_no_noise(scene):
 
 
 def test_a_heavier_follower_differs_by_more_than_the_noise(scene):
-    """A heavier follower shows a force difference of Δm ω² s'' at its largest.
+    """A heavier follower on the bench shows the force difference Δm ω² s''.
 
-    The lift agrees within the noise.
+    It is compared at its largest, within 1.5 standard deviations of the noise. The lift still
+    agrees, because in contact it does not depend on the mass.
     """
     loaded = scene(speeds=(200, 350))
     heavy = with_follower(loaded, mass=1.25)
@@ -110,9 +118,9 @@ def test_a_heavier_follower_differs_by_more_than_the_noise(scene):
 
 
 def test_the_events_of_a_heavier_follower_are_shifted(scene):
-    """A heavier follower has later events, and zero and clock are still identified.
+    """A heavier follower lands later, and angle offset and clock are still found.
 
-    They follow from speeds in contact, without flights.
+    Offset and clock follow from the lower speeds, at which the follower stays in contact.
     """
     loaded = scene("tm21", (250, 300, 400, 450))
     pairs, rows = compared(measured(with_follower(loaded, mass=1.1), slow=200e-6), loaded)
@@ -122,9 +130,9 @@ def test_the_events_of_a_heavier_follower_are_shifted(scene):
 
 
 def test_backlash_of_the_gauge_is_identified(scene):
-    """A backlash of 0.2 mm in the gauge is identified.
+    """A backlash of 0.2 mm in the lift gauge is identified within 1 µm.
 
-    It does not change the offset. The lift differs by half of it.
+    The angle offset is unaffected. The lift differs from the model by half the backlash.
     """
     loaded = scene()
     pairs, rows = compared(measured(loaded, backlash=0.2e-3), loaded)
@@ -136,9 +144,10 @@ def test_backlash_of_the_gauge_is_identified(scene):
 
 
 def test_the_frequency_of_a_ringing_load_cell_is_identified(scene):
-    """The frequency of a ringing load cell, 150 Hz, is found at every speed.
+    """The natural frequency of a load cell (150 Hz) is found from the difference.
 
-    The frequency of a difference in mass changes with the speed, so there is no common one.
+    It is the same at all speeds. A wrong mass gives a difference whose frequency rises with the
+    speed, so that no common frequency is reported.
     """
     loaded = scene(speeds=(250, 300, 350))
     w, damping = 2.0 * np.pi * 150.0, 0.03
@@ -149,7 +158,7 @@ def test_the_frequency_of_a_ringing_load_cell_is_identified(scene):
 
     _, rows = compared(measured(loaded, sense=cell), loaded)
     peaks = [row.peak_hz for row in rows]
-    assert peaks[1:] == pytest.approx([150.0] * 2, abs=7.0)  # the width of an order
+    assert peaks[1:] == pytest.approx([150.0] * 2, abs=7.0)  # 7 Hz: the width of an order
     assert common_frequency([row.rpm for row in rows], peaks) == pytest.approx(150.0, abs=7.0)
     _, rows = compared(measured(with_follower(loaded, mass=1.3)), loaded)
     peaks = [row.peak_hz for row in rows]
@@ -157,9 +166,9 @@ def test_the_frequency_of_a_ringing_load_cell_is_identified(scene):
 
 
 def test_late_stamps_are_distinguished_from_an_offset(scene):
-    """Stamps that are late by 2 ms are identified in addition to the angle offset.
+    """Sensor stamps that are 2 ms late are distinguished from the angle offset.
 
-    2 ms are 2.4° at 200 rpm and 4.8° at 400 rpm. The offset is 3° at each.
+    2 ms are 2.4° at 200 rpm and 4.8° at 400 rpm, while the offset is 3° at each speed.
     """
     loaded = scene(speeds=(200, 300, 400))
     pairs, rows = compared(measured(loaded, late=2e-3), loaded)
@@ -172,9 +181,10 @@ def test_late_stamps_are_distinguished_from_an_offset(scene):
 
 @pytest.mark.slow
 def test_a_coarse_encoder_causes_no_clock_correction(scene):
-    """A coarse encoder next to a ramp does not lead to a correction of the clock.
+    """The error of a coarse encoder near a ramp is not taken for a clock error.
 
-    256 counts per turn give the angle to half a count.
+    With 256 counts per turn the angle is known to half a count. Drift and delay must stay exactly
+    0.
     """
     loaded = scene("cycloidal", (235.5, 223.7, 135.9), turns=6, transient_turns=0, ramp=0.81)
     for seed in range(3):
@@ -183,9 +193,9 @@ def test_a_coarse_encoder_causes_no_clock_correction(scene):
 
 
 def test_a_given_offset_is_kept_and_an_assumed_offset_is_reported(scene):
-    """A given angle offset is kept. Without lifts the offset is assumed as 0.
+    """A given angle offset is kept, and without measured lifts it is assumed to be 0.
 
-    A warning reports this.
+    A warning reports the assumption. The force then differs, because the true offset is 3°.
     """
     loaded = scene()
     run = measured(loaded)
@@ -200,9 +210,9 @@ def test_a_given_offset_is_kept_and_an_assumed_offset_is_reported(scene):
 
 
 def test_a_wrong_unit_and_a_pulling_force_are_reported(scene):
-    """A lift in a wrong unit and a force of a wrong sign cause warnings.
+    """Warnings report a lift in a wrong unit and a force of the wrong sign.
 
-    mm are read as m, and a cam never pulls.
+    Here mm are read as m. A contact force is never negative, because a cam only pushes.
     """
     loaded = scene()
     run = measured(loaded)
@@ -217,14 +227,14 @@ def test_a_wrong_unit_and_a_pulling_force_are_reported(scene):
 
 
 def thinned(run, kept):
-    """Return the run with some of its readings of lift and force."""
+    """Return the run with only the lift and force readings that `kept` selects."""
     signals = run.lift, run.force
     lift, force = (replace(one, time=one.time[kept], value=one.value[kept]) for one in signals)
     return replace(run, lift=lift, force=force)
 
 
 def test_slow_sensors_identify_the_offset(scene):
-    """Five to seven readings per turn identify the offset to 0.15°.
+    """The angle offset is found within 0.15° from five to seven readings per turn.
 
     The readings of all turns are combined.
     """
@@ -235,9 +245,9 @@ def test_slow_sensors_identify_the_offset(scene):
 
 
 def test_readings_without_errors_agree_with_the_model(scene):
-    """Readings without errors agree with the model to the sampling of the model.
+    """Readings without errors agree with the model within 1e-9 m and 1e-3 N.
 
-    The offset is exact to 1e-6°.
+    These are the errors of the model's sampling. The angle offset is exact within 1e-6°.
     """
     loaded = scene("tm21", (200, 350))
     pairs, rows = compared(measured(loaded, counts=0, lift_noise=0.0, force_noise=0.0), loaded)
@@ -248,9 +258,9 @@ def test_readings_without_errors_agree_with_the_model(scene):
 
 
 def test_lost_readings_are_left_out(scene):
-    """Times without readings are left out of the comparison, and the rest agrees.
+    """Times without sensor readings are excluded, and the other samples agree.
 
-    Lost encoder readings end the steady turns.
+    Lost encoder readings divide the run into two stretches of steady speed.
     """
     loaded = scene()
     run = measured(loaded)
@@ -270,9 +280,9 @@ def test_lost_readings_are_left_out(scene):
 
 @pytest.mark.parametrize("is_still", [False, True])
 def test_an_hour_of_pause_is_not_time_left_out(scene, is_still):
-    """An hour of pause does not count as time that is left out.
+    """A pause of an hour does not count as excluded time.
 
-    There are no readings in it, or readings of a stopped cam.
+    In the pause there are no readings, or the readings of a stopped cam.
     """
     loaded = scene()
     run = measured(loaded)
@@ -297,7 +307,7 @@ def test_an_hour_of_pause_is_not_time_left_out(scene, is_still):
 
 
 def test_a_cam_that_never_turns_steadily_is_refused(scene):
-    """A run without a steady speed is refused with the rule of a steady speed."""
+    """A run without a steady speed is refused, and the error states what is steady."""
     loaded = scene()
     time = np.arange(1500) / 1000.0
     run = replace(measured(loaded), angle=Signal(time, 40.0 * time**2, "/encoder"))
@@ -305,7 +315,7 @@ def test_a_cam_that_never_turns_steadily_is_refused(scene):
         compared(run, loaded)
 
 
-#: Implausible signals, as functions of time, value, and a random generator.
+#: Functions that make a signal implausible. Their arguments are time, value and a random generator.
 FAULTS = (
     lambda t, v, rng: np.stack([t, v])[:, rng.random(t.size) > rng.uniform(0.1, 0.95)],
     lambda t, v, _: (t[:5], v[:5]),
@@ -318,9 +328,9 @@ FAULTS = (
 
 @pytest.mark.parametrize("seed", range(len(FAULTS)))
 def test_any_readings_are_compared_in_finite_numbers(scene, seed):
-    """Any implausible readings are compared with finite numbers.
+    """Implausible readings are compared without an error, in finite numbers.
 
-    They are lost, few, zero, noisy, at another time, or have spikes.
+    They are mostly lost, only five, zero, negated, noisy, shifted in time, or have spikes.
     """
     rng = np.random.default_rng(seed)
     loaded = scene("tm21", (250, 400), turns=6, sample_rate=4000)
@@ -337,7 +347,10 @@ def test_any_readings_are_compared_in_finite_numbers(scene, seed):
 
 
 def test_another_restitution_shifts_the_events(scene):
-    """Another restitution of the bench delays the events above the jump speed."""
+    """A higher restitution of the bench delays the landings above the jump speed.
+
+    The samples next to them, less than 10 %, are excluded from the force difference.
+    """
     loaded = scene(speeds=(300, 450, 470), model="one_mass")
     machine = replace(loaded, rig=loaded.rig.with_follower(restitution=0.4))
     loaded = replace(loaded, rig=loaded.rig.with_follower(restitution=0.0))
@@ -348,18 +361,21 @@ def test_another_restitution_shifts_the_events(scene):
     assert 0 < np.count_nonzero(~turn.away_from_jumps) < 0.1 * turn.away_from_jumps.size
 
 
-# -- a recording against a model that was driven with the same states ---------------------------
+# -- a recorded run of the rig against a model that is driven by the recorded cam states --------
 
 
 def recorded(loaded):
-    """Return ticks, states, and pressures by the end of the tick of a scene's run."""
+    """Return the ticks, the cam states and the pressures of a scene's simulation.
+
+    The pressures are in a dict whose keys are the end times (ns) of the ticks.
+    """
     pressures = {tick.stop_ns: tick.pressure for tick in simulate(loaded)}
     return list(simulate_ticks(loaded)), list(cam_states(loaded.scene)), pressures
 
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
 def test_a_simulated_run_agrees_with_its_scene(make_loaded_scene, model):
-    """A simulated run has no difference from its scene in samples, events and levels."""
+    """A simulated run equals its scene exactly in samples, events and sound levels."""
     cams = ["poly345", "cycloidal"]
     loaded = make_loaded_scene(cams=cams, model=model, rig="paper_table2", speeds=[200, 450])
     pairs = RecordedPairs(loaded)
@@ -379,13 +395,13 @@ def test_a_simulated_run_agrees_with_its_scene(make_loaded_scene, model):
 def test_a_heavier_follower_needs_the_inertial_force_in_addition(make_loaded_scene, seed, model):
     """In contact a heavier follower differs by ΔF = Δm ω² s'' at every sample.
 
-    F = m ω² s'' + c ω s' + k s + F₀.
+    The contact force is F = m ω² s'' + c ω s' + k s + F₀. The tolerance is 1e-9 of the largest ΔF.
     """
     loaded = make_loaded_scene(cams=["poly345"], model=model, speeds=[60, 120], sample_rate=2000)
     law = random_law(seed, "poly345")
     random, names = np.random.default_rng(100 + seed), ("mass", "spring_stiffness", "damping")
     factors = dict(zip(names, random.uniform(0.5, 2.0, 3).tolist(), strict=True))
-    # The preload keeps the follower on any cam.
+    # With a high preload the follower is in contact on any random cam.
     loaded = with_follower(replace(loaded, laws={"poly345": law}), preload=80.0, **factors)
     heavy = with_follower(loaded, mass=1.1)
     more = heavy.follower.mass - loaded.follower.mass
@@ -399,9 +415,9 @@ def test_a_heavier_follower_needs_the_inertial_force_in_addition(make_loaded_sce
 
 
 def test_lost_messages_are_left_out_and_the_others_agree(make_loaded_scene):
-    """Ticks of lost samples or states are left out, and all other samples agree.
+    """Ticks whose samples or cam states were lost are excluded, and all others agree.
 
-    States are lost at one speed and at a change of speed.
+    Cam states are lost at one speed and at a change of speed.
     """
     loaded = make_loaded_scene(
         cams=["poly345"], speeds=[200, 300], turns=8, ticks_per_turn=4, rig="paper_table2"
@@ -418,12 +434,12 @@ def test_lost_messages_are_left_out_and_the_others_agree(make_loaded_scene):
     kept = [state for state in states if state.time_ns not in gone]
     rows = compare_steps(RecordedPairs(loaded).steps(ticks, kept, pressures), loaded.laws)
     assert rows[0].force.largest == 0.0
-    # The follower is placed on the cam again after the loss, and settles within a turn.
+    # After the loss the model starts again in contact with the cam. It is steady within a turn.
     assert rows[1].turns < 7.0 and abs(rows[1].force.largest) < 1e-6 * rows[1].force.scale
 
 
 def test_a_cam_that_is_missing_in_the_scene_is_named(make_loaded_scene):
-    """A bag with a cam that the scene lacks is refused with the cams of the scene."""
+    """A bag with a cam that the scene lacks is refused, and the error lists the cams."""
     other = make_loaded_scene(cams=["cycloidal"])
     run = recorded(other)
     scene = make_loaded_scene(cams=["poly345"])

@@ -1,4 +1,7 @@
-"""Load, pressure and sliding against closed forms and energy, and cam-rig contact."""
+"""Contact load, Hertz pressure and sliding, and the command `cam-rig contact`.
+
+The references are closed forms, energy balances and the theory of elasticity.
+"""
 
 import json
 from dataclasses import replace
@@ -47,7 +50,10 @@ SPRUNG = (
 
 
 def case_of(name, base=None, **changes):
-    """Return the contact of a shipped cam with changed numbers or base radius (mm)."""
+    """Return the contact of a shipped cam with changed numbers or base radius.
+
+    `base` is in mm. Each keyword has a (value, unit) pair.
+    """
     data = load_cam(resolve_path("cams", name)).model_dump(exclude_none=True)
     data["contact"] = {key: assumed(*number) for key, number in changes.items()}
     if base is not None:
@@ -58,7 +64,10 @@ def case_of(name, base=None, **changes):
 
 @pytest.mark.parametrize("name", SPRUNG)
 def test_the_relative_velocity_is_tangential(name):
-    """At the contact cam and follower have the same velocity along the normal."""
+    """At the contact, cam and follower have the same velocity along the normal.
+
+    The tolerance is rounding.
+    """
     case = case_of(name)
     motion, touch = case.at(ANGLES)
     moved = motion.slope * case.surfaces.element.moves(touch.contact)
@@ -68,7 +77,10 @@ def test_the_relative_velocity_is_tangential(name):
 
 @pytest.mark.parametrize("name", SPRUNG)
 def test_power_in_is_power_out(name):
-    """The torque of the normal force on the cam is F s' (eq. 8)."""
+    """The torque of the normal contact force on the cam equals F s' (eq. 8).
+
+    This is the balance of power between shaft and follower, to rounding.
+    """
     case = case_of(name)
     motion, touch = case.at(ANGLES)
     lever = (1j * touch.contact * touch.normal.conj()).real
@@ -78,7 +90,7 @@ def test_power_in_is_power_out(name):
 
 
 def on_the_follower(element, motion, contact):
-    """Return the point of contact in the frame of the follower."""
+    """Return the contact point, a complex number in m, in the frame of the follower."""
     if isinstance(element, SwungCentre | SwungFace):
         return (contact - element.pivot) * np.exp(1j * element.arm_angle(motion.s))
     return contact - 1j * motion.s
@@ -86,9 +98,10 @@ def on_the_follower(element, motion, contact):
 
 @pytest.mark.parametrize("name", [name for name in SPRUNG if name != "tm21"])
 def test_sliding_is_the_difference_of_both_paths(name):
-    """The sliding speed is the difference of the contact's paths on cam and follower.
+    """The sliding speed is the difference of the contact's speeds on both surfaces.
 
-    The paths are differentiated numerically.
+    The speeds are those at which the contact point moves along cam and follower, differentiated
+    numerically (relative 2e-6).
     """
     case, step = case_of(name), 1e-6
     element = case.surfaces.element
@@ -108,9 +121,9 @@ def test_sliding_is_the_difference_of_both_paths(name):
 
 
 def test_a_dwell_is_two_circles():
-    """In a dwell the pressure is that of two circles under the preload.
+    """In a dwell the pressure is that of two circles pressed by the preload.
 
-    κ = 1/R_b + 1/R_r.
+    Their relative curvature is κ = 1/R_b + 1/R_r, of base circle and roller.
     """
     case = case_of("tm21", face_width=(7.0, "mm"))
     follower, modulus = case.cam.follower, 206e9 / (2 * 0.91)
@@ -121,9 +134,9 @@ def test_a_dwell_is_two_circles():
 
 
 def test_a_tip_with_a_radius_above_the_concave_radius_is_refused():
-    """A tip with a radius above the concave radius of the cam is refused.
+    """A follower tip that is blunter than a concave part of the cam is refused.
 
-    It would touch at two points. The message contains radius, limit and angle.
+    It would touch at two points. The message has the radius, its limit and the cam angle.
     """
     with pytest.raises(ProfileError, match=r"tip_radius must be less than .* mm at \d.*got 90"):
         case_of("oscillating_point", base=20.0, tip_radius=(90.0, "mm"))
@@ -131,34 +144,38 @@ def test_a_tip_with_a_radius_above_the_concave_radius_is_refused():
 
 @pytest.mark.parametrize("name", SPRUNG)
 def test_the_largest_pressure_is_not_exceeded_at_any_sample(name):
-    """The reported largest pressure is not exceeded at any of 20 000 angles.
+    """The reported peak pressure is not exceeded at any of 20 000 angles.
 
-    It agrees with the load and the width of the contact.
+    It is at most 0.1 % above the largest sample, and agrees with the load and the width of the
+    contact.
     """
     case = case_of(name)
     row = contact_row(case)
     fine = case.surfaces.pressure(*case.at(np.linspace(0.0, 2.0 * np.pi, 20_000)))
     assert fine.max() <= row.pressure.value * (1 + 1e-12)
     assert fine.max() >= row.pressure.value * (1 - 1e-3)
-    mean = row.load / (case.cam.parts.face_width.si * row.width)  # of p₀ √(1 − x²/b²): π/4 p₀
+    mean = row.load / (case.cam.parts.face_width.si * row.width)  # mean of p₀ √(1 − x²/b²): π/4 p₀
     assert mean == pytest.approx(np.pi / 4 * row.pressure.value, rel=1e-5)
 
 
 def test_no_pressure_where_the_cam_would_have_to_pull():
-    """Above the jump speed the row is marked as lost contact, and below it is not."""
+    """Above the jump speed, where a cam would have to pull, contact is lost.
+
+    Below it is not.
+    """
     cam = load_cam(resolve_path("cams", "poly345"))
     row = contact_row(contact_case(cam, build_law(cam), RIG, 200.0))
     assert row.lost
     assert not contact_row(contact_case(cam, build_law(cam), RIG, 5.0)).lost
 
 
-# The command.
+# -- the command `cam-rig contact`
 
 
 def test_tables_json_and_nomogram(tmp_path, monkeypatch):
-    """cam-rig contact writes tables, JSON and figures with sliding and bounds.
+    """`cam-rig contact` writes tables, JSON and figures with sliding and bounds.
 
-    The table lists the assumed numbers. A roller has no sliding.
+    The table lists the assumed numbers. A roller has no sliding speed.
     """
     monkeypatch.setattr("cam_rig.studies.contact.figures.RADII", 6)
     plot, events, csv = (tmp_path / name for name in ("c.png", "e.svg", "c.csv"))
@@ -180,14 +197,15 @@ def test_tables_json_and_nomogram(tmp_path, monkeypatch):
     assert data["run"] == {"rig": "paper_table2", "rpm": 300.0}
 
 
-# -- bounds on the base radius: the measure equals its limit; closed forms --------------------
+# -- bounds on the base radius: at the bound the measure equals its limit, and closed forms
 
 
 @pytest.mark.parametrize("name", ["flat", "inclined_flat", "oscillating_flat", "oscillating_point"])
 def test_at_a_bound_the_measure_equals_its_limit(name):
-    """At the reported bound of the base radius the measure equals its limit.
+    """At the reported bound on the base radius, the measure equals its limit.
 
-    The limits are random numbers near the values of the cam.
+    The measures are pressure and sliding speed. Their limits are random numbers near the cam's
+    values.
     """
     rng = np.random.default_rng(11)
     case = case_of(name)
@@ -208,9 +226,9 @@ def test_at_a_bound_the_measure_equals_its_limit(name):
 
 
 def test_pressure_of_a_still_face_in_closed_form():
-    """The bound of a face under its preload alone is that of a closed form.
+    """The base radius bound of a flat face under its preload alone is a closed form.
 
-    The least radius of curvature is F' E* / (π p²).
+    The smallest radius of curvature is F' E* / (π p²), with the load F' per width (relative 1e-7).
     """
     case = case_of("flat", most_pressure=(60.0, "MPa"))
     weightless = replace(RIG, mass=1e-12, spring_stiffness=1e-9, damping=0.0)
@@ -222,9 +240,9 @@ def test_pressure_of_a_still_face_in_closed_form():
 
 
 def test_a_limit_that_no_base_radius_satisfies():
-    """A limit that no base radius satisfies has the bound None.
+    """The bound on the base radius is None if no base radius satisfies the limit.
 
-    The sliding bound of a roller is infinite.
+    The sliding bound of a roller, which rolls, is infinite.
     """
     roller = base_bounds(case_of("tm21", most_pressure=(10.0, "MPa")))
     assert (roller.pressure, roller.sliding) == (None, np.inf)
@@ -235,9 +253,9 @@ def test_a_limit_that_no_base_radius_satisfies():
 
 @pytest.mark.parametrize("seed", range(14))
 def test_the_least_base_radius_satisfies_all_limits(seed):
-    """At the reported minimum base radius each measure is within its limit.
+    """At the reported smallest base radius, every measure is within its limit.
 
-    Followers, rigs and limits are random.
+    The measures are pressure, pressure angle and undercut. Followers, rigs and limits are random.
     """
     rng = np.random.default_rng(seed)
     name = SPRUNG[seed % len(SPRUNG)]
@@ -261,9 +279,10 @@ EVENT = np.radians([47.0, 83.0, 121.0])
 
 
 def test_simple_harmonic_in_closed_form():
-    """The base radii of simple harmonic rises are those of closed forms.
+    """The smallest base radii of simple harmonic rises equal their closed forms.
 
-    Roller: h/2 (√(1 + (π/(β tan α))²) − 1), face: h (π²/(2 β²) − 1), at least 0.
+    Roller: h/2 (√(1 + (π/(β tan α))²) − 1). Flat face: h (π²/(2 β²) − 1), at least 0. h is the
+    lift, β the angle of the rise and α the pressure angle.
     """
     found = by_pressure_angle("simple_harmonic", EVENT, 0.5)
     expected = 0.5 * (np.sqrt(1.0 + (np.pi / (EVENT * np.tan(0.5))) ** 2) - 1.0)
@@ -274,7 +293,10 @@ def test_simple_harmonic_in_closed_form():
 
 @pytest.mark.parametrize("rise", RISES)
 def test_the_nomogram_agrees_with_the_checks_of_cams(rise, cams, make_cam):
-    """The base radii of the nomogram are those of the checks of contours."""
+    """The base radii of the nomogram equal those found by the contour checks.
+
+    The nomogram uses unit lift, the checks a cam with this rise (relative 1e-5).
+    """
     beta, law = np.radians([52.0]), up_and_down(rise, np.radians(52.0), 0.01)
     flat = cams["flat"].follower
     least = find_min_base_radius(flat, law) - flat.least_curvature_radius.si
@@ -284,19 +306,20 @@ def test_the_nomogram_agrees_with_the_checks_of_cams(rise, cams, make_cam):
     assert by_curvature(rise, beta, 2.0)[0] * 0.01 - 0.02 == pytest.approx(least, rel=1e-5)
 
 
-# -- Hertz's line contact: theory of elasticity in 50 digits, and constants of handbooks -------
+# -- Hertz's line contact: theory of elasticity in 50 digits, and constants from handbooks
 
 
-#: Load (N/m), radii (m; negative: concave), E* (Pa).
+#: Load (N/m), radius of curvature of each body (m, negative if concave), E* (Pa).
 CASES = [(1.0e5, 0.020, 0.040, 113e9), (2.3e4, 0.010, -0.055, 113e9), (7.7e5, 0.150, np.inf, 60e9)]
 
 
 @pytest.mark.parametrize(("load", "first", "second", "modulus"), CASES)
 def test_the_pressure_satisfies_the_theory_of_elasticity(load, first, second, modulus):
-    """The pressure of the contact satisfies the theory of elasticity in 50 digits.
+    """The contact pressure satisfies the theory of elasticity in 50 digits.
 
-    Its integral is the load, and it closes the gap: u'(x) = −2/(π E*) ∮ p(ξ)/(x − ξ) dξ = −x κ,
-    the principal value with x = b sin φ, ξ = b sin t.
+    Its integral is the load, and its deformation closes the gap between the bodies: u'(x) = −2/(π
+    E*) ∮ p(ξ)/(x − ξ) dξ = −x κ. The integral is a principal value, with x = b sin φ and ξ = b sin
+    t.
     """
     curvature = 1.0 / first + 1.0 / second
     peak = mp.mpf(float(hertz_pressure(load, curvature, modulus)))
@@ -305,7 +328,8 @@ def test_the_pressure_satisfies_the_theory_of_elasticity(load, first, second, mo
         carried = mp.quad(lambda t: peak * half * mp.cos(t) ** 2, [-mp.pi / 2, mp.pi / 2])
         assert abs(carried / load - 1) < 1e-14
         for x in (mp.mpf("0.3"), mp.mpf("-0.8")):
-            # p(ξ)/(x − ξ) minus p(x)/(x − ξ), whose principal value is known, is finite.
+            # The difference of p(ξ)/(x − ξ) and p(x)/(x − ξ) is finite. The second has a known
+            # principal value.
             y = mp.sqrt(1 - x**2)
             smooth = mp.quad(lambda z, x=x, y=y: (mp.sqrt(1 - z**2) - y) / (x - z), [-1, x, 1])
             principal = smooth + y * mp.log((1 + x) / (1 - x))
@@ -314,9 +338,9 @@ def test_the_pressure_satisfies_the_theory_of_elasticity(load, first, second, mo
 
 
 def test_modulus_of_a_pair():
-    """The modulus of a pair combines the materials of cam and follower.
+    """The effective modulus combines the materials of cam and follower.
 
-    The default material of the follower is that of the cam.
+    The follower has the cam's material by default.
     """
     steel = {"youngs_modulus": assumed(206, "GPa")}
     parts = ContactParts.model_validate(steel)

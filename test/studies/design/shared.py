@@ -1,4 +1,4 @@
-"""Cams, rigs and designs for the tests of designs, and an independent integration."""
+"""Cams, rigs and designs for tests of law designs, and a separate integration."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from cam_rig.studies.design.study import search_design
 from cam_rig.units import TURN, FloatArray
 
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")
-#: Limit of the peak acceleration to that of the start.
+#: Limit: the peak acceleration must not exceed that of the start law.
 NO_HARDER = ("peak_acceleration<=start",)
 
 
@@ -50,16 +50,16 @@ def designed(
 
 
 def written(design: LawDesign, folder: Path) -> CamConfig:
-    """Return the cam that is read back from its written file."""
+    """Write the designed cam to a folder, and return the cam read back from the file."""
     file = folder / f"{design.cam.name}.yaml"
     file.write_text(design.text, encoding="utf-8")
     return load_cam(file)
 
 
 def peak_torque(law: Law, speed: float, rig: RigConfig = RIG) -> float:
-    """Return the largest |torque| of one rigid mass at a speed (rad/s).
+    """Return the largest |torque| (N·m) of one rigid mass at a speed (rad/s).
 
-    The torque is (k s + c Ω s' + m Ω² s'' + F₀) s', evaluated at many angles.
+    The torque is (k s + c Ω s' + m Ω² s'' + F₀) s', evaluated at 7201 angles.
     """
     p = FollowerParameters.from_rig(rig)
     s, slope, curvature = law.motion_at(np.linspace(0.0, TURN, 7201))
@@ -68,7 +68,10 @@ def peak_torque(law: Law, speed: float, rig: RigConfig = RIG) -> float:
 
 
 def integrated(law: Law, p: TwoMassParameters, speed: float, times: FloatArray) -> FloatArray:
-    """Return the contact force (N) of two masses from rest, integrated by DOP853."""
+    """Return the contact force (N) of two masses from rest at the given times (s).
+
+    It is integrated numerically by DOP853, independently of the package.
+    """
 
     def rate(time: float, state: FloatArray) -> list[float]:
         s, slope, _ = law.at(speed * time % TURN)
@@ -86,7 +89,7 @@ def integrated(law: Law, p: TwoMassParameters, speed: float, times: FloatArray) 
 
 
 def require_kept(design: LawDesign) -> None:
-    """Require a better goal than the start's, and limits kept within 1e-6."""
+    """Require a goal better than that of the start law, and limits kept within 1e-6."""
     goal, *limits = design.measures
     change = goal.result - goal.start
     assert (change if goal.sense == "<=" else -change) < 0.0

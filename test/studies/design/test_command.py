@@ -1,4 +1,4 @@
-"""cam-rig design: cam files, JSON, figures, design files and errors of one line."""
+"""Command `cam-rig design`: cam files, JSON, figures, design files and errors."""
 
 import json
 from functools import partial
@@ -18,7 +18,10 @@ call, done, data_of = (partial(one, "design") for one in (cli.call, cli.done, cl
 
 
 def test_the_file_is_a_cam_with_the_values_of_the_table(tmp_path):
-    """--out writes a valid cam, and JSON has start, result and bound in SI."""
+    """`--out` writes a valid cam file whose peak jerk is the reported result.
+
+    JSON has the value of the start law, the result and its lower bound in SI units.
+    """
     out, plot = tmp_path / "smooth.yaml", tmp_path / "smooth.png"
     data = data_of("poly345", *SMALL, "--out", out, "--plot", plot, "--csv", tmp_path / "a.csv")
     goal = data["measures"][0]
@@ -35,7 +38,10 @@ def test_the_file_is_a_cam_with_the_values_of_the_table(tmp_path):
 
 
 def test_a_design_file_is_the_same_request(tmp_path):
-    """Goal, limits and class in a design file have the result of the same options."""
+    """A design file gives the result of the same goal, limits and class as options.
+
+    A design file together with the option --minimise is refused.
+    """
     file = tmp_path / "asked.yaml"
     file.write_text(
         "start: poly345\nminimise: peak_jerk\nclass: {pieces: 6, joints: C2}\n", encoding="utf-8"
@@ -53,7 +59,10 @@ LOCAL = ("--minimise", "shaft_torque@300rpm", "--pieces", "6")
     ("arguments", "laws"), [(SMALL, 1), pytest.param(LOCAL, 3, marks=pytest.mark.long)]
 )
 def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch, arguments, laws):
-    """An interrupted search returns its best law with exit code 130."""
+    """An interrupted search writes the best law so far and ends with exit code 130.
+
+    The result has no bound.
+    """
     solve, values = study.search_design, []
 
     def interrupted(cam, rig, request, name, on_better):
@@ -82,7 +91,10 @@ def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch, arguments, laws
 
 
 def test_a_goal_that_is_not_convex_is_local_without_a_bound(tmp_path):
-    """A goal that is not convex is local, and its file is reproducible by the seed."""
+    """The result of a goal that is not convex is a local optimum without a bound.
+
+    The cam file records seed and number of starts, and the same seed writes the same file.
+    """
     out, plot = tmp_path / "easy.yaml", tmp_path / "easy.png"
     goal = ["--minimise", "shaft_torque@250rpm", "--pieces", "1", "--degree", "8"]
     arguments = [*goal, "--starts", "2", "--seed", "7", "--out", out, "--json", "-"]
@@ -108,7 +120,10 @@ def test_a_goal_that_is_not_convex_is_local_without_a_bound(tmp_path):
 
 
 def test_events_share_the_angle_between_kept_dwells(tmp_path):
-    """With --keep dwells,lift and a limit on an event, the file has the table's spans."""
+    """With `--keep dwells,lift` the events may exchange angle, within their limits.
+
+    The spans in the table are those of the cam file. The limit of 110° on event 1 is active.
+    """
     data = data_of(
         *("poly345", "--minimise", "peak_acceleration", "--pieces", "4", "--joints", "C1"),
         *("--keep", "dwells,lift", "--limit", "event_angle@1<=110deg", "--starts", "2"),

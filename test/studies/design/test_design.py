@@ -1,4 +1,4 @@
-"""Designs: known optima, limits of the written file, bounds in exact arithmetic."""
+"""Designs of laws: known optima, limits of the cam file, bounds in fractions."""
 
 from fractions import Fraction
 from itertools import pairwise
@@ -35,9 +35,9 @@ SPAN, LIFT = np.radians(117.5), 0.05
     ],
 )
 def test_a_known_optimum_is_found(goal, joints, lift, factor):
-    """A design from rest to rest reaches the known optimum for any lift h.
+    """A design from rest to rest reaches the known optimum for any lift h and span β.
 
-    The least peak |s″| is 4h/β², the least peak |s‴| is 32h/β³, and the least ∫s″² is 12h²/β³.
+    The smallest possible peak |s″| is 4h/β², peak |s‴| 32h/β³, and ∫s″² 12h²/β³ (relative 1e-6).
     """
     start = with_numbers(cam(), {"lift": lift, "follower.base_radius": 10.0})
     found = designed(LawClass(8, joints), start, minimise=goal)
@@ -52,8 +52,8 @@ def test_a_known_optimum_is_found(goal, joints, lift, factor):
 def test_the_bound_holds_in_rational_arithmetic():
     """The bound of a design is proved by its multipliers in exact fractions.
 
-    Σ y (c + A x + w t) ≥ 0 for every law. Signs, the weight of t and |Aᵀ y| are summed exactly.
-    The optimum 4h/β² is not below the bound.
+    With the multipliers y, Σ y (c + A x + w t) ≥ 0 for every law x with the level t. Signs, the
+    weight of t and |Aᵀ y| are summed exactly. The known optimum 4h/β² must not be below the bound.
     """
     case = problem(LawClass(4, 1))
     program = ConvexProgram(case.space.unknowns, case.space.link)
@@ -74,10 +74,10 @@ def test_the_bound_holds_in_rational_arithmetic():
 
 
 def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path):
-    """At the peak acceleration of 3-4-5 a design raises the jump speed above 558 rpm.
+    """A design raises the rigid jump speed from 458.7 to above 558 rpm.
 
-    That of 3-4-5 is 458.7 rpm. The result has a certified bound. The written file has its limit
-    and its speed to 1e-9.
+    Its peak acceleration is that of the 3-4-5 law. The result has a proved bound. The written file
+    has the limit and the jump speed within 1e-9.
     """
     found = designed(LawClass(16, 3), maximise="jump_speed_rigid", limits=NO_HARDER)
     assert to_rpm(found.goal.start) == pytest.approx(458.668, abs=1e-3)
@@ -93,9 +93,10 @@ def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path):
 
 @pytest.mark.long
 def test_residual_vibration_over_a_range_of_speeds():
-    """A designed law has a vibration below 0.6 µm from 200 to 400 rpm, with 24 pieces.
+    """A designed law of 24 pieces vibrates by less than 0.6 µm from 200 to 400 rpm.
 
-    It is verified by an independent integration at speeds that the program does not contain.
+    An independent integration verifies this at random speeds, at which the design program has no
+    condition.
     """
     goal = "residual_vibration@200-400rpm"
     found = designed(LawClass(24, 3), minimise=goal, limits=NO_HARDER)
@@ -106,14 +107,14 @@ def test_residual_vibration_over_a_range_of_speeds():
 
 
 def test_a_bound_is_not_better_than_the_law():
-    """The bound is not better than the law if only rounding remains."""
+    """The bound is not better than the law even if the optimum is only rounding."""
     found = designed(LawClass(6, 3), minimise="residual_vibration@395-405rpm")
     assert found.goal.result < 1e-9
     assert found.goal.bound <= found.goal.result
 
 
 def _left(law, speed):
-    """Return the amplitude of the end mass after the rise, by DOP853."""
+    """Return the amplitude (m) of the end mass after the rise, integrated by DOP853."""
     p = TwoMassParameters.from_rig(RIG)
     start, rate = float(np.radians(31.25)), np.sqrt(p.stiffness / p.end_mass)
     damping = (p.stem_damping + p.damping) / p.end_mass
@@ -131,9 +132,10 @@ def _left(law, speed):
 
 @pytest.mark.long
 def test_two_masses_from_rest_keep_contact_in_an_independent_integration():
-    """A designed law keeps contact from rest just below its jump speed, by DOP853.
+    """A designed law keeps contact from rest at 0.999 times its jump speed.
 
-    It is within 0.2 % of the bound. The jump speed of 3-4-5 is 413.4 rpm.
+    The force is integrated independently by DOP853, with a tolerance of 1 mN. The jump speed is
+    above 470 rpm; that of the 3-4-5 law is 413.4 rpm.
     """
     found = designed(LawClass(8, 3), maximise="jump_speed", limits=NO_HARDER)
     assert found.certified
@@ -144,14 +146,17 @@ def test_two_masses_from_rest_keep_contact_in_an_independent_integration():
 
 
 def test_limits_that_contradict_each_other_are_named():
-    """The message names both limits that contradict each other."""
+    """If two limits contradict each other, the error names both."""
     limits = ["lift@90deg<=20mm", "lift@90deg>=21mm"]
     with pytest.raises(DesignError, match=r"lift at 9\d°.*and.*lift at 9\d°"):
         designed(LawClass(8, 2), minimise="peak_jerk", limits=limits)
 
 
 def test_a_limit_on_the_jump_speed_holds_by_the_exact_search():
-    """A limit on the jump speed is satisfied between the program's speeds too."""
+    """A limit on the jump speed is satisfied by the exact jump speed of the law.
+
+    The design program has conditions only at some speeds.
+    """
     limits = ["jump_speed>=440rpm", *NO_HARDER]
     found = designed(LawClass(8, 3), minimise="peak_jerk", limits=limits)
     assert to_rpm(found.measures[1].result) >= 440.0 * (1.0 - 1e-5)
@@ -159,7 +164,10 @@ def test_a_limit_on_the_jump_speed_holds_by_the_exact_search():
 
 
 def test_only_proved_contradictions_are_reported_as_impossible():
-    """A limit is reported as impossible only if this is proved."""
+    """Limits are reported as impossible only if this is proved.
+
+    Otherwise the error states that a law may exist.
+    """
     words = {"minimise": "peak_velocity", "law_class": LawClass(6, 3)}
     with pytest.raises(DesignError, match="although the class may have one"):
         designed(limits=["peak_acceleration<=68.12mm/rad^2"], **words)
@@ -174,7 +182,7 @@ def test_only_proved_contradictions_are_reported_as_impossible():
 def test_hard_cases_of_two_masses_have_a_law_and_a_bound(lift, damping):
     """Designs of two masses with extreme numbers have a law and a bound.
 
-    The numbers are a lift of 5 µm and an undamped stem.
+    The cases are a lift of 5 µm and an undamped stem. The gap to the bound is below 0.5 %.
     """
     inputs = with_numbers(cam(), {"lift": lift}), with_numbers(RIG, damping)
     found = designed(LawClass(8, 3), *inputs, maximise="jump_speed", limits=NO_HARDER)
@@ -183,11 +191,11 @@ def test_hard_cases_of_two_masses_have_a_law_and_a_bound(lift, damping):
 
 
 def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(tmp_path):
-    """A roller on the points of the written contour rises by the designed law.
+    """A roller on the contour points of the written cam rises by the designed law.
 
-    The height of the roller is the largest height at which a point below it touches it. The 36
-    000 points are 20 µm apart, so the error is a hundredth of a µm. The pressure angle of 3-4-5
-    is 25.2°, which breaks the limit.
+    Its height is the largest height at which a point of the contour touches it. The 36 000 points
+    are 20 µm apart, so the error is 0.01 µm. The pressure angle of the start law, 25.2°, violates
+    the limit of 24.8°.
     """
     found = designed(LawClass(8, 3), minimise="peak_jerk", limits=["pressure_angle<=24.8deg"])
     (limit,) = found.measures[1:]
@@ -208,12 +216,15 @@ def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(tmp
 
 
 def front_of(other, points, **words):
-    """Return the front of a goal over another quantity."""
+    """Return the Pareto front of a goal over another quantity."""
     return front(cam(), RIG, DesignRequest.of(**words), parse_second(other), points)
 
 
 def test_a_front_is_monotone_and_certified():
-    """A front of jerk over peak acceleration falls, and each law satisfies its limit."""
+    """On a Pareto front the jerk falls as the allowed peak acceleration rises.
+
+    Each law satisfies its limit and has a proved bound.
+    """
     found = front_of("peak_acceleration", 4, minimise="peak_jerk", law_class=LawClass(6, 2))
     jerks = [design.goal.result for design in found.designs]
     assert all(a >= b * (1.0 - 1e-7) for a, b in pairwise(jerks))
@@ -230,7 +241,10 @@ def test_a_front_is_monotone_and_certified():
 
 
 def test_a_front_over_the_span_of_an_event_is_certified_point_by_point():
-    """The least peak acceleration of C1 laws is 4h/β² for each span β of an event."""
+    """For each span β of an event, the peak acceleration of C1 laws is 4h/β².
+
+    This is the known optimum of a rise of lift h. Every point has a proved bound.
+    """
     found = front_of("event_angle@1", 4, minimise="peak_acceleration", law_class=LawClass(4, 1))
     assert found.allowed[0] == pytest.approx(0.5 * SPAN)
     assert found.allowed[-1] == pytest.approx(np.radians(180.0), rel=2e-3)  # without dwells
@@ -241,9 +255,9 @@ def test_a_front_over_the_span_of_an_event_is_certified_point_by_point():
 
 
 def test_a_front_over_spans_starts_at_the_first_law():
-    """A front over spans starts at the shortest span that has a law.
+    """A front over spans starts at the shortest span for which a law exists.
 
-    At 68.64 mm/rad² the rise needs √(4h/68.64 mm).
+    At the limit A of the peak acceleration the rise h needs at least the span √(4h/A).
     """
     options = {"minimise": "peak_jerk", "limits": NO_HARDER, "law_class": LawClass(6, 2)}
     found = front_of("event_angle@2", 3, **options)
@@ -256,11 +270,14 @@ def test_a_front_over_spans_starts_at_the_first_law():
 
 @pytest.mark.long
 def test_a_front_of_a_goal_that_is_not_convex_has_no_bounds():
-    """A front of the torque falls and is reported as local."""
+    """A front of the torque, which is not convex, falls and is labelled as local.
+
+    It has no column of bounds.
+    """
     options = {"minimise": "shaft_torque@300rpm", "law_class": LawClass(6, 2)}
     found = front_of("peak_acceleration", 3, multistart=Multistart(2), **options)
     (table,) = found.to_display()
-    assert [row[2:] for row in table.rows] == [("local",)] * 3  # the column of bounds is absent
+    assert [row[2:] for row in table.rows] == [("local",)] * 3  # no column of bounds
     torques = [design.goal.result for design in found.designs]
     assert all(a >= b * (1.0 - 1e-3) for a, b in pairwise(torques))
     assert found.plot().axes[0].get_legend_handles_labels()[1] == ["designed"]

@@ -21,7 +21,10 @@ from .shared import NO_HARDER, RIG, cam, designed, peak_torque, problem, require
 
 
 def least_radius(start, law):
-    """Return the least convex radius, from circles through three contour points."""
+    """Return the smallest convex radius of curvature (m) of a cam's contour.
+
+    Each radius is that of a circle through three neighbouring contour points.
+    """
     radii = []
     for contour in contours(start.follower, law, 7200):
         points = contour.points[0] + 1j * contour.points[1]
@@ -35,9 +38,9 @@ def least_radius(start, law):
 
 
 def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope():
-    """A design of the torque against the preload has the least peak slope.
+    """If only the preload F₀ acts, the least torque is F₀ times the least peak s′.
 
-    The torque is then F₀ s′, bounded by the convex design of s′. All starts have this result.
+    The least peak s′ comes from a convex design with a proof. All four starts have this result.
     """
     light = {"follower.spring_stiffness": 1e-6, "follower.mass": 1e-6, "follower.damping": 0.0}
     rig = with_numbers(RIG, {**light, "follower.preload": 50.0})
@@ -53,9 +56,9 @@ def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope():
 
 
 def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path):
-    """A class with one free ordinate per event is not worse than a scan of 401 values.
+    """A search over one free ordinate per event is as good as a scan of 401 values.
 
-    The torque is that of the kinetostatic model.
+    The torque is evaluated by the kinetostatic model.
     """
     law_class, speed = LawClass(1, 3, 8), 250.0 * RPM
     found = designed(law_class, minimise="shaft_torque@250rpm")
@@ -70,8 +73,8 @@ def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path):
     assert peak_torque(law, speed) == pytest.approx(found.goal.result, rel=1e-5)
     by_model = max(abs(shaft_torque(law, follower, a, speed)) for a in np.linspace(0.0, TURN, 721))
     assert by_model == pytest.approx(found.goal.result, rel=1e-3)
-    assert found.goal.result <= max(halves) * (1.0 + 2e-5)  # tolerance of a descent
-    assert found.goal.result >= max(halves) * (1.0 - 2e-3)  # the scan's own grid
+    assert found.goal.result <= max(halves) * (1.0 + 2e-5)  # tolerance of the local search
+    assert found.goal.result >= max(halves) * (1.0 - 2e-3)  # spacing of the scan
 
 
 @pytest.mark.variants(1)
@@ -87,9 +90,9 @@ def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path):
     ],
 )
 def test_the_written_cam_keeps_its_limits(name, goal, limits, tmp_path):
-    """A written cam keeps the limits on torque and radius of its design.
+    """The cam that is read back from its file satisfies the limits of its design.
 
-    They are verified by the torque's formula and by circles through the contour.
+    Torque and radius are verified by the torque's formula and by circles through the contour.
     """
     found = designed(LawClass(8, 3), cam(name), starts=3, minimise=goal, limits=limits)
     require_kept(found)
@@ -106,7 +109,7 @@ def test_the_written_cam_keeps_its_limits(name, goal, limits, tmp_path):
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_random_cams_and_rigs(seed, tmp_path):
-    """Random cams, rigs and speeds have a better law that satisfies its limits."""
+    """For random cams, rigs and speeds the design improves its goal within its limits."""
     random = np.random.default_rng(seed)
     lift = float(10.0 ** random.uniform(-3.5, -0.5))
     sizes = {"lift": lift, "follower.base_radius": random.uniform(1.5, 4.0) * lift}
@@ -126,7 +129,7 @@ def test_random_cams_and_rigs(seed, tmp_path):
 
 
 def test_the_greatest_torque_of_a_range_is_no_less_than_at_any_speed_of_it():
-    """The largest torque of a range of speeds is the maximum over 45 of them."""
+    """The torque of a range of speeds is the largest over 45 speeds of it."""
     goal = "shaft_torque@60-500rpm"
     found = designed(LawClass(6, 3), starts=2, minimise=goal, limits=NO_HARDER)
     peaks = [peak_torque(found.law, speed * RPM) for speed in np.linspace(60.0, 500.0, 45)]
@@ -138,7 +141,10 @@ def level(law, text):
 
 
 def test_below_the_jump_speed_the_level_is_that_of_the_steady_force():
-    """At 250 rpm, in contact, the level is that of the steady force within 0.003 dB."""
+    """At 250 rpm, in contact, the level is that of the steady contact force.
+
+    The tolerance is 0.003 dB.
+    """
     case, speed = problem(LawClass(4, 3)), 250.0 * RPM
     power = steady_power(case.start, case.rigid, RadiationParameters.from_rig(RIG), speed)
     found = level(case.start, "sound_level_with_jumps@250rpm")
@@ -147,7 +153,7 @@ def test_below_the_jump_speed_the_level_is_that_of_the_steady_force():
 
 @pytest.mark.parametrize("rpm", [480.0, 540.0])
 def test_above_the_jump_speed_the_level_is_that_of_the_microphone(rpm):
-    """Above the jump speed the level is that of a simulation."""
+    """Above the jump speed the level equals that of a simulation within 0.02 dB."""
     law = build_law(cam())
     motion = cam_rig.simulate(law, RIG, model="one_mass", rpm=rpm, turns=4, sample_rate=48_000)
     assert motion.events
@@ -157,7 +163,10 @@ def test_above_the_jump_speed_the_level_is_that_of_the_microphone(rpm):
 
 @pytest.mark.long
 def test_a_search_is_quieter_than_the_optimum_without_landings():
-    """The law is quieter than the start and than the optimum of the convex level."""
+    """Above the jump speed, a search that includes landings finds a quieter law.
+
+    It is at least 0.1 dB quieter than the start law and than the optimum for permanent contact.
+    """
     goal = "sound_level_with_jumps@500rpm"
     found, convex = (
         designed(LawClass(8, 3), starts=2, minimise=minimised, limits=NO_HARDER)
@@ -176,7 +185,7 @@ HEIGHTS, LIFT = np.array([0.4, 0.6, 1.0]), 0.05
 
 @pytest.fixture
 def two_rises(make_cam):
-    """Cam with two rises, 0.4 and 0.6 of the lift, and a fall of 80° each."""
+    """Cam with two rises, by 0.4 and 0.6 of the lift, and a fall, 80° each."""
     up = rise(80, 0.4), dwell(40), rise(80, 1)
     return make_cam(dwell(20), *up, dwell(40), rise(80, 0), dwell(20), roller_radius=0.01)
 
@@ -189,7 +198,8 @@ def moved(start, keep, joints=1, **words):
 def test_optimal_spans_are_proportional_to_the_root_of_the_rise(two_rises, tmp_path):
     """The optimal spans β of three events that share 240° are proportional to √h.
 
-    The peak acceleration is 4h/β². The dwells keep their lengths in the written file.
+    The peak acceleration 4h/β² is then equal in all events. The dwells keep their lengths in the
+    written file.
     """
     found = moved(two_rises, ["dwells", "lift"], minimise="peak_acceleration")
     spans = np.radians(240.0) * np.sqrt(HEIGHTS) / np.sqrt(HEIGHTS).sum()
@@ -206,9 +216,9 @@ def test_optimal_spans_are_proportional_to_the_root_of_the_rise(two_rises, tmp_p
 
 @pytest.mark.long
 def test_a_limit_on_a_span_holds_and_dwells_give_way(two_rises):
-    """With a limit on a span the events keep their middles and the dwells give way.
+    """With a limit on the spans, events keep their middles and widen into the dwells.
 
-    The fall is as wide as its limit allows, 4h/β².
+    The fall is as wide as its limit allows, with the peak acceleration 4h/β².
     """
     widest = 109.5
     limits = [f"event_angle@{number}<={widest}deg" for number in (1, 2, 3)]
@@ -225,9 +235,9 @@ def test_a_limit_on_a_span_holds_and_dwells_give_way(two_rises):
 
 @pytest.mark.long
 def test_limits_of_the_start_are_those_of_its_original_events(two_rises):
-    """Limits at the start's values refer to its original events.
+    """A limit "=start" refers to the start law with its original spans.
 
-    Free spans lower the peak velocity at the start's peak acceleration.
+    Free spans then lower the peak velocity at the same peak acceleration.
     """
     words = {"joints": 2, "minimise": "peak_velocity", "limits": NO_HARDER}
     fixed = moved(two_rises, ["events", "dwells", "lift"], **words)

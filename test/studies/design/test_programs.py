@@ -1,4 +1,7 @@
-"""Programs of a design: laws, forces and rows in the unknowns, and bounds."""
+"""Convex programs of a design: laws, forces and limits, and their bounds.
+
+The unknowns are the ordinates of a law. A row is one inequality or equation, linear in them.
+"""
 
 import math
 from dataclasses import replace
@@ -37,22 +40,22 @@ FREE, LINKED, POOL = 8, 5, 60
 
 
 def rows(rng, count):
-    """Return random rows that zero unknowns satisfy."""
+    """Return random inequalities that are satisfied if all unknowns are zero."""
     matrix = rng.normal(size=(count, FREE + LINKED)) * rng.integers(0, 2, (count, FREE + LINKED))
     return Affine(rng.uniform(0.1, 1.0, count), sparse.csr_array(matrix))
 
 
 def linked(rng):
-    """Return a link by which the last unknowns follow from the others."""
+    """Return equations by which the last unknowns follow from the others."""
     matrix = np.hstack([rng.normal(size=(LINKED, FREE)), -np.eye(LINKED)])
     return Affine(rng.normal(size=LINKED), sparse.csr_array(matrix))
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_growing_program_equals_separate_programs(seed):
-    """A growing program has the level and bound of twelve separate programs.
+    """A program whose rows change gives the results of twelve separate programs.
 
-    Rows are added, removed, added again and changed.
+    Rows are added, removed, added again and changed. Level and bound agree within 1e-7 and 1e-6.
     """
     rng = np.random.default_rng(seed)
     link, pool, growing = linked(rng), rows(rng, POOL), GrowingProgram()
@@ -102,9 +105,10 @@ RNG = np.random.default_rng(11)
     ],
 )
 def test_a_law_of_any_unknowns_is_smooth_and_has_the_starts_ends(name, law_class):
-    """Derivatives up to the order of the joints are continuous around the turn.
+    """A law with random unknowns has continuous derivatives and the start's dwells.
 
-    They are zero at the ends of dwells.
+    The derivatives are continuous up to the order of the joints, also from the end of the turn to
+    its start.
     """
     start = build_law(cam(name))
     space = Space(start, law_class)
@@ -120,7 +124,10 @@ def test_a_law_of_any_unknowns_is_smooth_and_has_the_starts_ends(name, law_class
 
 
 def test_the_derivatives_in_the_unknowns_are_the_laws():
-    """The ordinates of s'' and of s, which are separate unknowns, belong to one law."""
+    """The derivatives computed from the unknowns are those of the law.
+
+    The ordinates of s'' and of s are separate unknowns. Linear equations connect them.
+    """
     space = Space(build_law(cam()), LawClass(9, 3))
     unknowns = space.joined(RNG.uniform(0.0, 1.0, 2 * space.law_class.free))
     law, angle = space.law(unknowns, "any"), RNG.uniform(0.0, 2.0 * np.pi, 200)
@@ -132,9 +139,9 @@ def test_the_derivatives_in_the_unknowns_are_the_laws():
 
 @pytest.mark.parametrize("order", range(5))
 def test_the_hull_over_a_range_is_that_of_the_range(order):
-    """The hull over a range encloses the derivative and has its values at the ends.
+    """The Bernstein ordinates over a range of angles enclose the derivative there.
 
-    The law outside of the range has no influence.
+    They equal it at the ends of the range, and the law outside of it has no effect.
     """
     space = Space(build_law(cam()), LawClass(9, 3))
     unknowns = space.joined(RNG.uniform(0.0, 1.0, 2 * space.law_class.free))
@@ -162,14 +169,14 @@ REFUSED = (
 
 
 def test_an_invalid_class_is_refused():
-    """The message names the number, its limits and the remedy."""
+    """An invalid class of laws is refused with the number, its limits and a remedy."""
     for arguments, words in REFUSED:
         with pytest.raises(ConfigError, match=words):
             LawClass(**arguments)
 
 
 def test_a_cam_that_rests_all_around_has_nothing_to_design():
-    """A circle has no event to design."""
+    """A circular cam, whose lift is constant, is refused."""
     circle = Law("circle", np.array([0.0, 2.0 * np.pi]), np.zeros((2, 1)))
     with pytest.raises(ConfigError, match="must have a lift"):
         Space(circle, LawClass()).events
@@ -177,10 +184,11 @@ def test_a_cam_that_rests_all_around_has_nothing_to_design():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_force_is_that_of_the_exact_model(seed):
-    """The force equals that of the exact model in the first and in later turns.
+    """The contact force of a design program equals that of the exact model.
 
-    The exact model propagates (η, η̇) by matrix exponentials. Gauss points in cells of 0.6 rad of
-    phase give the same force to 1e-9, for any law, masses and speed.
+    This applies to the first and to later turns, for random laws, masses and speeds. The exact
+    model uses matrix exponentials, the program Gauss points in cells of 0.6 rad of vibration phase.
+    They agree within 1e-8 of the largest force.
     """
     rng = np.random.default_rng(seed)
     start = build_law(cam())
@@ -213,7 +221,7 @@ def test_the_force_is_that_of_the_exact_model(seed):
 
 
 def test_an_overdamped_stem_has_no_residual_vibration():
-    """Damping at and above the critical value is refused with the limit."""
+    """A stem with critical or higher damping is refused, because it does not vibrate."""
     follower = FollowerParameters(1.3, 4030.0, 1e4, 30.0, 1.26e6)
     with pytest.raises(ConfigError, match=r"does not vibrate.*allowed.*below"):
         VibrationMode.of(follower)
@@ -231,7 +239,7 @@ def term_of(cam_name, text):
 
 
 def some_law(case, seed):
-    """Return the unknowns of a law near a straight line in each event."""
+    """Return the unknowns of a random law near a straight line in each event."""
     space, random = case.problem.space, np.random.default_rng(seed)
     ordinates = []
     for event in space.events:
@@ -248,9 +256,10 @@ def some_law(case, seed):
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("name", CAMS)
 def test_rows_are_exact_at_a_law_and_have_its_slopes(name):
-    """The largest row is the exact value, of a law that was tried too.
+    """The rows of a nonlinear limit are exact at the law for which they were made.
 
-    The change of the correction at the first law is quadratic in the distance of both laws.
+    They are exact also at a law that was tried in addition. The correction for it changes the rows
+    at the first law quadratically in the distance of both laws.
     """
     for text in (*QUANTITIES, "radius_of_curvature"):
         case = term_of(name, text)
@@ -263,12 +272,15 @@ def test_rows_are_exact_at_a_law_and_have_its_slopes(name):
             corrected = case.rows(law_unknowns, [other])
             other_value = case.max_value(space.law(other, "there"))
             assert corrected(other).max() == pytest.approx(other_value, rel=1e-7)
-            errors.append(abs(corrected(law_unknowns).max() - worst))  # what linear rows leave out
+            errors.append(abs(corrected(law_unknowns).max() - worst))  # error of the linear rows
         assert errors[1] <= 0.02 * errors[0] + 1e-9 * case.scale
 
 
 def test_the_maximum_of_the_branches_is_the_measured_value():
-    """The maximum over the branches is the measured value."""
+    """The maximum over the branches of a limit is the value of its quantity.
+
+    A branch is a smooth function of which a maximum or an absolute value consists.
+    """
     for name in CAMS:
         for text in QUANTITIES:
             case = term_of(name, text)
@@ -277,21 +289,21 @@ def test_the_maximum_of_the_branches_is_the_measured_value():
             assert case.max_value(law) == pytest.approx(expected, rel=1e-6)
 
 
-# -- (38) to (40) of docs/proofs.md on random laws and programs -------------------------------
+# -- inequalities (38) to (40) of docs/proofs.md on random laws and programs
 
 
 #: Number of free unknowns of a random program.
 UNKNOWNS = 4
-#: Number of unknowns that are linked to them.
+#: Number of unknowns that linear equations determine from the free unknowns.
 TIED = 3
-#: Relative rounding error of sums of rows.
+#: Relative rounding error of a sum over all rows.
 ROUNDING = 1e-12
 
 
 def random_program(rng, slope=1.0, weight=1.0):
-    """Return a link, an equation, inequalities and a cone that zero satisfies.
+    """Return a program that zero satisfies: equations, inequalities and a cone.
 
-    ``slope`` scales the rows' dependence on the unknowns, ``weight`` that on the level.
+    `slope` scales the dependence of the rows on the unknowns, `weight` that on the level.
     """
     size, count = UNKNOWNS + TIED, 12
     matrix = np.hstack([rng.normal(size=(TIED, UNKNOWNS)), -np.eye(TIED)])
@@ -309,7 +321,10 @@ def random_program(rng, slope=1.0, weight=1.0):
 
 @pytest.mark.parametrize("name", ["poly345", "bezier15"])
 def test_points_are_necessary_and_ordinates_sufficient(name):
-    """(38): a derivative lies between its ordinates, and points are values of it."""
+    """(38): a derivative is between its Bernstein ordinates, and points are values.
+
+    Limits on the ordinates are therefore sufficient, and limits at points necessary.
+    """
     rng, start = np.random.default_rng(0), build_law(cam(name))
     space = Space(start, LawClass(pieces=6))
     u = np.linspace(0.0, 1.0, 400)
@@ -331,7 +346,7 @@ def test_points_are_necessary_and_ordinates_sufficient(name):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_any_multipliers_bound_the_level(seed):
-    """(39): feasible unknowns never exceed a bound of wrong multipliers."""
+    """(39): even wrong multipliers give a bound that no feasible level exceeds."""
     rng = np.random.default_rng(seed)
     program = random_program(rng)
     best = program.solve()
@@ -354,12 +369,12 @@ def test_any_multipliers_bound_the_level(seed):
         values = np.concatenate([block.rows(free) for block in blocks])
         matrix = sparse.vstack([block.rows.matrix for block in blocks])
         assert np.abs((matrix.T @ in_cones)[-TIED:]).max() < ROUNDING * np.abs(in_cones).sum()
-        # 0 ≤ yᵀ(c + Ax) if all rows are satisfied; the sum alone never exceeds the bound.
+        # 0 ≤ yᵀ(c + Ax) if all rows are satisfied. This sum alone never exceeds the bound.
         assert in_cones @ values <= upper_bound(blocks, in_cones) + ROUNDING * np.abs(values).sum()
 
 
 def test_contradictions_are_proved_for_levels_in_a_range():
-    """(40): contradicting rows are refuted, and satisfiable rows are not."""
+    """(40): contradicting rows are proved infeasible, and satisfiable rows never are."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         program = random_program(rng)
@@ -377,6 +392,6 @@ def test_contradictions_are_proved_for_levels_in_a_range():
 
 
 def test_the_box_is_that_of_the_program():
-    """The bound's β is the limit of the ordinates that the program contains."""
+    """The constant β of the bound is the limit on the ordinates in the program."""
     block = random_program(np.random.default_rng(0)).all_blocks()[-1]
     assert (block.rows.constant == MAX_ORDINATE).all()

@@ -1,4 +1,4 @@
-"""Readings of shipped laws, scaled to a given lift, with typical errors of gauges."""
+"""Simulated gauge readings of shipped laws, with the errors of a dial gauge."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,10 @@ def all_around(count):
 
 
 def in_order(angles, lifts, resolution=1e-9, **options):
-    """Return readings (rad, m) in order, as if read from line 2 of a file."""
+    """Return readings (rad, m) as if read from a file, sorted by angle.
+
+    The first reading is in line 2 of the file, after the heading.
+    """
     column = GaugeColumn("lift", tuple(map(float, lifts)), resolution)
     lines = tuple(range(2, 2 + len(angles)))
     table = GaugeTable("lifts.csv", tuple(map(float, angles)), (column,), lines, ())
@@ -27,9 +30,9 @@ ANGLES = all_around(72)
 
 
 def readings_of(arcs, *followers, noise=0.0, reverse=(), seed=0):
-    """Return the readings of followers on a contour, one column per follower.
+    """Return simulated readings of tangent arcs, one column of lifts per follower.
 
-    The columns with the indices `reverse` are read with the cam turned backwards.
+    The columns with the indices `reverse` are read with the cam turned backwards. `noise` is in m.
     """
     rng = np.random.default_rng(seed)
     columns = []
@@ -41,7 +44,7 @@ def readings_of(arcs, *followers, noise=0.0, reverse=(), seed=0):
 
 @pytest.fixture(scope="session")
 def scaled(laws):
-    """Function that scales a shipped law to a lift of 10 mm."""
+    """Function that returns a shipped law scaled to a lift of 10 mm."""
 
     def of(name):
         factor = 0.01 / laws[name].lift
@@ -52,7 +55,7 @@ def scaled(laws):
 
 @pytest.fixture(scope="session")
 def measured(scaled):
-    """Function that returns readings of a shipped law with noise and zero (m).
+    """Function that returns readings of a shipped law, with noise and zero in m.
 
     The lift of the law is 10 mm.
     """

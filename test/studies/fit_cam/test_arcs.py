@@ -1,4 +1,7 @@
-"""Fit of tangent arcs: the contour is identified, and intervals contain the truth."""
+"""Fit of tangent arcs to gauge readings: the radii and their intervals.
+
+A contour has a base circle, two equal flanks and a nose, all arcs that are tangent to each other.
+"""
 
 import math
 from dataclasses import replace
@@ -26,7 +29,8 @@ FOLLOWERS = {"roller": (ROLLER,), "flat": (FLAT,), "both": (ROLLER, FLAT), "smal
 FLANKS = {"straight": None, "convex": 0.09, "concave": -0.15}
 SHAPES = {name: Arcs(0.03, 0.01, flank, 0.012, 0.5) for name, flank in FLANKS.items()}
 CASES = [(shape, followers) for shape in SHAPES for followers in ("roller", "flat", "both")]
-#: Contours that have no nose if the usual radii are assumed: roller 10 mm and base circle 30 mm.
+#: Contours whose nose radius would be negative with the usual assumptions: roller 10 mm, base 30
+#: mm.
 SHAPES |= {"sharp": Arcs(0.02, 0.012, None, 0.002, 0.5), "big": Arcs(0.06, 0.012, 0.15, 0.008, 0.5)}
 NO_NOSE = [("sharp", "small"), ("big", "flat")]
 
@@ -34,35 +38,32 @@ NO_NOSE = [("sharp", "small"), ("big", "flat")]
 def curvature(radius):
     """Return 1/radius, which is 0 for a straight flank.
 
-    In it an interval that contains a straight flank is contiguous.
+    An interval of radii that includes a straight flank is contiguous in the curvature.
     """
     with np.errstate(divide="ignore"):
         return float(1.0 / np.float64(radius))
 
 
 def contains(fit, pitch, parameter):
-    """Return True if the interval of a number contains the truth.
-
-    Returns None if the number has no interval.
-    """
+    """Return True if the interval of a parameter contains the truth, None without one."""
     interval, truth = fit.intervals[parameter], fit.best.search.coordinates.of(pitch)[parameter]
     if interval.is_fixed:
         return None
     if parameter not in (Parameter.PRIME, Parameter.FLANK):
         return interval.low <= truth <= interval.high
-    if interval.high == np.inf and truth <= 0.0:  # under a flat follower: straight or concave
+    if interval.high == np.inf and truth <= 0.0:  # flat follower: straight or concave
         return True
     return curvature(interval.high) <= truth <= curvature(interval.low)
 
 
 def coverage(shape, followers, copies):
-    """Return the fractions of noisy copies whose intervals contain the truth.
+    """Return per parameter the fraction of noisy copies whose interval has the truth.
 
-    There is one fraction per number, NaN for a number that is given or assumed.
+    It is NaN for a parameter that is given or assumed.
     """
     arcs, kinds = SHAPES[shape], FOLLOWERS[followers]
     flats, fits = tuple(kind.flat for kind in kinds), []
-    for seed in range(copies):  # every 5° with noise of 20 µm, processed as by the commands
+    for seed in range(copies):  # every 5°, noise 20 µm, as in the commands
         read = map(subtract_zero, readings_of(arcs, *kinds, noise=2e-5, seed=seed))
         fits.append(fit_arcs(tuple(read), flats, 0.01, 0.03))
     pitch = arcs.offset(kinds[0].roller_radius)
@@ -73,9 +74,9 @@ def coverage(shape, followers, copies):
 @pytest.mark.long
 @pytest.mark.parametrize(("shape", "followers"), CASES)
 def test_200_copies(shape, followers):
-    """In 90 to 99 % of copies the interval of each number contains the truth.
+    """For each parameter, 90 to 99 % of the 95 % intervals contain the truth.
 
-    docs/accuracy.md prints these fractions.
+    The fractions of 200 noisy copies are printed for docs/accuracy.md.
     """
     parts = coverage(shape, followers, 200)
     cells = ("" if np.isnan(part) else f"{100.0 * part:.1f}" for part in parts)
@@ -85,7 +86,7 @@ def test_200_copies(shape, followers):
 
 @pytest.mark.parametrize(("shape", "followers"), NO_NOSE)
 def test_an_assumed_radius_bounds_nothing(shape, followers):
-    """An assumed radius that leaves no nose is replaced by another, which is reported.
+    """An assumed radius that would leave no nose is replaced, and this is reported.
 
     The intervals contain the truth.
     """
@@ -101,9 +102,9 @@ def test_an_assumed_radius_bounds_nothing(shape, followers):
 
 
 def test_a_given_base_radius_is_judged_when_the_fit_is_done():
-    """A given base radius is checked against the final fit only.
+    """A given base radius is checked against the final fit, not against trials.
 
-    Trials that include an outlier have another prime radius.
+    Trials that still include an outlier have another prime radius (base plus roller radius).
     """
     angles = all_around(120)
     lifts = Arcs(0.03, 0.008, 0.12, 0.010, 0.3).lifts(ROLLER, angles)
@@ -120,7 +121,7 @@ def test_a_given_base_radius_is_judged_when_the_fit_is_done():
 def test_a_base_radius_that_leaves_no_roller_or_no_nose_is_refused():
     """A given base radius that leaves no roller or no nose is refused with its limit.
 
-    Base and roller radius add up to 22 mm. Nose and roller radius add up to 4 mm.
+    From the readings, base and roller radius add up to 22 mm, nose and roller radius to 4 mm.
     """
     columns, nose = readings_of(SHAPES["sharp"], SMALL), r"above 18(\.0\d*)? mm, because nose"
     for base, words in ((0.025, "below base and roller"), (0.015, nose)):
@@ -129,9 +130,9 @@ def test_a_base_radius_that_leaves_no_roller_or_no_nose_is_refused():
 
 
 def test_readings_of_another_shape_are_not_blamed():
-    """If arcs do not describe the readings, the shape is blamed, not a reading.
+    """If arcs do not describe the readings, the report names the shape as the cause.
 
-    The readings are of a roller, fitted as those of a flat follower.
+    The readings of a roller are fitted as those of a flat follower.
     """
     columns = readings_of(Arcs(0.02, 0.012, None, 0.008, 0.5), ROLLER, noise=2e-6)
     wrong, right = (fit_arcs(columns, (flat,), 0.01, 0.03) for flat in (True, False))
@@ -142,9 +143,10 @@ def test_readings_of_another_shape_are_not_blamed():
 
 
 def test_a_roller_larger_than_the_nose_of_its_path_is_contradicted():
-    """A given roller radius that the readings contradict is kept and reported.
+    """A given roller radius that contradicts the readings is kept and reported.
 
-    Nose and roller add up to 4 mm, and 6 mm was given. The conclusions have the interval.
+    Nose and roller radius add up to 4 mm, and a roller of 6 mm was given. The report has the
+    interval of the sum.
     """
     columns = readings_of(SHAPES["sharp"], SMALL, noise=1e-5)
     wrong = fit_arcs(columns, (False,), 0.006, 0.03, "roller")
@@ -155,9 +157,9 @@ def test_a_roller_larger_than_the_nose_of_its_path_is_contradicted():
 
 
 def test_a_given_base_radius_of_a_flat_follower_is_used():
-    """Any given base radius of a flat follower that leaves a nose is used.
+    """With a flat follower any given base radius that leaves a nose is used.
 
-    Its lifts do not determine the base radius.
+    The lifts of a flat follower do not determine the base radius.
     """
     columns = readings_of(SHAPES["convex"], FLAT, noise=1e-5)
     fit = fit_arcs(columns, (True,), 0.005, 0.03, "base")
@@ -166,7 +168,8 @@ def test_a_given_base_radius_of_a_flat_follower_is_used():
     assert fit.intervals[Parameter.PRIME].origin == "given"
 
 
-#: Contour, follower and number of readings that a search misses without one of its starts.
+#: Cases that the search solves only with one of its start values. The key is the relative curvature
+#: of the flank at this start, the value the contour, the follower and the number of readings.
 CASES_OF_STARTS = {
     0.3: (Arcs(0.04, 0.012, -0.1, 0.012, 0.5), ArcFollower(False, 0.04), 72),  # large roller
     0.7: (Arcs(0.04, 0.02, 0.15, 0.005, 1.0), FLAT, 24),  # sharp nose under a flat face
@@ -176,9 +179,9 @@ CASES_OF_STARTS = {
 
 @pytest.mark.parametrize("curvature", START_FLANKS)
 def test_each_start_of_the_search_has_a_case(curvature, monkeypatch):
-    """Each start of the search is necessary for a case.
+    """Each start value of the search is necessary for one of the cases.
 
-    With all starts, the residual is the noise of 1 µm. Without one of them it is larger.
+    With all start values the residual is the noise of 1 µm. Without this one it is above 2 µm.
     """
     arcs, follower, count = CASES_OF_STARTS[curvature]
     noise = np.random.default_rng(0).normal(scale=1e-6, size=count)
@@ -195,18 +198,19 @@ def test_each_start_of_the_search_has_a_case(curvature, monkeypatch):
     assert search.rms(search.solve()) > 2e-6
 
 
-# Fits to the table of the GL 110, and to random contours.
+# -- fits to the measured table of the GUNT GL 110, and to random contours
 
 
 @pytest.fixture(scope="module")
 def gl110(config_dir):
-    """Readings of both columns of the shipped table."""
+    """Readings of both lift columns of the shipped table of the GUNT GL 110."""
     table = read_gauge_table(config_dir / "cams" / "gunt_gl110_convex.csv")
     return tuple(subtract_zero(order_readings(table, column)) for column in table.columns)
 
 
 @pytest.fixture(scope="module")
 def gl110_fit(gl110):
+    """Fit of arcs to the readings of the cam GL110."""
     return fit_arcs(gl110, (None, None), 0.010, 0.03)
 
 
@@ -220,10 +224,10 @@ def random_arcs(seed):
 
 
 def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
-    """The numbers of the shipped GL 110 cam are those of the fit, rounded.
+    """The numbers in the shipped GL 110 cam file are those of the fit, rounded.
 
-    Five numbers describe 66 readings within 0.07 mm r.m.s., other followers ten times worse.
-    The law is 0.063 mm r.m.s. from the readings of the roller: see docs/own_cam.md.
+    Five numbers describe 66 readings within 0.07 mm r.m.s. Exchanged followers are ten times worse.
+    The law is 0.063 mm r.m.s. from the roller's readings, as stated in docs/own_cam.md.
     """
     assert sum(column.residuals.size for column in gl110_fit.fitted_columns) == 66
     assert sum(math.isfinite(interval.error) for interval in gl110_fit.intervals) == 5
@@ -243,7 +247,7 @@ def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
 def test_base_and_roller_radius_are_identifiable_as_a_sum(gl110, gl110_fit):
     """The fit identifies base and roller radius only as a sum, and reports this.
 
-    Another roller radius gives the same lifts.
+    Another assumed roller radius gives the same lifts.
     """
     roller = 0.016
     other = fit_arcs(gl110, (False, True), roller, 0.03)
@@ -258,9 +262,9 @@ def test_base_and_roller_radius_are_identifiable_as_a_sum(gl110, gl110_fit):
     ("seed", "kinds"), [(1, (False, True)), (0, (None, None)), (3, (False, True))]
 )
 def test_a_random_contour_comes_back(seed, kinds):
-    """Two columns of lifts identify followers, turning sense and numbers of a contour.
+    """Two columns of lifts determine the followers, the turning sense and the contour.
 
-    One column is read backwards. The types of followers are given or not.
+    One column is read with the cam turned backwards. The types of the followers are given or not.
     """
     arcs = random_arcs(seed)
     columns = readings_of(arcs, ROLLER, FLAT, reverse=(1,))
@@ -274,9 +278,9 @@ def test_a_random_contour_comes_back(seed, kinds):
 
 
 def test_a_flat_follower_alone_identifies_differences():
-    """Lifts of a flat follower identify radii only relative to the base radius.
+    """With a flat follower alone, radii are known only minus the base radius.
 
-    The base radius is assumed, without an interval.
+    The base radius is assumed and has no interval.
     """
     arcs = random_arcs(2)
     columns = readings_of(arcs, FLAT)
@@ -292,16 +296,16 @@ def test_a_flat_follower_alone_identifies_differences():
 def test_a_flat_follower_alone_identifies_the_flank():
     """The search finds the flank of a contour from a flat follower alone.
 
-    Only the start on the fixed, large base circle finds this flank.
+    Only the start value with a large, fixed base circle leads to it.
     """
     fit = fit_arcs(readings_of(random_arcs(4), FLAT, noise=1e-5), (True,), 0.01, 0.03)
     assert fit.rms < 1.2e-5
 
 
 def test_a_tangent_cam_under_both_followers():
-    """Columns of a roller and a flat follower identify a tangent cam and its radii.
+    """Readings of a roller and a flat follower identify a tangent cam and its radii.
 
-    The flat follower bridges the straight flank.
+    A tangent cam has straight flanks, which a flat follower bridges.
     """
     arcs = Arcs(0.03, 0.01, None, 0.012, 0.5)
     fit = fit_arcs(readings_of(arcs, ROLLER, FLAT, noise=1e-4), (False, True), 0.01, 0.03)
@@ -313,8 +317,8 @@ def test_a_tangent_cam_under_both_followers():
 def test_straight_flanks_are_used_unless_excluded_or_curved_is_given():
     """A flank that may be straight is fitted as straight, unless curved is requested.
 
-    A roller with noise of 0.1 mm does not distinguish both. The interval of the flank radius
-    contains a straight flank.
+    With noise of 0.1 mm a roller does not distinguish the two. The interval of the flank radius
+    then includes a straight flank.
     """
     arcs = Arcs(0.03, 0.01, 1.0, 0.012, 0.5)
     columns = readings_of(arcs, ROLLER, noise=1e-4)
@@ -331,9 +335,9 @@ def test_straight_flanks_are_used_unless_excluded_or_curved_is_given():
 
 
 def test_lifts_under_a_roller_alone_do_not_identify_the_base_radius():
-    """If noisy lifts do not identify the base radius, no cam file is written.
+    """No cam file is written if the readings do not determine the base radius.
 
-    With noise of 0.1 mm the prime radius has no upper limit. A given base radius is accepted.
+    With noise of 0.1 mm its interval has no upper limit. A given base radius is accepted.
     """
     columns = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.5), ROLLER, noise=1e-4)
     fit = fit_arcs(columns, (False,), 0.01, 0.03, None, "curved")
@@ -350,9 +354,9 @@ def test_lifts_under_a_roller_alone_do_not_identify_the_base_radius():
 
 
 def test_a_column_that_any_follower_may_have_made():
-    """Lifts that any type of follower may have made require --follower.
+    """Lifts that fit any type of follower require the option --follower.
 
-    Those of a flat follower, for example, could be those of a roller on a huge cam.
+    Lifts of a flat follower, for example, could be those of a roller on a huge cam.
     """
     columns = readings_of(Arcs(0.03, 0.01, 0.2, 0.012, 0.5), FLAT, noise=1e-4)
     fit = fit_arcs(columns, (None,), 0.01, 0.03)
@@ -362,7 +366,7 @@ def test_a_column_that_any_follower_may_have_made():
 
 
 def test_the_farthest_reading_is_named_with_its_line():
-    """The farthest reading is reported with its line, but not excluded.
+    """The reading farthest from the law is reported with its line, but not excluded.
 
     It is off by 0.1 mm, five times the scatter.
     """
@@ -376,11 +380,12 @@ def test_the_farthest_reading_is_named_with_its_line():
 
 
 def readings_of_a_bridge(seed, slips=()):
-    """Return readings of a flat follower that bridges the flanks, and the lines of their slips.
+    """Return readings of a flat follower on flanks that it bridges, and slip lines.
 
-    Each passage between base circle and nose is a step of velocity. There are 36 to 360 readings
-    with noise of 1 to 50 µm. `slips` are in standard deviations. The two readings on either side of
-    a slip are on the same circle as the slip.
+    From the base circle to the nose the velocity has a step. There are 36 to 360 readings with
+    noise of 1 to 50 µm. `slips` are errors of single readings in standard deviations. The two
+    readings on either side of a slip are on the same circle as the slip. The second result is the
+    lines of the slips.
     """
     rng = np.random.default_rng(seed)
     base, nose = rng.uniform(0.02, 0.05), rng.uniform(0.2, 0.7)
@@ -414,9 +419,9 @@ def test_readings_at_a_kink_that_neighbours_and_arcs_contradict_are_kept():
 def test_readings_beside_a_step_of_velocity_are_no_outliers_and_slips_are(count, slips):
     """Next to a step of velocity no good reading is excluded, and slips are reported.
 
-    Outliers are judged by the arcs, because neighbours contradict good readings at such a step.
-    A slip is reported as an outlier or as the farthest from the law. One slip in fifty of 10
-    standard deviations may be missed, because the lowest reading can be taken as the zero.
+    Outliers are judged by the arcs, because neighbours contradict good readings at such a step. A
+    slip is reported as an outlier or as the reading farthest from the law. One slip in fifty may be
+    missed, because the lowest reading can be taken for the zero.
     """
     missed = wrong = 0
     for seed in range(count):
@@ -429,4 +434,4 @@ def test_readings_beside_a_step_of_velocity_are_no_outliers_and_slips_are(count,
         words = " ".join(fit.conclusions())
         missed += not all(f"line {line} " in words for line in lines)
     assert missed <= count // 50
-    assert slips or wrong  # without slips, neighbours contradict some good readings
+    assert slips or wrong  # neighbours contradict some good readings

@@ -1,4 +1,4 @@
-"""Commands cam-rig fit cam and cam-rig new: from a table to files and a run."""
+"""Commands `cam-rig fit cam` and `cam-rig new`: from a lift table to a scene."""
 
 import json
 import math
@@ -25,7 +25,7 @@ FINE = all_around(1000)
 
 
 def test_a_table_becomes_a_scene_that_runs(lift_table, tmp_path, monkeypatch):
-    """The scene that cam-rig new writes from a table runs in simulate and profile.
+    """The scene that `cam-rig new` writes from a table runs in simulate and profile.
 
     Assumptions and outliers are printed, and existing files are not overwritten.
     """
@@ -43,7 +43,7 @@ def test_a_table_becomes_a_scene_that_runs(lift_table, tmp_path, monkeypatch):
 
 
 def test_new_needs_no_answers(tmp_path, monkeypatch):
-    """cam-rig new takes the first of two columns, and reports this and the gap."""
+    """`cam-rig new` uses the first of two lift columns, and reports this and the gap."""
     monkeypatch.chdir(tmp_path)
     made = done("new", "gl110", "--from-csv", GL110)
     assert "first column of lifts taken, not 'lift_b_mm': --column" in made.output
@@ -53,7 +53,7 @@ def test_new_needs_no_answers(tmp_path, monkeypatch):
 
 
 def test_fit_prints_the_answer_and_writes_it(lift_table, tmp_path):
-    """fit cam prints and writes residuals, outliers, dwells and a rejected tolerance."""
+    """`fit cam` reports residuals, outliers, dwells and a rejected tolerance."""
     out, plot, csv = tmp_path / "own.yaml", tmp_path / "fit.png", tmp_path / "fit.csv"
     files = "--out", out, "--plot", plot, "--csv", csv, "--json", tmp_path / "fit.json"
     result = done("fit", "cam", lift_table, "--tolerance", 0.0005, *files)
@@ -76,9 +76,9 @@ def test_fit_prints_the_answer_and_writes_it(lift_table, tmp_path):
 
 
 def test_one_column_under_a_named_follower():
-    """fit cam fits one column of a table under a given follower.
+    """`fit cam` fits one column of a table under a given type of follower.
 
-    A flat follower alone does not identify the base radius, which is assumed.
+    A flat follower alone does not identify the base radius, which is then assumed.
     """
     one = "--column", "lift_b_mm", "--follower", "flat"
     data = data_of("fit", "cam", GL110, "--shape", "arcs", *one)
@@ -90,7 +90,7 @@ def test_one_column_under_a_named_follower():
 
 @pytest.mark.long
 def test_new_reads_every_file(tmp_path, monkeypatch):
-    """Two files of one column each give the same cam as a file with both columns."""
+    """Two files of one lift column each give the cam of one file with both columns."""
     monkeypatch.chdir(tmp_path)
     rows = [line.split(",") for line in GL110.read_text().splitlines() if line[0] != "#"]
     for name, column in (("a", 1), ("b", 2)):
@@ -104,7 +104,7 @@ def test_new_reads_every_file(tmp_path, monkeypatch):
 def test_the_assumption_for_an_open_table_is_reported(tmp_path):
     """For a table that stops before the fall, arcs mirror the rise and report this.
 
-    A spline raises an error.
+    A fit of a spline raises an error instead.
     """
     lines = [line for line in GL110.read_text().splitlines() if line[0] != "#"]
     open_end = tmp_path / "open.csv"
@@ -116,7 +116,7 @@ def test_the_assumption_for_an_open_table_is_reported(tmp_path):
     assert "no reading for" in error.stderr
 
 
-# Files of a fit.
+# -- files that a fit writes
 
 
 def written(files, folder):
@@ -130,9 +130,9 @@ def written(files, folder):
     ("name", "kind"), [("poly345", "roller"), ("bezier15", "flat"), ("arcs_convex", "point")]
 )
 def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
-    """The cam file of a spline has its law within 20 nm, and passes the checks.
+    """The cam file of a spline fit has its law within 20 nm, and passes all checks.
 
-    It has the dwells of the fit and names the excluded readings.
+    It has the dwells of the fit and lists the excluded readings.
     """
     fit = fit_spline(measured(name, 180, zero=0.002, outliers={50: 4e-4}))
     files = spline_cam("mine", fit, kind)
@@ -147,7 +147,7 @@ def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
 
 
 def test_a_base_radius_that_fails_the_checks_is_reported_with_one_that_passes(measured):
-    """A given base radius that fails the checks is reported with one that passes."""
+    """If a given base radius fails the contour checks, a valid one is reported."""
     fit = fit_spline(measured("poly345"))
     files = spline_cam("mine", fit, "roller", 1e-3)
     (words,) = (one for one in files.assumed if "checks" in one)
@@ -158,9 +158,9 @@ def test_a_base_radius_that_fails_the_checks_is_reported_with_one_that_passes(me
 
 
 def test_origins_are_distinguished(measured, tmp_path):
-    """In a cam file options are given and results of the fit are identified.
+    """In a cam file, options are `given` and results of the fit are `identified`.
 
-    All other numbers are assumed.
+    All other numbers are `assumed`.
     """
     readings = measured("poly345")
     given = written(spline_cam("mine", fit_spline(readings, 3e-6), "roller", 0.055), tmp_path)
@@ -179,9 +179,9 @@ def test_origins_are_distinguished(measured, tmp_path):
 
 @pytest.mark.parametrize("flank", [0.09, None, -0.15])
 def test_the_file_of_arcs_is_the_contour(tmp_path, flank):
-    """The law of a file of arcs is the lift of the fitted contour.
+    """The cam file of an arc fit has the lift of the fitted contour within 0.1 µm.
 
-    It is shifted so that the nose is at 180°.
+    The law is shifted so that the nose is at 180°.
     """
     arcs = Arcs(0.03, 0.01, flank, 0.012, 0.7)
     fit = fit_arcs(readings_of(arcs, ROLLER), (False,), 0.01, 0.03)
@@ -193,9 +193,9 @@ def test_the_file_of_arcs_is_the_contour(tmp_path, flank):
 
 
 def test_the_radius_that_was_given_is_given():
-    """If base or roller radius is given, the other one is identified.
+    """If the base or the roller radius is given, the other one is identified.
 
-    If none is given, the roller radius is assumed.
+    If neither is given, the roller radius is assumed.
     """
     readings = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ROLLER)
     for known, base, rolling in (
@@ -214,7 +214,7 @@ def test_the_radius_that_was_given_is_given():
 def test_digits_are_those_that_readings_determine(noise):
     """Radii in a cam file have only the digits that the readings determine.
 
-    They have an interval, and the rounding hardly changes the residuals.
+    They have an interval, and their rounding changes the residuals by less than 1 %.
     """
     arcs = Arcs(0.03, 0.01, 0.09, 0.012, 0.7)
     readings = readings_of(arcs, ROLLER, FLAT, noise=noise, seed=1)
@@ -228,9 +228,9 @@ def test_digits_are_those_that_readings_determine(noise):
 
 
 def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
-    """The rig and scene that cam-rig new writes can be loaded.
+    """The rig file and the scene file that `cam-rig new` writes can be loaded.
 
-    Every number of the rig is assumed. The scene has five speeds, at most 20000 rpm.
+    Every number of the rig is assumed. The scene has five speeds, at most 20 000 rpm.
     """
     like = load_rig(config_dir / "rigs" / "tm21.yaml")
     (tmp_path / "rig.yaml").write_text(default_rig("mine", like), encoding="utf-8")
@@ -253,7 +253,7 @@ def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
 def test_a_coarse_gauge_is_read_back(measured, tmp_path):
     """The cam file of readings with 0.1 mm of noise has the law of the fit.
 
-    Its points have a larger lift than the law.
+    The noise gives the readings a larger range than the lift of the law.
     """
     fit = fit_spline(measured("flat", noise=1e-4))
     law = build_law(written(spline_cam("mine", fit, "roller"), tmp_path))

@@ -1,4 +1,4 @@
-"""Gauge readings: order, outliers and dwells, and the spline through them."""
+"""Gauge readings: order, outliers and dwells, and the spline fitted to them."""
 
 from dataclasses import replace
 
@@ -42,10 +42,7 @@ def test_any_order_and_range_is_one_turn(degrees):
 
 
 def test_falling_angles_and_a_reversed_cam_are_noted():
-    """Falling angles do not change the law, and --reverse mirrors it.
-
-    Notes report both.
-    """
+    """Falling angles do not change the law, --reverse mirrors it. Notes state both."""
     lifts = 0.001 * np.arange(36.0)[::-1]
     same, mirrored = (ordered(STEPS[::-1], lifts, reverse=reverse) for reverse in (False, True))
     assert "angles fall in the file" in same.notes[0]
@@ -65,7 +62,11 @@ def test_a_closing_reading_is_averaged(last):
 
 
 def test_readings_of_one_angle_that_differ_are_refused_with_their_cause():
-    """Readings of one angle that differ are refused with lines, difference and cause."""
+    """Two readings at the same angle that differ are refused with the likely cause.
+
+    The error has their lines and difference. Causes are a lift that does not return, backlash, an
+    end mark, and crank angles.
+    """
     moved = np.where(CLOSED == 360.0, 4e-4, 0.0)
     there_and_back = np.concatenate([STEPS, STEPS[::-1]])
     backlash = np.where(np.arange(72) < 36, 1e-4, -1e-4) * np.sign(
@@ -85,7 +86,7 @@ def test_readings_of_one_angle_that_differ_are_refused_with_their_cause():
 
 @pytest.mark.parametrize("mark", [(999.0, 0.999), (-1.0, -0.999), (0.0, 0.1)])
 def test_an_end_mark_is_named(mark):
-    """A last line that is far from all others is refused as an end mark."""
+    """A last line whose values are far from all others is refused as an end mark."""
     degrees = np.append(np.arange(30.0, 330.0, 10.0), mark[0])
     lifts = np.append(lift(degrees[:-1]), mark[1])
     with pytest.raises(ConfigError, match=r"line 32 .*looks like an end mark; allowed: readings"):
@@ -93,7 +94,7 @@ def test_an_end_mark_is_named(mark):
 
 
 def test_a_table_that_does_not_return_is_refused():
-    """A table whose lift does not return after a turn is refused with both its ends.
+    """A table whose lift does not return after one turn is refused with both its ends.
 
     The lift here is that of an indexing drive.
     """
@@ -104,9 +105,9 @@ def test_a_table_that_does_not_return_is_refused():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_half_a_lobe_is_mirrored_about_its_nose(sign):
-    """With --mirror readings from nose to flank become those of the whole lobe.
+    """With --mirror, readings from nose to flank are completed to a whole lobe.
 
-    A whole lobe is refused.
+    A table that is already a whole lobe is refused.
     """
     half = np.arange(0.0, 90.1, 5.0)
     lifts = 0.008 * (1.0 - (half / 90.0) ** 2) ** 3
@@ -119,10 +120,10 @@ def test_half_a_lobe_is_mirrored_about_its_nose(sign):
 
 
 def test_a_gauge_that_counts_down_is_noted():
-    """Negative lifts change their sign with a note.
+    """Lifts that are negative change their sign, and a note reports this.
 
-    Lifts that rest longest at the top are kept, and a note states that the gauge may count
-    down.
+    If the cam rests longest at its largest lift, the lifts are kept, and a note states that the
+    gauge may count down.
     """
     lobe = 0.008 * np.maximum(1.0 - (CLOSED[:-1] / 60.0 - 3.0) ** 2, 0.0) ** 3
     assert not any("rests longest" in note for note in ordered(CLOSED[:-1], lobe - 0.008).notes)
@@ -137,7 +138,7 @@ def test_a_gauge_that_counts_down_is_noted():
 
 
 def test_a_drift_over_the_turn_is_refused(measured):
-    """Readings that drift over the turn are refused with the difference at its end."""
+    """Readings that drift by 0.1 mm over the turn are refused with the difference."""
     readings = measured("cycloidal", 180)
     drifted = replace(readings, lifts=readings.lifts + np.linspace(0.0, 1e-4, 180))
     with pytest.raises(ConfigError, match=r"not return after one turn, by 0\.\d+ mm between lines"):
@@ -145,7 +146,7 @@ def test_a_drift_over_the_turn_is_refused(measured):
 
 
 def test_a_law_that_swings_beyond_coarse_readings_is_reported():
-    """A law that swings between coarse readings is reported in the conclusions."""
+    """The conclusions report a fitted law that oscillates between coarse readings."""
     angles = np.arange(0.0, 360.0, 15.0)
     lifts = np.zeros(angles.size)
     lifts[8:17] = 1e-3 * np.array([0.008, 1.09, 4.669, 7.567, 8.0, 7.567, 4.669, 1.09, 0.008])
@@ -154,9 +155,9 @@ def test_a_law_that_swings_beyond_coarse_readings_is_reported():
 
 
 def test_the_first_angle_out_of_order_is_named():
-    """The error of two angles out of order names the first with its line.
+    """If two angles are out of order, the error gives the line of the first.
 
-    Digits are swapped in line 11, so that its angle occurs twice with different lifts.
+    The angle in line 11 has exchanged digits, so that it occurs twice with different lifts.
     """
     degrees = np.arange(0.0, 360.0, 2.0)
     degrees[9] = 81.0
@@ -171,7 +172,7 @@ def test_the_first_angle_out_of_order_is_named():
 def test_a_flat_nose_that_is_missing_is_not_mirrored(missing, step):
     """Half a lobe without its nose is not mirrored, even if the nose is flat.
 
-    The curvature of a 3-4-5 law is zero at its nose.
+    The curvature of a 3-4-5 law is zero at its nose, so the missing part is hard to detect.
     """
     half = np.arange(0.0, 90.1, step)
     x = np.maximum(1.0 - half / 75.0, 0.0)
@@ -183,9 +184,9 @@ def test_a_flat_nose_that_is_missing_is_not_mirrored(missing, step):
 
 
 def test_equal_readings_at_the_nose_are_the_nose():
-    """If several largest readings are equal, the end of the table counts as the nose.
+    """If several largest readings are equal, the end of the table is the nose.
 
-    A dial cannot resolve a flat nose.
+    The resolution of a dial gauge makes readings at a flat nose equal.
     """
     half = np.arange(-90.0, 0.1, 1.0)
     lifts = 1e-5 * np.round(800.0 * (1.0 - (half / 90.0) ** 2) ** 3)
@@ -197,7 +198,7 @@ def test_equal_readings_at_the_nose_are_the_nose():
 @pytest.mark.parametrize("step", [0.1, 0.5, 1.0, 2.0, 5.0])
 @pytest.mark.parametrize("noise", [0.0, 2e-6])
 def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
-    """Half a lobe is mirrored only if it rests at its far end and has its nose.
+    """Half a lobe is mirrored only if it reaches both its nose and a dwell.
 
     The nose must be within a step of the last reading.
     """
@@ -206,7 +207,7 @@ def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
         half = np.arange(start, end + 1e-9, step)
         lifts = 0.008 * np.maximum(1.0 - (half / 65.0) ** 2, 0.0) ** 3
         lifts += np.random.default_rng(0).normal(scale=noise, size=half.size)
-        lifts[0] += 4.0 * noise  # so that this reading is the largest
+        lifts[0] += 4.0 * noise  # this reading must be the largest
         return ordered(235.0 - half, lifts, mirror=True)
 
     for start, end in ((0.0, 65.0), (0.0, 90.0), (0.0, 170.0), (0.5 * step, 90.0)):
@@ -219,7 +220,10 @@ def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
 
 @pytest.mark.parametrize("width", [2, 3, 5, 9])
 def test_outliers_next_to_each_other_are_found(measured, width):
-    """Specks of 50 µm on up to nine successive readings are excluded, and no others."""
+    """Up to nine successive readings that are 50 µm too high are excluded.
+
+    Such readings occur if the gauge runs over a speck of dirt.
+    """
     places = [100, 700, 1500]
     specks = {place + i: 5e-5 for place in places for i in range(width)}
     found = exclude_outliers(measured("cycloidal", 1800, outliers=specks))
@@ -229,9 +233,9 @@ def test_outliers_next_to_each_other_are_found(measured, width):
 @pytest.mark.parametrize("width", [2, 3, 5, 8, 12])
 @pytest.mark.parametrize("name", ["cycloidal", "poly345", "modified_trapezoid"])
 def test_specks_of_a_coarse_table_are_found(measured, name, width):
-    """Specks of 80 µm in readings 1° apart are excluded, also across 0°.
+    """Groups of readings that are 80 µm too high are excluded, also across 0°.
 
-    The law is that of clean readings.
+    The readings are 1° apart. The lift of the law is within 10 µm of that from clean readings.
     """
     places = (20, 100, 250, 360 - width // 2)
     specks = {(place + i) % 360: 8e-5 for place in places for i in range(width)}
@@ -245,7 +249,7 @@ def test_specks_of_a_coarse_table_are_found(measured, name, width):
 
 @pytest.mark.parametrize("place", [22, 40, 71])
 def test_specks_of_two_readings_are_found_5_deg_apart(measured, place):
-    """Specks on two successive readings 5° apart are excluded, and no others."""
+    """Two successive readings that are too high are excluded, 5° apart."""
     specks = {place: 1.5e-4, (place + 1) % 72: 1.5e-4}
     for name in ("poly345", "cycloidal", "bezier15"):
         found = exclude_outliers(measured(name, 72, noise=3e-6, outliers=specks))
@@ -255,9 +259,9 @@ def test_specks_of_two_readings_are_found_5_deg_apart(measured, place):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("place", [90, 180, 300])
 def test_a_slip_of_the_gauge_is_refused(measured, place, sign):
-    """A slip of the gauge, a step up to the end of the table, is refused.
+    """A slip of the gauge, which shifts all later readings, is refused.
 
-    The error names the lines of the step.
+    The error has the lines between which the lift jumps by 0.05 mm.
     """
     slip = dict.fromkeys(range(place, 360), sign * 5e-5)
     words = rf"jumps by 0\.0[45]\d* mm between lines {place + 1} and {place + 2}, and back"
@@ -269,7 +273,7 @@ def test_a_slip_of_the_gauge_is_refused(measured, place, sign):
 def test_no_sentence_contradicts_a_reading_far_from_the_law(measured):
     """A bump that is not excluded is reported as far from the law.
 
-    The conclusions do not state that there is no outlier.
+    The conclusions must not state that there is no outlier.
     """
     bump = {180 + i: 1e-4 * np.sin(np.pi * i / 20.0) ** 2 for i in range(20)}
     fit = fit_spline(measured("bezier15", outliers=bump), 1e-4)
@@ -280,7 +284,7 @@ def test_no_sentence_contradicts_a_reading_far_from_the_law(measured):
 
 
 def test_what_is_no_cam_is_refused():
-    """A table is refused without 12 to 7200 readings, or if all lifts are equal."""
+    """A table with too few or too many readings, or a constant lift, is refused."""
     for count in (5, 8000):
         words = f"has {count} readings of different angles; allowed: 12"
         with pytest.raises(ConfigError, match=words):
@@ -302,10 +306,10 @@ LAWS = ["poly345", "cycloidal", "arcs_convex", "bezier15", "tm21", "modified_tra
     ],
 )
 def test_slips_of_0_4_mm_are_found(measured, name, count, slips):
-    """Readings that are 0.4 mm off are excluded, and no others.
+    """Single readings that are about 0.4 mm off are excluded, and no others.
 
-    Their distances are correct within 0.1 mm, or 0.01 mm if there are several. With 36 readings
-    the laws have no jump of acceleration.
+    Their reported errors are correct within 0.1 mm, or 0.01 mm if there are several. With only 36
+    readings the laws are those without jumps of acceleration.
     """
     found = exclude_outliers(measured(name, count, outliers=slips))
     assert [outlier.line for outlier in found.outliers] == [place + 2 for place in slips]
@@ -320,13 +324,13 @@ def test_slips_of_0_4_mm_are_found(measured, name, count, slips):
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("count", [36, 72, 120, 360])
 def test_good_readings_are_kept(measured, name, count):
-    """No good reading is excluded, also not at jumps of acceleration."""
+    """No good reading is excluded, not even at a jump of acceleration."""
     for seed in range(4):
         assert exclude_outliers(measured(name, count, seed=seed)).outliers == ()
 
 
 def test_the_scatter_is_at_least_the_rounding():
-    """The scatter of equal readings is at least their rounding, step/√12."""
+    """The scatter of readings is at least that of their rounding, step/√12."""
     degrees = np.arange(0.0, 360.0, 30.0)
     found = ordered(degrees, np.where(degrees < 180.0, 0.0, 0.01), resolution=1e-5)
     assert found.scatter >= 1e-5 / np.sqrt(12.0)
@@ -338,7 +342,7 @@ TRUE = {
     "cycloidal": [(148.75, 62.5, 1.0), (328.75, 62.5, 0.0)],
     "flat": [(160.0, 40.0, 1.0), (320.0, 80.0, 0.0)],
     "modified_trapezoid": [(148.75, 62.5, 1.0), (328.75, 62.5, 0.0)],
-    "bezier15": [],  # a ripple of 0.3 % of the lift, or a minimum, is not a dwell
+    "bezier15": [],  # its ripple of 0.3 % is not a dwell
 }
 
 
@@ -348,7 +352,7 @@ def dwells(readings):
 
 
 def ends(dwell):
-    """Return start and stop (deg) of a dwell."""
+    """Return the start and stop angle (°) of a dwell."""
     return np.degrees([dwell.rest.start, dwell.rest.start + dwell.rest.span])
 
 
@@ -357,8 +361,8 @@ def ends(dwell):
 def test_dwells_of_2_um_scatter(measured, name, count, near):
     """All dwells are found in readings with 2 µm of noise.
 
-    With 360 readings start and stop are within 1°, and the level is within 2 µm. The low dwell
-    of `flat`, partly before 360° and partly after 0°, is a single dwell.
+    With 360 readings the start and stop angles are within 1°, and the level is within 2 µm. The low
+    dwell of the cam `flat`, which extends over 0°, is reported as one dwell.
     """
     found = dwells(measured(name, count, zero=0.003))
     for dwell, (start, span, level) in zip(found, TRUE[name], strict=True):
@@ -370,7 +374,7 @@ def test_dwells_of_2_um_scatter(measured, name, count, near):
 
 
 def test_the_tops_of_waves_are_no_dwells():
-    """No dwell is found at the round extremes of random harmonics."""
+    """The round extremes of random harmonics are not reported as dwells."""
     angles = all_around(360)
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -391,23 +395,23 @@ def test_two_dwells_of_one_level_have_one_level():
 
 
 def test_a_stretch_without_readings_is_a_dwell(scaled):
-    """A gap in readings with some rest at both its ends belongs to the dwell."""
+    """A gap in the readings is part of a dwell if the cam rests at both its ends."""
     angles = np.radians(np.arange(25.0, 331.0, 5.0))
     noise = np.random.default_rng(0).normal(scale=2e-6, size=angles.size)
     low = dwells(in_order(angles, scaled("flat")(angles) + noise))[-1]
     assert ends(low) == pytest.approx([320.0, 400.0], abs=4.0)
 
 
-# Splines through readings: close to the true law, but not closer than the error of the gauge.
+# -- splines through readings: close to the true law, within the error of the gauge
 
 
 FINE = all_around(2000)
 
 
 def error_of_acceleration(fit, law):
-    """Return the errors of s'' of a fit, as fractions of the true peak.
+    """Return the r.m.s. error of s'' of a fit and the error of its peak.
 
-    The errors are the r.m.s. error, and that of the peak.
+    Both are fractions of the true peak.
     """
     true, found = law(FINE, 2), fit.law(FINE, 2)
     peak = np.abs(true).max()
@@ -420,8 +424,8 @@ def error_of_acceleration(fit, law):
 def test_the_law_comes_back(measured, scaled, name, count, most):
     """A spline through noisy readings has the s'' of the true law.
 
-    The error is 1.5 % with 360 readings. The readings have 2 µm of noise, an unknown zero and
-    an outlier.
+    The errors, relative to the peak, are below 1.5 % with 360 readings and 5 % with 36. The
+    readings have 2 µm of noise, an unknown zero and an outlier.
     """
     fit = fit_spline(measured(name, count, zero=0.0034, outliers={count // 5: 4e-4}))
     rms, peak = error_of_acceleration(fit, scaled(name))
@@ -433,9 +437,9 @@ def test_the_law_comes_back(measured, scaled, name, count, most):
 
 
 def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
-    """A tolerance below the scatter of the readings is reported and not followed.
+    """A requested tolerance below the scatter is not used, and this is reported.
 
-    The acceleration of the law is still correct to 3 %.
+    The peak acceleration of the law is still correct within 3 %.
     """
     for count in (36, 360):
         fit = fit_spline(measured("cycloidal", count), 0.5e-6)
@@ -453,7 +457,7 @@ def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
 
 @pytest.mark.parametrize("tolerance", [2e-6, 3e-6, 1e-5])
 def test_a_tolerance_that_the_readings_bear_is_followed(measured, tolerance):
-    """A tolerance at or above the scatter is the r.m.s. residual of the fit."""
+    """A requested tolerance at or above the scatter is the r.m.s. residual of the fit."""
     fit = fit_spline(measured("bezier15"), tolerance)
     assert fit.followed
     assert fit.smoothed.rms == pytest.approx(tolerance, rel=1e-3)
@@ -461,13 +465,13 @@ def test_a_tolerance_that_the_readings_bear_is_followed(measured, tolerance):
 
 
 def test_distance_and_dwells_are_the_law_s(measured):
-    """The reported residuals are those of the law, which rests in the low dwell at 0."""
+    """The reported residuals are those of the law, which is 0 in its low dwell."""
     fit = fit_spline(measured("poly345", zero=-0.001))
     away = fit.law(fit.readings.angles) - fit.readings.lifts
     assert fit.smoothed.rms == pytest.approx(np.sqrt(np.mean(away**2)), rel=1e-9)
     assert fit.smoothed.largest == pytest.approx(np.abs(away).max(), rel=1e-9)
     assert fit.worst == np.abs(away).argmax()
-    assert fit.smoothed.knots <= fit.law.spans.size  # the piece at 0° is divided in two
+    assert fit.smoothed.knots <= fit.law.spans.size  # the knot at 0° divides a span
     dwell = low_dwell(fit.law)
     assert dwell.dwell
     assert np.degrees(dwell.span) == pytest.approx(62.5, abs=1.5)
@@ -475,7 +479,7 @@ def test_distance_and_dwells_are_the_law_s(measured):
 
 
 def test_a_gap_that_no_dwell_fills(scaled):
-    """A gap of 100° in a cam without dwells is refused with angle and limit."""
+    """A gap of 100° in the readings of a cam without dwells is refused with its angle."""
     angles = np.radians(np.concatenate([np.arange(0.0, 201.0, 5.0), np.arange(300.0, 360.0, 5.0)]))
     message = r"no reading for 100 deg after 200 deg, and the cam does not rest .* at most 45 deg"
     with pytest.raises(ConfigError, match=message):
@@ -483,9 +487,9 @@ def test_a_gap_that_no_dwell_fills(scaled):
 
 
 def test_a_table_finer_than_its_law_is_smooth(scaled):
-    """The tolerance of a fine, exact table of arcs is widened, and this is reported.
+    """For a fine, exact table of arcs the tolerance is widened, and this is reported.
 
-    The law does not oscillate.
+    Without it the spline would oscillate at the jumps of acceleration.
     """
     fit = fit_spline(in_order(all_around(360), scaled("gunt_gl110")(all_around(360))))
     assert fit.widened
@@ -496,9 +500,9 @@ def test_a_table_finer_than_its_law_is_smooth(scaled):
 
 
 def test_tolerances_and_readings_that_are_none(measured):
-    """A tolerance of zero, below it or above 5 % of the lift is refused.
+    """A tolerance of zero, below zero or above 5 % of the lift is refused.
 
-    Random readings are refused too.
+    Random readings, which no smooth law describes, are refused too.
     """
     words = r"--tolerance: is .* mm; allowed: above 0, at most 0"
     for tolerance in (0.0, -1e-6, 1e-3):
@@ -513,9 +517,10 @@ def test_tolerances_and_readings_that_are_none(measured):
 @pytest.mark.parametrize(("count", "most"), [(72, 0.3), (120, 0.15), (360, 0.15)])
 @pytest.mark.parametrize("cases", [20, pytest.param(60, marks=pytest.mark.long)])
 def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
-    """In most tables a reading six scatters off is excluded or reported with its line.
+    """A reading that is off by six times the scatter is mostly reported with its line.
 
-    Without such a reading, a good reading is reported in at most two tables of five.
+    It may be missed in at most 15 % of the tables, or 30 % with 72 readings. Without such a
+    reading, a good reading is reported in at most two tables of five.
     """
     missed = named = 0
     for seed in range(cases):
@@ -534,9 +539,10 @@ def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
 
 @pytest.mark.parametrize("tolerance", [None, 2e-4])
 def test_a_nose_sharper_than_the_readings_is_no_outlier(tolerance):
-    """The reading at a nose that is sharper than the readings' distance is kept.
+    """The reading at a nose that is sharper than the reading distance is kept.
 
-    The conclusions report it: 12 mm at the nose, and 7.7 mm at its neighbours.
+    The lift is 12 mm at the nose and 7.7 mm at the neighbours. The conclusions report the sharp
+    nose.
     """
     arcs, around = Arcs(0.02, 0.012, None, 0.001, np.pi), all_around(36)
     lifts = arcs.lifts(ArcFollower(False, 0.002), around)

@@ -1,4 +1,4 @@
-"""Random simulated machines for a count of the intervals that contain the truth."""
+"""Random simulated machines, to count the intervals that contain the truth."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from cam_rig.studies.fit_rig.jumps.search import RIGID
 from cam_rig.studies.fit_rig.run.fit import fit_run
 from cam_rig.units import to_rpm
 
-#: Cams with and without dwells, smooth and with steps of acceleration.
+#: Cams with and without dwells, smooth or with jumps of acceleration.
 CAMS = ("poly345", "cycloidal", "bezier15", "poly4567", "arcs_convex", "tm21", "arcs_straight")
-#: Speeds relative to the rigid jump speed. Near it a follower presses little in parts of a turn.
+#: Speeds relative to the rigid jump speed. Near it the contact force is small in parts of the turn.
 SPEEDS = {
     ("one_mass", "in contact"): (0.3, 0.5, 0.7, 0.85, 0.95),
     ("one_mass", "mixed"): (0.35, 0.55, 0.75, 0.95, 1.08),
@@ -29,8 +29,8 @@ SPEEDS = {
     ("two_mass", "mixed"): (0.35, 0.5, 0.65, 1.05),
 }
 NOISES = ("normal", "Laplace", "correlated")
-#: Model and speeds of ten machines in sequence. Combinations that take little time are more
-#: frequent.
+#: Model and kind of speeds of ten successive machines. Combinations that are computed quickly are
+#: more frequent.
 TURNS = (
     *(("one_mass", "in contact"), ("one_mass", "mixed"), ("one_mass", "in contact")),
     *(("one_mass", "landings"), ("one_mass", "in contact"), ("two_mass", "in contact")),
@@ -39,7 +39,7 @@ TURNS = (
 )
 #: Largest random change of a speed, relative to the jump speed.
 SCATTER = 0.02
-#: Range of the correlation of neighbours in correlated noise.
+#: Range of the correlation between neighbouring samples of correlated noise.
 CORRELATIONS = (0.5, 0.95)
 #: Noise of the force, relative to its maximum.
 FORCE_NOISE = 0.01
@@ -48,7 +48,7 @@ LIFT_NOISE = 10e-6
 
 
 class Score(NamedTuple):
-    """Error of a parameter of a machine, in its standard errors."""
+    """Error of one identified parameter of a machine, in its standard errors."""
 
     seed: int
     kind: tuple[str, str, str]
@@ -57,7 +57,7 @@ class Score(NamedTuple):
 
 
 def jump_rpm(law, rig):
-    """Return the jump speed (rpm) of a rig's rigid follower."""
+    """Return the jump speed (rpm) of a rig, with a rigid follower."""
     return to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
 
 
@@ -73,12 +73,15 @@ def noise_of(kind, random, size):
 
 
 def numbers_of(rig, *more):
-    """Return the parameters of a rig's rigid follower, and the named others, SI."""
+    """Return the follower parameters of a rig, in SI, as a dict.
+
+    These are those of a rigid follower and the named others.
+    """
     return {name: getattr(rig.follower, name).si for name in (*RIGID, *more)}
 
 
 def rig_of(model, random):
-    """Return a rig with random parameters of the follower."""
+    """Return a rig with random follower parameters for this model."""
     rig = cam_rig.load_rig("tm21" if model == "one_mass" else "paper_table2")
     numbers = {n: v * float(random.uniform(0.6, 1.6)) for n, v in numbers_of(rig).items()}
     if model == "one_mass":
@@ -92,7 +95,10 @@ def rig_of(model, random):
 
 
 def measured(law, rig, kind, rpms, random, rate):
-    """Return a run of a machine, with noise of its kind."""
+    """Return a simulated run of a machine whose noise is of its kind.
+
+    `kind` is (model, kind of speeds, kind of noise). `rate` is the sample rate in Hz.
+    """
     errors = InstrumentErrors(rate=rate, encoder_rate=rate, force_noise=0.0, lift_noise=0.0)
     run = measured_run(law, rig, kind[0], rpms, errors, int(random.integers(1 << 30)))
     size = run.force.value.size
@@ -103,7 +109,7 @@ def measured(law, rig, kind, rpms, random, rate):
 
 
 def scores_of(seed: int, rate: int = 500) -> list[Score]:
-    """Return the scores of a fit to the simulated machine of a seed."""
+    """Return the errors of all parameters fitted to the machine with this seed."""
     random = np.random.default_rng(seed)
     kind = (*TURNS[seed % len(TURNS)], NOISES[seed % len(NOISES)])
     law = cam_rig.build_law(cam_rig.load_cam(CAMS[seed % len(CAMS)]))
@@ -119,5 +125,5 @@ def scores_of(seed: int, rate: int = 500) -> list[Score]:
 
 
 def coverage(scores: Iterable[Score]) -> float:
-    """Return the fraction of intervals of 95 % that contain the truth."""
+    """Return the fraction of 95 % intervals that contain the truth."""
     return float(np.mean([abs(score.relative_errors) < NORMAL_95 for score in scores]))

@@ -1,4 +1,4 @@
-"""Estimates in tables and files, and the command cam-rig fit rig."""
+"""Command `cam-rig fit rig`: estimates in tables and files."""
 
 import json
 import re
@@ -24,9 +24,9 @@ def table(*numbers):
 
 
 def test_a_number_has_the_digits_of_its_error():
-    """A value has two digits of its error in the table.
+    """A value is printed with as many digits as two digits of its standard error.
 
-    A parameter that is not identified has no value there, and null in JSON.
+    A parameter that is not identified has no value in the table, and null in JSON.
     """
     numbers = table(SURE, UNSURE, OPEN, UNIDENTIFIED)
     rows = {row[0]: row for row in numbers.to_display()[0].rows}
@@ -40,7 +40,10 @@ def test_a_number_has_the_digits_of_its_error():
 
 @pytest.mark.parametrize(("found", "words"), [(UNSURE, "uncertain"), (OPEN, "may be 0")])
 def test_a_wide_error_has_a_warning(found, words):
-    """Row, file and JSON warn of an error of a third of the value, or an open sign."""
+    """Table, rig file and JSON warn of an estimate with a large error.
+
+    It is large if it is a third of the value, or if the interval includes 0.
+    """
     (row,) = table(found).to_display()[0].rows
     assert re.match(rf"identified; {words}: with 95 % it is", row[-1])
     assert words in found.text
@@ -49,7 +52,10 @@ def test_a_wide_error_has_a_warning(found, words):
 
 
 def test_a_rig_file_has_the_digits_of_the_error(rig):
-    """The file has 14.948 with ± 0.032 N, and takes other parameters from a rig."""
+    """The rig file has the value 14.948 with ± 0.032 N.
+
+    Parameters that are not identified are taken from the base rig as assumed.
+    """
     text, _ = build_rig_text(
         "bench", [SURE, UNIDENTIFIED], rig, "cam-rig fit rig a.csv", "1 rpm a reading"
     )
@@ -59,7 +65,7 @@ def test_a_rig_file_has_the_digits_of_the_error(rig):
     assert "assumed" in follower["stem_stiffness"]
 
 
-# cam-rig fit rig.
+# -- the command `cam-rig fit rig`
 
 RPM = (336.8, 449.8, 622.6, 284.0, 385.7, 529.5, 257.2, 342.6, 469.7)
 ROWS = zip(product((0, 0.5, 1), (2, 4.03, 8)), RPM, strict=True)
@@ -68,15 +74,17 @@ TABLE = "mass_kg,spring_N/mm,rpm\n" + "".join(f"{m},{k},{rpm}\n" for (m, k), rpm
 
 @pytest.fixture
 def jumps(tmp_path):
+    """File with a table of measured jump speeds."""
     path = tmp_path / "jumps.csv"
     path.write_text(TABLE, encoding="utf-8")
     return path
 
 
 def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
-    """The command writes rig file, figure and JSON.
+    """The command writes a rig file that can be loaded, a figure and JSON.
 
-    Identified parameters have that origin in the rig file. The others are assumed.
+    In the rig file fitted parameters are `identified`, those of --fix `given`, and others
+    `assumed`.
     """
     out = tmp_path / "bench.yaml"
     files = "--out", out, "--plot", tmp_path / "j.png", "--json", tmp_path / "j.json"
@@ -97,7 +105,7 @@ def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
 
 
 def test_an_empty_speed_is_no_reading(tmp_path, jumps):
-    """A line without a speed is skipped; an empty mass in another line is an error."""
+    """A line without a speed is skipped. A line without a mass is an error."""
     jumps.write_text(TABLE.replace(",469.7", ","), encoding="utf-8")
     result = done("fit", "rig", jumps, "poly345", "--fix", "damping=8.6")
     assert "1 empty cell of the speed: no reading in 10" in " ".join(result.output.split())

@@ -1,6 +1,6 @@
-"""Standard errors: 95 % of the intervals of 95 % contain the truth.
+"""Standard errors of the rig fit: its 95 % intervals contain the truth as often.
 
-``pytest -m long -s test/studies/fit_rig/test_coverage.py`` prints a table of 200 machines.
+`pytest -m long -s test/studies/fit_rig/test_coverage.py` prints a table of 200 machines.
 """
 
 import itertools
@@ -29,11 +29,11 @@ MACHINES = 200
 @pytest.mark.slow
 @pytest.mark.timeout(14_400)
 def test_intervals_of_200_machines_contain_the_truth():
-    """90 to 99 % of the intervals contain the truth.
+    """Of the intervals of 200 random machines, 90 to 99 % contain the truth.
 
     The machines have one and two masses, contact and landings, and three kinds of noise.
     """
-    # forked, because a spawned worker would import the package test of the standard library
+    # Forked, because a spawned worker would import Python's own package `test`.
     with ProcessPoolExecutor(2, get_context("fork")) as pool:
         found = list(itertools.chain.from_iterable(pool.map(scores_of, range(MACHINES))))
     groups, titles = {}, ("model", "speeds", "noise", "number", "all")
@@ -41,9 +41,7 @@ def test_intervals_of_200_machines_contain_the_truth():
         for group in zip(titles, (*score.kind, score.name, "all"), strict=True):
             groups.setdefault(group, []).append(score)
     for (title, kind), scores in sorted(groups.items(), key=lambda row: titles.index(row[0][0])):
-        scatter = math.sqrt(
-            np.mean([score.relative_errors**2 for score in scores])
-        )  # of the scores
+        scatter = math.sqrt(np.mean([score.relative_errors**2 for score in scores]))  # r.m.s. score
         machines = len({score.seed for score in scores})
         within = f"{100.0 * coverage(scores):.1f} %"
         print(f"| {title}: {kind} | {machines} | {len(scores)} | {within} | {scatter:.2f} |")
@@ -53,16 +51,17 @@ def test_intervals_of_200_machines_contain_the_truth():
 
 @pytest.fixture(scope="module")
 def solution(law, rig):
-    """Solution of a fit of one rigid mass in contact."""
+    """Solution of a fit of one rigid mass that stays in contact."""
     errors = InstrumentErrors(rate=400, encoder_rate=400)
     run = measured_run(law, rig, "one_mass", (200.0, 300.0, 350.0), errors, 1)
     return fit_run(law, run, rig, "one_mass").solution
 
 
 def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
-    """The covariance under noise of correlation 0.9ᵏ agrees with that of 2000 draws.
+    """The covariance under noise of correlation 0.9ᵏ agrees with 2000 random draws.
 
-    Linear about the solution: x = −(JᵀJ)⁻¹ Jᵀ noise.
+    k is the distance of two samples. The draws use the linear response x = −(JᵀJ)⁻¹ Jᵀ noise with
+    the Jacobian J. The standard errors agree within 20 %.
     """
     random = np.random.default_rng(0)
     like, jacobian = solution.likelihood, solution.jacobian
@@ -85,7 +84,7 @@ def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
 def test_samples_without_bounces_do_not_depend_on_restitution(law, rig, bounce):
     """Samples that no bounce affects do not depend on the restitution.
 
-    They are those from lift-off to the first landing, and after the bounces.
+    These are the samples from the lift-off to the first landing, and those after the bounces.
     """
     values = numbers_of(rig)
     errors = InstrumentErrors(rate=800, encoder_rate=800)
@@ -107,13 +106,13 @@ def test_samples_without_bounces_do_not_depend_on_restitution(law, rig, bounce):
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [3, 7, 17, 23, 27, 33, 37, 61, 151])
 def test_error_of_restitution(seed):
-    """The error of a restitution is below 4 standard errors.
+    """The fitted restitution is within 4 standard errors of the truth in hard cases.
 
-    Samples enter bounces and leave them. By the curvature of the likelihood it was 7 standard
-    errors. In seeds 61 and 151 a speed is just above the jump speed, and few samples are in a
-    bounce. The best of many narrow maxima had an error of 17 to 28 of its standard errors. It was
-    likelier by chance and by the samples that it left out near landings. In these two and in seed
-    27 no restitution need be identified. A normal error is beyond 4 once in 15 000 machines.
+    In these seeds an error estimate from the curvature of the likelihood was off by 7 standard
+    errors, because samples enter and leave bounces. In seeds 61 and 151 a speed is just above the
+    jump speed, so that few samples are in a bounce. There the best of many narrow maxima was off by
+    17 to 28 standard errors, and no restitution need be identified. The same applies to seed 27. A
+    normal error exceeds 4 standard errors once in 15 000 machines.
     """
     off = {score.name: score.relative_errors for score in scores_of(seed)}
     assert abs(off.get("restitution", 0.0)) < (3.0 if seed in (61, 151) else 4.0)
@@ -124,13 +123,12 @@ def test_error_of_restitution(seed):
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [59, 79, 115, 179, 199])
 def test_errors_of_two_masses(seed):
-    """The errors of the parameters of two masses are below 4 standard errors.
+    """The fitted parameters of two masses are within 4 standard errors in hard cases.
 
-    One mass compensates a soft stem, and a stem that vibrates is in phase for few cycles. A search
-    from another stem stopped in a local maximum: the error of the spring was 8 standard errors,
-    that of the mass share 22. In seeds 59, 79 and 199 hardly a sample shows the stem. The best of
-    all trials was likelier by chance, with errors of 7 to 660, and no parameter of the stem need be
-    identified. One of seven normal errors is beyond 4 once in 2000 machines.
+    In these seeds a search from another stem stopped in a local maximum: the spring was off by 8
+    and the mass share by 22 standard errors. In seeds 59, 79 and 199 hardly any sample depends on
+    the stem, so that no parameter of the stem need be identified. One of seven normal errors
+    exceeds 4 standard errors once in 2000 machines.
     """
     off = {score.name: score.relative_errors for score in scores_of(seed)}
     assert {"mass", "spring_stiffness"} <= set(off)
@@ -140,10 +138,10 @@ def test_errors_of_two_masses(seed):
 
 @pytest.mark.slow
 def test_bouncing_does_not_hide_contradicting_forces(law, rig):
-    """A follower that bounces all around is less likely than one that presses.
+    """A follower that bounces all the time is less likely than one that is in contact.
 
-    The forces that it leaves out near its landings count against it. The log ratio is
-    antisymmetric.
+    Samples near landings are excluded from the likelihood. Those that a bouncing follower excludes
+    count against it. The log ratio of two solutions is antisymmetric.
     """
     jump = jump_rpm(law, rig)
     errors = InstrumentErrors(rate=400, encoder_rate=400)

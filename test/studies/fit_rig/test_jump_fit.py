@@ -1,4 +1,7 @@
-"""Identification from jump speeds."""
+"""Identification of a rig's follower from measured jump speeds.
+
+A set-up is one combination of added mass, spring and preload at which a jump speed is read.
+"""
 
 import math
 from dataclasses import replace
@@ -21,14 +24,14 @@ from .machines import numbers_of
 
 OWN_MASS, DAMPING, PRELOAD = 1.1, 8.0, 25.0
 MACHINE = {"mass": OWN_MASS, "damping": DAMPING, "preload": PRELOAD, "restitution": 0.0}
-#: Combinations of columns that a table may have.
+#: Combinations of columns that a table of jump speeds may have.
 COLUMNS = [c for n in (3, 2) for c in combinations(("mass", "spring_stiffness", "preload"), n)]
-#: Set-ups of nine readings.
+#: Nine set-ups: three added masses (kg) with three springs (N/m).
 SET_UPS = [{"mass": m, "spring_stiffness": k} for m in (0.0, 0.3, 0.9) for k in (2e3, 4e3, 9e3)]
 
 
 def table_of(law, machine, set_ups):
-    """Return the exact jump speeds of a machine in set-ups, and their angles (rad)."""
+    """Return the exact jump speeds of a machine as a `JumpTable`, and angles (rad)."""
     readings, angles = [], []
     for line, setup in enumerate(set_ups, 2):
         of = machine | setup | {"mass": machine["mass"] + setup.get("mass", 0.0)}
@@ -39,21 +42,21 @@ def table_of(law, machine, set_ups):
 
 
 def moved(read, by):
-    """Return a table with an error (rpm) added to each reading."""
+    """Return the table with an error (rpm) added to each jump speed."""
     off = zip(read.readings, by, strict=True)
     return replace(read, readings=tuple(replace(r, speed=r.speed + d * RPM) for r, d in off))
 
 
 def table(law, noise=0.0, seed=0):
-    """Return readings of a follower of 1.1 kg, 25 N and 8 N·s/m, with noise in rpm."""
+    """Return jump speeds of a follower of 1.1 kg, 25 N and 8 N·s/m, with noise in rpm."""
     read, _ = table_of(law, MACHINE, SET_UPS)
     return moved(read, noise * np.random.default_rng(seed).standard_normal(len(SET_UPS)))
 
 
 def random_table(random, columns, make_cam):
-    """Return a random machine with a random cam of one rise and one fall.
+    """Return a random machine on a random cam of one rise and one fall.
 
-    The results are the law, the exact jump speeds, the parameters, and the range (deg) of the jump
+    The results are the law, the exact jump speeds, the parameters, and the range (°) of the jump
     angles.
     """
     first, second = random.uniform(60.0, 140.0, 2).round()
@@ -80,7 +83,10 @@ def values(fit):
 
 
 def test_exact_speeds_identify_the_parameters(law, rig):
-    """Nine exact speeds identify three parameters to the rounding of a search."""
+    """Nine exact jump speeds identify mass, preload and damping.
+
+    They agree within 1e-4 and 1e-3, the tolerance of the search. The restitution is not identified.
+    """
     found = values(fit_jumps(law, table(law), rig))
     assert found["mass"] == pytest.approx(OWN_MASS, rel=1e-4)
     assert found["preload"] == pytest.approx(PRELOAD, rel=1e-3)
@@ -92,10 +98,9 @@ def test_exact_speeds_identify_the_parameters(law, rig):
 @pytest.mark.parametrize("columns", COLUMNS)
 @pytest.mark.variants(12)
 def test_result_does_not_depend_on_the_start(make_cam, rig, columns, seed):
-    """The fit returns the true parameters from any start.
+    """The fit returns the true parameters, although the sum of squares has two minima.
 
-    Damping raises the jump speeds of a rise and lowers those of a fall, so the sum of squares has
-    two minima.
+    Damping raises the jump speeds of a rise and lowers those of a fall.
     """
     random, apart = np.random.default_rng(seed), math.inf
     while apart > 20.0:
@@ -109,9 +114,9 @@ def test_result_does_not_depend_on_the_start(make_cam, rig, columns, seed):
 
 
 def test_roller_share_is_identified(laws, paper_rig):
-    """Exact speeds of two masses identify the share of the roller.
+    """Exact jump speeds of two masses identify the roller's share of the mass.
 
-    The best single start leads to another follower.
+    A search from the best single start value would end at another follower.
     """
     law, truth = laws["cycloidal"], numbers_of(paper_rig, "stem_stiffness", "roller_share")
     truth |= {"stem_damping": truth["damping"], "restitution": 0.0}
@@ -124,7 +129,7 @@ def test_roller_share_is_identified(laws, paper_rig):
 
 @pytest.mark.long
 def test_intervals_contain_the_truth(law, rig):
-    """At least 16 of 20 intervals contain the truth, with readings off by 0.5 rpm."""
+    """At least 16 of 20 95 % intervals contain the truth, with errors of 0.5 rpm."""
     inside = 0
     for seed in range(10):
         read = table(law, noise=0.5, seed=seed)
@@ -137,7 +142,8 @@ def test_intervals_contain_the_truth(law, rig):
 def test_without_masses_no_parameter_is_identifiable(law, rig):
     """Without a column of masses no parameter is identifiable.
 
-    F = 0 is homogeneous in m, c, k and preload.
+    The condition F = 0 at the jump is homogeneous in mass, damping, spring and preload, so only
+    their ratios are determined.
     """
     read = table(law)
     same = replace(read.readings[4], setup={})
@@ -148,10 +154,10 @@ def test_without_masses_no_parameter_is_identifiable(law, rig):
 
 
 def test_an_unidentified_mass_has_student_s_interval(law, rig):
-    """A mass with too large an error has no value, and Student's interval.
+    """A mass with too large an error has no value, but an interval of Student's t.
 
-    Five speeds with errors of 1 rpm and one spring do not identify it. The interval is that of an
-    error from the degrees of freedom, which rise with each given parameter.
+    Five speeds with errors of 1 rpm and one spring do not determine it. The factor of the interval
+    falls with the degrees of freedom, which rise with each given parameter.
     """
     machine = MACHINE | {"mass": 0.8, "spring_stiffness": 4e3}
     read, _ = table_of(law, machine, [{"mass": on} for on in (0.0, 0.2, 0.4, 0.8, 1.2)])
@@ -166,7 +172,10 @@ def test_an_unidentified_mass_has_student_s_interval(law, rig):
 
 
 def test_a_column_of_total_masses_is_detected(law, rig):
-    """A column of total masses is reported, because no mass is left for the follower."""
+    """A column of total instead of added masses is reported.
+
+    The mass left for the follower is then not positive.
+    """
     read = table(law)
     total = [
         replace(r, setup=r.setup | {"mass": OWN_MASS + r.setup["mass"]}) for r in read.readings
@@ -176,7 +185,7 @@ def test_a_column_of_total_masses_is_detected(law, rig):
 
 
 def test_too_few_readings_are_refused(law, rig):
-    """Fewer readings than the fit needs are refused."""
+    """Fewer readings than free parameters plus one are refused."""
     read = table(law)
     few = replace(read, readings=read.readings[:2])
     with pytest.raises(
@@ -187,14 +196,14 @@ def test_too_few_readings_are_refused(law, rig):
 
 @pytest.mark.long
 def test_an_outlier_is_named(law, rig):
-    """The line of a reading that is 30 rpm off is reported."""
+    """The conclusions give the line of a jump speed that is 30 rpm off."""
     wrong = moved(table(law, noise=0.3), 30.0 * (np.arange(9) == 4))
     fit = fit_jumps(law, wrong, rig, error=0.3)
     assert any("Line 6" in words for words in fit.conclusions())
 
 
 def test_error_names_a_wrong_speed(law, rig):
-    """The error of a table with a speed that is 30 % too high names its line."""
+    """If a speed is 30 % too high, no follower fits, and the error gives its line."""
     read = table(law)
     wrong = moved(read, 0.3 * read.rpm * (np.arange(9) == 4))
     with pytest.raises(ConfigError, match=r"no follower was found .* in line 6;"):
@@ -214,7 +223,7 @@ def test_error_names_a_wrong_speed(law, rig):
     ],
 )
 def test_readings_outside_the_limits_are_errors(law, rig, change, words):
-    """The error names line, value and limit of a reading outside the limits."""
+    """A reading outside the limits is an error with line, value and limit."""
     read = table(law)
     wrong = (*read.readings[:-1], replace(read.readings[-1], **change))
     with pytest.raises(ConfigError, match=f"line 10: {words}"):
@@ -223,9 +232,9 @@ def test_readings_outside_the_limits_are_errors(law, rig, change, words):
 
 @pytest.mark.long
 def test_equal_set_ups_are_solved_once(law, rig, monkeypatch):
-    """A thousand readings of nine set-ups need as many solutions as nine readings.
+    """A thousand readings of nine set-ups need as many jump searches as nine readings.
 
-    The parameters are those of all readings: each set-up counts with the mean of its readings.
+    The parameters are the same: each set-up counts with the mean of its readings.
     """
     count = 0
 

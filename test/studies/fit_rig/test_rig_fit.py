@@ -1,4 +1,4 @@
-"""Identification of simulated machines, whose true parameters are known."""
+"""Identification of simulated machines from force and lift, with known parameters."""
 
 import re
 from dataclasses import replace
@@ -17,7 +17,7 @@ from cam_rig.studies.fit_rig.run.noise_model import estimate_force_noise
 from .machines import jump_rpm
 
 IN_CONTACT, WITH_FLIGHTS = (150.0, 220.0, 290.0, 350.0, 410.0), (200.0, 350.0, 460.0)
-#: Half the default sample rates, for speed.
+#: Instrument errors with half the default sample rates (Hz), to save time.
 QUICK = InstrumentErrors(rate=800, encoder_rate=800)
 
 
@@ -30,7 +30,7 @@ def gauge(fit, key):
 
 
 def require_true(fit, rig, *names):
-    """Check that ``names`` are identified, with no error above four standard errors."""
+    """Require that `names` are identified, and every error is below 4 standard errors."""
     found = {n.name: (n.value - getattr(rig.follower, n.name).si) / n.error for n in fit.identified}
     assert set(names) <= set(found)
     assert found and max(map(abs, found.values())) < 4.0, found
@@ -44,7 +44,10 @@ def machine(cam, rig, **changes):
 
 
 def test_fit_agrees_with_scipy(law, rig):
-    """The fit agrees with scipy's curve_fit of force and lift in closed form."""
+    """The fit agrees with scipy's `curve_fit` of the closed forms of force and lift.
+
+    Values agree within 5 % of their standard errors, and standard errors within 10 %.
+    """
     errors = replace(QUICK, counts=0)
     run = measured_run(law, rig, "one_mass", IN_CONTACT, errors, 3)
     fit = fit_run(law, run, rig, "one_mass")
@@ -79,14 +82,15 @@ def test_fit_agrees_with_scipy(law, rig):
     for k, name in enumerate(("mass", "spring_stiffness", "preload", "damping")):
         number = numbers(fit)[name]
         assert abs(number.value - found[k]) < 0.05 * errors[k], name
-        assert number.error == pytest.approx(errors[k], rel=0.1), name  # neighbours may err alike
+        assert number.error == pytest.approx(errors[k], rel=0.1), name  # errors may correlate
 
 
 @pytest.mark.long
 def test_flights_identify_the_restitution(law, rig):
-    """Speeds above the jump speed identify all five parameters and the instruments.
+    """Speeds above the jump speed identify all parameters and instrument errors.
 
-    In flight there is no force. The sensor then shows its zero, which is not in the preload.
+    The restitution follows from the bounces. In flight the force is zero, so the sensor's reading
+    there is its zero error, which is then not attributed to the preload.
     """
     other = rig.with_follower(restitution=0.3)
     run = measured_run(law, other, "one_mass", WITH_FLIGHTS, seed=4)
@@ -102,9 +106,10 @@ def test_flights_identify_the_restitution(law, rig):
 
 
 def test_a_coarse_encoder_s_zero_has_the_error_of_its_steps(law, rig):
-    """The zero of an encoder with 100 counts per turn has the error of its steps.
+    """The zero of an encoder with 100 counts per turn has a realistic standard error.
 
-    With the error of the lift's noise alone it was 20 standard errors off, and the clock as well.
+    It includes the error of the encoder's steps. From the noise of the lift alone, zero and clock
+    were 20 standard errors off.
     """
     errors = replace(QUICK, counts=100)
     fit = fit_run(law, measured_run(law, rig, "one_mass", IN_CONTACT[:2], errors, 1), rig)
@@ -115,9 +120,9 @@ def test_a_coarse_encoder_s_zero_has_the_error_of_its_steps(law, rig):
 
 
 def test_contact_identifies_no_restitution(law, rig):
-    """A follower that stays in contact has no restitution.
+    """The restitution of a follower that stays in contact is not identified.
 
-    Its lift alone identifies no parameter, because it is that of the law.
+    Lifts without forces then identify no parameter, because the lift is that of the law.
     """
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
     fit = fit_run(law, run, rig)
@@ -130,7 +135,10 @@ def test_contact_identifies_no_restitution(law, rig):
 
 
 def test_a_rig_without_a_restitution_is_fitted_and_a_tiny_mass_reported(law, rig):
-    """A force read in kN as N gives a thousandth of the mass."""
+    """A base rig without a restitution is accepted, and a tiny mass is reported.
+
+    The force in kN, read as N, gives a thousandth of the mass.
+    """
     follower = rig.follower.model_copy(update={"restitution": None})
     plain = rig.model_copy(update={"follower": follower})
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
@@ -144,9 +152,9 @@ def test_a_rig_without_a_restitution_is_fitted_and_a_tiny_mass_reported(law, rig
 
 @pytest.mark.long
 def test_lifts_alone_identify_ratios_to_the_mass(law, rig):
-    """Lifts alone identify k/m, c/m and preload/m, and all parameters of a given mass.
+    """Lifts with flights identify k/m, c/m and preload/m, and all with a given mass.
 
-    Several followers have the same flights at a single speed, so no parameter is identified.
+    At a single speed several followers have the same flights, so no parameter is identified.
     """
     other = rig.with_follower(restitution=0.3)
     rpms = (*WITH_FLIGHTS, 500.0)
@@ -173,9 +181,9 @@ def test_backlash_is_identified(law, rig):
 
 @pytest.mark.long
 def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
-    """The resonance of a force sensor is identified, and not taken as a stem.
+    """The resonance of a force sensor is identified, and not taken for a stem.
 
-    It has 300 Hz and 2 % damping, on a follower of one mass.
+    It is at 300 Hz with 2 % damping. The follower is one rigid mass.
     """
     errors = InstrumentErrors(sensor_frequency=300.0)
     run = measured_run(law, rig, "one_mass", (150.0, 250.0, 330.0, 400.0), errors, 5)
@@ -187,9 +195,9 @@ def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
 
 @pytest.mark.slow
 def test_a_stem_shows_in_the_force(law, rig, paper_rig):
-    """Without --model two masses are identified from the force of a stem.
+    """Without a given model, two masses are identified from the force of a stem.
 
-    The parameters are stem, share and stem damping.
+    Stiffness and damping of the stem and the roller's share of the mass are identified.
     """
     run = measured_run(law, paper_rig, "two_mass", (200.0, 280.0, 340.0, 380.0), QUICK, 2)
     fit = fit_run(law, run, rig)
@@ -199,10 +207,10 @@ def test_a_stem_shows_in_the_force(law, rig, paper_rig):
 
 @pytest.mark.long
 def test_a_stem_that_leaves_a_cam_of_arcs():
-    """No parameter of a stem on a cam of arcs is four standard errors off.
+    """On a cam of arcs every parameter of two masses is within 4 standard errors.
 
-    Steps of acceleration excite the stem, and it leaves the cam at 0.7 of the rigid jump speed. A
-    force sensor with a zero error gives no preload, because in flight it shows its zero.
+    Jumps of acceleration excite the stem, so that it lifts off at 0.7 of the rigid jump speed. If
+    the force sensor has a zero error, no preload is identified, because the two add up.
     """
     law, rig, jump = machine("arcs_straight", "paper_table2", mass=1.0)
     like = cam_rig.load_rig("tm21")
@@ -216,7 +224,7 @@ def test_a_stem_that_leaves_a_cam_of_arcs():
 
 
 def test_noise_has_a_floor_and_a_relative_part():
-    """Floor and relative part of the noise are identified from 20 000 residuals."""
+    """Constant and relative part of the noise are found within 5 %."""
     random = np.random.default_rng(1)
     force = random.uniform(0.0, 200.0, 20_000)
     residual = np.hypot(0.5, 0.01 * force) * random.standard_normal(force.size)
@@ -224,14 +232,14 @@ def test_noise_has_a_floor_and_a_relative_part():
 
 
 def with_force(run, value):
-    """Return the run with another force."""
+    """Return the run with other force values."""
     return replace(run, force=replace(run.force, value=value))
 
 
 def test_a_force_alone_finds_the_encoder_s_zero(law, rig):
-    """A force alone identifies the encoder's zero, at any angle.
+    """A force alone identifies the encoder's zero at any angle, here 140°.
 
-    At a wrong zero a mass or a spring would be negative.
+    With a wrong zero, a mass or a spring would be negative.
     """
     errors = replace(QUICK, offset=np.radians(140.0))
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], errors, 7)
@@ -240,7 +248,7 @@ def test_a_force_alone_finds_the_encoder_s_zero(law, rig):
 
 
 def test_invalid_runs_are_errors(law, rig):
-    """Missing, constant or reversed signals and impossible values are errors."""
+    """Missing, constant or negated signals and impossible fixed values are errors."""
     run = measured_run(law, rig, "one_mass", (200.0,), QUICK, 1)
     force = run.force.value
     for measured, fixed, words in (
@@ -254,7 +262,7 @@ def test_invalid_runs_are_errors(law, rig):
 
 
 def test_another_cam_identifies_no_parameter(law, laws, rig):
-    """With the law of another cam no parameter is identified."""
+    """With the law of another cam no parameter is identified, as the report states."""
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:2], QUICK, 1)
     fit = fit_run(laws["bezier15"], run, rig)
     assert fit.identified == ()
@@ -264,7 +272,7 @@ def test_another_cam_identifies_no_parameter(law, laws, rig):
 
 @pytest.mark.slow
 def test_a_stem_s_numbers_need_a_stem(law, rig, paper_rig):
-    """Parameters of a stem are accepted with two masses only, and need a force."""
+    """Fixed parameters of a stem require the two-mass model and a contact force."""
     run = measured_run(law, paper_rig, "two_mass", (200.0, 300.0), QUICK, 1)
     with pytest.raises(ConfigError, match=r"roller_share.*two_mass"):
         fit_run(law, run, rig, None, {"roller_share": 0.4})
@@ -277,7 +285,10 @@ def test_a_stem_s_numbers_need_a_stem(law, rig, paper_rig):
 
 @pytest.mark.long
 def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law, paper_rig):
-    """Noise of 2 N and correlation 0.9ᵏ leaves out no speed in contact."""
+    """Correlated noise of 2 N in the force excludes no speed in contact.
+
+    The correlation of samples k apart is 0.9ᵏ.
+    """
     run = measured_run(law, paper_rig, "two_mass", (150.0, 220.0, 290.0), QUICK, 1)
     steps = np.random.default_rng(1).normal(0.0, 2.0 * np.sqrt(1.0 - 0.81), run.force.value.size)
     run = with_force(run, run.force.value + lfilter([1.0], [1.0, -0.9], steps))
@@ -289,7 +300,7 @@ def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law, paper_rig)
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2])
 def test_lifts_identify_a_rig_far_from_the_start(seed):
-    """Lifts identify parameters of 0.6 to 1.6 times those of the start."""
+    """Lifts identify parameters that are 0.6 to 1.6 times their start values."""
     random = np.random.default_rng(seed)
     base = cam_rig.load_rig("tm21")
     names = ("spring_stiffness", "preload", "damping")
@@ -303,7 +314,7 @@ def test_lifts_identify_a_rig_far_from_the_start(seed):
 
 
 def test_one_speed_in_contact_is_enough(rig):
-    """One speed in contact is enough: no speed with flights is left out."""
+    """One speed in contact is enough for a fit that uses also speeds with flights."""
     law, other, _ = machine("tm21", "tm21", mass=1.8)
     run = measured_run(law, other, "one_mass", (200.0, 300.0, 350.0), QUICK)
     fit = fit_run(law, run, rig, fixed={"restitution": 0.0})
@@ -312,14 +323,14 @@ def test_one_speed_in_contact_is_enough(rig):
 
 
 def test_a_follower_that_bounces_at_random_is_refused(law, rig, paper_rig):
-    """A run without a periodic turn is an error that names the reason."""
+    """A run whose motion is not periodic is refused with the reason."""
     run = measured_run(law, paper_rig, "two_mass", (600.0, 650.0), seed=2)
     with pytest.raises(ConfigError, match="below the jump speed"):
         fit_run(law, run, rig)
 
 
 def test_outliers_of_the_force_are_reported(law, rig):
-    """Spikes of 20 standard deviations in 0.5 % of the samples are reported."""
+    """Spikes of 20 standard deviations in 0.5 % of the force samples are reported."""
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
     force = run.force.value.copy()
     force[::200] += 0.2 * force.max()
@@ -331,9 +342,9 @@ def test_outliers_of_the_force_are_reported(law, rig):
 
 
 def test_force_on_a_dwell_alone_is_fitted(rig):
-    """A follower with hardly any preload on a cam with a dwell is identified.
+    """A follower with almost no preload on a cam with a dwell is identified.
 
-    At some phases all samples in contact are on the dwell.
+    At some trial phases all samples in contact are on the dwell, where they determine little.
     """
     law, other, jump = machine("tm21", "tm21", preload=0.2)
     run = measured_run(law, other, "one_mass", (0.5 * jump, 0.9 * jump), QUICK, 103)

@@ -1,4 +1,4 @@
-"""Start values of a fit: each heuristic with the case that needs it."""
+"""Start values of the rig fit: each heuristic with the case that needs it."""
 
 from dataclasses import replace
 
@@ -27,7 +27,10 @@ IN_CONTACT, WITH_FLIGHTS = (200.0, 280.0, 340.0), (200.0, 350.0, 460.0)
 
 
 def align(law, run, values):
-    """Return the solution for a follower in which only instrument errors are fitted."""
+    """Return the solution in which only instrument errors are fitted.
+
+    The follower has the parameters `values`.
+    """
     segments = measured_segments(run)[1]
     _, phase, zero = rough_start(law, segments, values)
     likelihood = Likelihood(law, segments, (), values, None)
@@ -37,7 +40,7 @@ def align(law, run, values):
 
 @pytest.fixture(scope="module")
 def flying(law, rig):
-    """Aligned solution of three speeds, the fastest with flights.
+    """Solution of three speeds with fitted instrument errors, one with flights.
 
     The restitution is 0.6.
     """
@@ -46,9 +49,9 @@ def flying(law, rig):
 
 
 def test_a_partial_solution_is_extended_to_all_speeds(flying):
-    """The phases of all speeds follow from the line through those of some.
+    """The encoder phases of all speeds follow from those of the fitted speeds.
 
-    A single speed shifts them all by the change of its phase.
+    With several fitted speeds they are on a line. A single fitted speed shifts all by its change.
     """
     for indices in ([0, 1], [1]):
         partial = search(continue_from(flying, FREE, flying.values, indices))
@@ -59,9 +62,9 @@ def test_a_partial_solution_is_extended_to_all_speeds(flying):
 
 
 def test_a_sensor_shows_its_zero_in_flight(law, rig):
-    """The start of the preload is corrected by the sensor's zero in flight.
+    """The start value of the preload is corrected by the sensor's reading in flight.
 
-    A sensor with a zero of -12 N raises the start by 12 N.
+    A zero error of -12 N raises the start value by 12 N. Without flights the start is unchanged.
     """
     run = measured_run(law, rig, "one_mass", WITH_FLIGHTS, ERRORS, 1)
     run = replace(run, force=replace(run.force, value=run.force.value - 12.0))
@@ -76,9 +79,9 @@ def test_a_sensor_shows_its_zero_in_flight(law, rig):
 
 @pytest.mark.slow
 def test_all_restitutions_are_tried_before_a_search(flying):
-    """A search starts from the best of all restitutions.
+    """The search starts from the best of many restitutions.
 
-    A search from 0 stops in a local maximum.
+    Started from 0 it would stop in a local maximum, more than 0.1 off.
     """
     start = continue_from(flying, FREE, flying.values | {"restitution": 0.0})
     found = search_restitution(start, {})
@@ -88,7 +91,7 @@ def test_all_restitutions_are_tried_before_a_search(flying):
 
 
 def test_a_restitution_without_information_stays_at_its_value(law, rig):
-    """Without landings a free restitution keeps its value, and so do other parameters."""
+    """Without landings a free restitution and the other parameters keep their values."""
     run = measured_run(law, rig, "one_mass", IN_CONTACT, ERRORS, 1)
     aligned = align(law, run, numbers_of(rig) | {"restitution": 0.25})
     fixed = search(continue_from(aligned, FREE, aligned.values))
@@ -99,9 +102,10 @@ def test_a_restitution_without_information_stays_at_its_value(law, rig):
 
 
 def test_noise_gives_no_stem(law, rig, paper_rig):
-    """The residual of one mass is noise on its own data, and a pattern for a stem.
+    """An elastic stem is suggested only if the residual of one mass has a pattern.
 
-    The stem that fits best has the natural frequency of the true one.
+    For data of one rigid mass the residual is noise. For data of two masses the suggested stem has
+    the true natural frequency within 3 %.
     """
     for model, other in (("one_mass", rig), ("two_mass", paper_rig)):
         run = measured_run(law, other, model, IN_CONTACT, ERRORS, 2)
@@ -119,7 +123,10 @@ def test_noise_gives_no_stem(law, rig, paper_rig):
 
 
 def test_parameters_of_all_speeds_may_contradict_some(flying):
-    """A solution contradicts that of some speeds if its parameters do not fit them."""
+    """A mass that is 5 % off contradicts the solution of some of the speeds.
+
+    The same parameters do not contradict it.
+    """
     partial = search(continue_from(flying, FREE, flying.values, [0, 1]))
     for factor, contradictory in ((1.0, False), (1.05, True)):
         values = partial.values | {"mass": factor * partial.values["mass"]}
@@ -133,7 +140,10 @@ def test_parameters_of_all_speeds_may_contradict_some(flying):
 
 @pytest.mark.long
 def test_a_ringing_sensor_is_no_stem(law, rig):
-    """A sensor that shows pulls after landings is fitted with a resonance, not a stem."""
+    """A sensor that rings after landings is fitted with a resonance, not with a stem.
+
+    Its reading is then negative at times, although a cam never pulls.
+    """
     errors = InstrumentErrors(sensor_frequency=300.0, sensor_damping=0.01)
     other = rig.with_follower(restitution=0.2)
     run = measured_run(law, other, "one_mass", (200.0, 330.0, 470.0), errors, 1)

@@ -1,4 +1,7 @@
-"""Steady segments of an encoder's counts, and periodic turns of the models."""
+"""Steady segments of encoder readings, and periodic turns of the models.
+
+A steady segment is a time with constant speed. A periodic turn is a motion that repeats each turn.
+"""
 
 from dataclasses import replace
 
@@ -25,8 +28,8 @@ from .machines import numbers_of
 def speed_profile_run(random, rate, counts, ramp):
     """Return a run of a cam at four random speeds, 3 to 12 turns each.
 
-    A ramp of ``ramp`` s is between them. The other results are the speeds and the times of the
-    corners, at which a speed starts or stops.
+    A ramp of `ramp` s joins them. The other results are the speeds (rad/s) and the times (s) at
+    which a speed starts or stops.
     """
     speeds = np.repeat(random.uniform(100.0, 600.0, 4) * RPM, 2)
     lengths = random.uniform(3.0, 12.0, 4) * TURN / speeds[::2]
@@ -48,9 +51,10 @@ def speed_profile_run(random, rate, counts, ramp):
 @pytest.mark.parametrize("ramp", [0.0, 0.05, 0.3])
 @pytest.mark.variants(3)
 def test_no_speed_is_lost_at_a_corner(ramp, counts, rate):
-    """Two speeds that meet at a corner are both found, within their errors.
+    """Two speeds that follow each other with a short ramp are both found.
 
-    Near the corner the readings lie on both lines, to a count.
+    They agree within 0.3 % and 4 standard errors. Near the ramp the readings agree with both speeds
+    within a count.
     """
     random = np.random.default_rng(7)
     for _ in range(3):
@@ -67,7 +71,10 @@ def test_no_speed_is_lost_at_a_corner(ramp, counts, rate):
 
 
 def test_a_speed_that_is_left_out_is_reported(law, rig):
-    """A note reports each speed with too few samples or an unsteady lift."""
+    """A note reports each speed that is excluded, with the reason.
+
+    The reasons are too few samples, and a lift that differs from turn to turn.
+    """
     run = measured_run(law, rig, "kinetostatic", (200.0, 250.0, 300.0), InstrumentErrors(rate=400))
     first, second, _ = (segment for segment in find_steady_segments(run))
     time, lift = run.lift.time, run.lift.value.copy()
@@ -84,7 +91,7 @@ def test_a_speed_that_is_left_out_is_reported(law, rig):
 
 
 def test_a_cam_that_nowhere_turns_steadily_is_refused():
-    """A run that is one ramp is refused."""
+    """A run that is a single speed ramp is refused."""
     time = np.linspace(0.0, 3.0, 3000)
     run = MeasuredRun("ramp", "cam", Signal(time, 40.0 * time**2, "encoder"))
     with pytest.raises(ConfigError, match=r"must turn at a steady speed.*record"):
@@ -92,11 +99,11 @@ def test_a_cam_that_nowhere_turns_steadily_is_refused():
 
 
 def test_the_errors_of_a_line_are_those_of_an_encoder_s_steps():
-    """Encoder steps that drift in strands do not exceed the standard errors.
+    """Speed and angle of a segment are within 4 standard errors.
 
-    This happens at nearly k/n counts per reading. With the scatter of independent readings one
-    speed in twenty was more than four of its errors off, and so was the encoder's zero. Half a
-    count is the lag of the angle in the mean, which is not an error.
+    The encoder steps drift: if a reading interval is nearly a fraction k/n of a count, the rounding
+    errors are not independent. With the scatter of independent readings, one speed in twenty was
+    more than 4 standard errors off. Half a count is the mean lag of the angle, not an error.
     """
     random, count = np.random.default_rng(1), 2.0 * np.pi / 1024
     off = []
@@ -120,9 +127,9 @@ SETTLE = 80
 
 
 def force_off(law, model, parameters, speed, turn, rate=5000):
-    """Return the force error of a steady turn relative to its peak, after many turns.
+    """Return the force error of a periodic turn, relative to the peak force.
 
-    The reference is the last of many turns from rest. The lifts must agree to 1e-9 m.
+    The reference is the last of many simulated turns from rest. The lifts must agree within 1e-9 m.
     """
     begin = round(SETTLE * TURN / speed * NS)
     first = Interval(0, begin, 0.0, speed)
@@ -138,32 +145,32 @@ def force_off(law, model, parameters, speed, turn, rate=5000):
 @pytest.mark.parametrize("rpm", [200.0, 430.0, 470.0])
 @pytest.mark.parametrize("restitution", [0.0, 0.3])
 def test_one_mass(law, rig, rpm, restitution):
-    """One mass agrees with the model in contact and with flights and bounces."""
+    """The periodic turn of one mass equals the simulation, also with bounces."""
     parameters = MODELS["one_mass"].parameters(rig.with_follower(restitution=restitution))
     turn = one_mass_turn(law, parameters, rpm * RPM)
     away = force_off(law, "one_mass", parameters, rpm * RPM, turn)
-    assert (away > 1e-4).sum() <= 2  # a sample next to a landing may fall on its other side
+    assert (away > 1e-4).sum() <= 2  # samples next to a landing
 
 
 @pytest.mark.parametrize("rpm", [250.0, 420.0])
 def test_two_masses(law, two_mass, rpm):
-    """Two masses agree with many turns from rest, in contact and with lift-offs."""
+    """The periodic turn of two masses equals many turns from rest."""
     turn = two_mass_turn(law, two_mass, rpm * RPM)
     assert bool(turn.events) == (rpm > 400.0)
     assert np.median(force_off(law, "two_mass", two_mass, rpm * RPM, turn)) < 1e-6
 
 
 def test_a_stem_with_excessive_damping_has_no_turn(laws):
-    """A stem with excessive damping has no periodic turn.
+    """A stem with excessive damping has no periodic turn, and the search returns None.
 
-    Its flight opened slowly and was followed in steps of 1e-12 s for an hour.
+    Its flight starts so slowly that steps of 1e-12 s once took an hour.
     """
     parameters = TwoMassParameters(0.0156, 0.839, 1.06, 4511.0, 9.69e8, 7.1, 30.0, 0.0)
     assert two_mass_turn(laws["bezier15"], parameters, 18.2) is None
 
 
 def test_a_turn_is_found_from_its_neighbour(law, two_mass):
-    """A search from the turn of a similar follower gives the same turn."""
+    """A search that starts from the turn of a similar follower finds the same turn."""
     near, other = two_mass_turn(law, two_mass, 420.0 * RPM), replace(two_mass, preload=30.7)
     angle = np.linspace(0.0, TURN, 500)
     one = two_mass_turn(law, other, 420.0 * RPM, near).evaluate(angle)[1]
@@ -172,9 +179,10 @@ def test_a_turn_is_found_from_its_neighbour(law, two_mass):
 
 
 def test_a_sensor_s_resonance_is_its_transfer_function(law, rig):
-    """The response of the sensor is 1/(1 + 2iζr − r²) for each order.
+    """The response of the force sensor to each order is 1/(1 + 2iζr − r²).
 
-    Far above the orders of the force it shows the force.
+    r is the frequency of the order divided by the sensor's, ζ the damping ratio. A sensor far above
+    all orders shows the force.
     """
     parameters = MODELS["one_mass"].parameters(rig)
     turn, speed = one_mass_turn(law, parameters, 300.0 * RPM), 300.0 * RPM
@@ -190,16 +198,16 @@ def test_a_sensor_s_resonance_is_its_transfer_function(law, rig):
 
 @pytest.mark.parametrize("cam", ["poly345", "arcs_straight", "tm21"])
 def test_a_stem_is_in_series_with_the_end_mass(laws, two_mass, cam):
-    """The force by harmonics agrees with the exact motion to 1 % of the vibration.
+    """The force by harmonics equals the exact force within 1 % of the vibration.
 
-    With more periods per turn than points allow, the error grows with their square.
+    If the stem has more periods per turn than the points resolve, the error grows with the square.
     """
     random, law = np.random.default_rng(len(cam)), laws[cam]
     for frequency in (9.0, *np.exp(random.uniform(np.log(20.0), np.log(2900.0), 20))):
         speed = np.exp(random.uniform(np.log(20.0), np.log(6000.0))) * RPM
         p = replace(
             two_mass,
-            preload=1e6,  # never off the cam
+            preload=1e6,  # keeps contact
             stem_stiffness=two_mass.end_mass * (TURN * frequency) ** 2,
             stem_damping=0.02 * two_mass.end_mass * TURN * frequency,
         )
@@ -214,11 +222,11 @@ def test_a_stem_is_in_series_with_the_end_mass(laws, two_mass, cam):
 
 
 def test_a_follower_that_chatters_without_end_has_no_steady_turn(law, rig, monkeypatch):
-    """A search continues if a candidate has no motion at a speed."""
-    monkeypatch.setattr(OneMassTrajectory, "max_events", 0)  # one that lifts off chatters
+    """The search continues if a trial has no periodic motion at one of the speeds."""
+    monkeypatch.setattr(OneMassTrajectory, "max_events", 0)  # any lift-off counts as endless
     run = measured_run(law, rig, "kinetostatic", (200.0, 300.0), InstrumentErrors(rate=200), 1)
     values = numbers_of(rig) | {"restitution": 0.0}
-    loose = values | {"spring_stiffness": 1000.0}  # leaves the cam from 236 rpm on
+    loose = values | {"spring_stiffness": 1000.0}  # lifts off above 236 rpm
     like = Likelihood(law, measured_segments(run)[1], ("spring_stiffness",), values, None)
     start = Candidate(like, like.start(loose, 0.0, 0.0))
     with pytest.raises(EndlessEventsError, match="allowed: 0 per turn"):

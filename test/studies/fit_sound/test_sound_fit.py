@@ -1,4 +1,7 @@
-"""cam-rig fit sound: fits to known constants, tables of levels, and the rig file."""
+"""Command `cam-rig fit sound`: fits to known constants, level tables, rig file.
+
+Two constants, a gain and a corner frequency, convert the contact force to a sound level.
+"""
 
 import json
 import math
@@ -25,12 +28,15 @@ SPEEDS = np.arange(200.0, 401.0, 25.0)
 
 @pytest.fixture(scope="module")
 def scene():
-    """Return the scene of the paper's noise measurements."""
+    """Scene of the paper's noise measurements."""
     return load_scene("tm21_sweep")
 
 
 def levels_of(scene, radiation, zigzag=0.0):
-    """Return speeds and levels of the 3-4-5 cam, with ``zigzag`` dB added alternately."""
+    """Return speeds (rpm) and levels (dB) of the 3-4-5 cam, shape (n, 2).
+
+    `zigzag` dB are added with alternating sign.
+    """
     law, follower = scene.laws["poly345"], scene.follower
     power = [steady_power(law, follower, radiation, rpm * RPM) for rpm in SPEEDS.tolist()]
     levels = level_db(np.sqrt(np.array(power))) + zigzag * (-1.0) ** np.arange(SPEEDS.size)
@@ -54,7 +60,7 @@ def save(tmp_path):
 
 @pytest.mark.parametrize(("gain", "corner"), [(2e-4, 15.0), (5e-5, 60.0)])
 def test_recovers_gain_and_corner(scene, gain, corner):
-    """The fit returns gain and corner frequency of simulated levels, to 1e-4."""
+    """The fit returns gain and corner frequency of simulated levels within 1e-4."""
     true = replace(scene.radiation, gain=gain, corner_frequency=corner)
     found = cam_rig.fit_sound(levels_of(scene, true), scene)
     assert found.cam == "poly345"
@@ -64,7 +70,7 @@ def test_recovers_gain_and_corner(scene, gain, corner):
 
 
 def test_residual_is_the_rms_difference(scene):
-    """The residual of a fit is the r.m.s. difference of its levels.
+    """The residual of a fit is the r.m.s. difference of fitted and given levels.
 
     Alternating errors of ±0.5 dB give 0.4 to 0.5 dB.
     """
@@ -111,7 +117,7 @@ def test_refusals(scene, levels, error):
     ],
 )
 def test_tables(save, text):
-    """Tables of levels in each usual form give the same numbers.
+    """Tables of levels in various usual formats give the same numbers.
 
     They differ in separator, decimal mark, columns, unit names and empty levels.
     """
@@ -148,7 +154,7 @@ def test_units_of_speed_are_read(save, heading, speed):
     assert levels == pytest.approx(np.array([[200.0, 75.6]]), rel=1e-12)
 
 
-# Command.
+# -- the command `cam-rig fit sound`
 
 
 def test_a_dry_run_writes_nothing(scene, save):
@@ -162,7 +168,10 @@ def test_a_dry_run_writes_nothing(scene, save):
 
 
 def test_levels_of_another_cam_than_that_of_the_file_are_refused(scene, save):
-    """Levels of another cam than the calibrated one are refused with both names."""
+    """Levels of another cam than that of the rig's calibration are refused.
+
+    The error names both cams.
+    """
     path = save(np.column_stack([SPEEDS, scene.published_levels("bezier15", SPEEDS)]))
     result = call("fit", "sound", path, "tm21_sweep", "--cam", "bezier15")
     assert result.exit_code == 2
@@ -173,14 +182,17 @@ def test_levels_of_another_cam_than_that_of_the_file_are_refused(scene, save):
 
 
 def roles(scene):
-    """Return the origin of the level of each cam of a scene."""
+    """Return a dict from cam to the origin of its level, such as calibrated."""
     loaded = load_scene(scene)
     return {cam: loaded.level_origin(cam) for cam in loaded.cams}
 
 
 @pytest.mark.long
 def test_a_calibration_is_valid_for_its_follower_only(tmp_path, save):
-    """After a change of the mass all levels are relative until the next calibration."""
+    """After a change of the follower's mass, all levels are relative to a reference.
+
+    A new calibration makes them absolute again.
+    """
     copytree(config_root(), tmp_path / "own")
     scene, rig = (tmp_path / "own" / f for f in ("scenes/tm21_sweep.yaml", "rigs/tm21.yaml"))
     rig.write_text(rig.read_text(encoding="utf-8").replace("given: 1.3,", "given: 1.2,"))
@@ -194,7 +206,7 @@ def test_a_calibration_is_valid_for_its_follower_only(tmp_path, save):
     assert set(roles(scene).values()) == {"relative"}
 
 
-# Numbers in a YAML file.
+# -- numbers in a YAML file
 
 TEXT = """\
 # A comment that stays.
@@ -215,15 +227,16 @@ segments:
 
 @pytest.fixture
 def path(tmp_path):
+    """Small rig file with comments, which a test changes."""
     path = tmp_path / "rig.yaml"
     path.write_text(TEXT, encoding="utf-8")
     return path
 
 
 def test_numbers_are_written_with_source_and_residual(path):
-    """A fitted number is written as identified, with source and residual.
+    """A fitted number is written as `identified`, with its source and residual.
 
-    Earlier ones are replaced.
+    An earlier source and residual are replaced.
     """
     numbers = {("radiation", "gain"): 9.8e-5, ("radiation", "corner_frequency"): 18.4}
     set_identified(path, {**numbers, ("segments", 0, "span"): 117.5}, 'a "fit"', "0.6 dB, 2 of 3")

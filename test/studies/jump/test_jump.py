@@ -1,4 +1,7 @@
-"""Jump speeds compared with Table 2 and along a ramp, and cam-rig jump."""
+"""Jump speeds against the paper's Table 2 and along ramps, and `cam-rig jump`.
+
+The jump speed is the speed at which the follower first loses contact.
+"""
 
 import json
 import math
@@ -29,25 +32,25 @@ FIVE = {"bezier15": 570, "poly345": 415, "poly4567": 390, "cycloidal": 410, "bez
 
 @pytest.fixture(scope="module")
 def published(config_dir):
-    """Tables of the paper."""
+    """Tables of the paper, as stored in the configuration folder."""
     return load_tables(config_dir / "published" / "tables" / "paper.yaml")
 
 
 @pytest.fixture(scope="module")
 def found(cam_set, published):
-    """Jumps of the five cams."""
+    """Jump speeds of the five cams of Table 2, with the published values."""
     return find_jumps(cam_set, references(cam_set, published))
 
 
 def test_table_2(found):
-    """Computed jump speeds agree with Table 2 within 1 %, r.m.s.
+    """The computed jump speeds agree with Table 2 within 1 % r.m.s.
 
-    This applies to the four fitted laws, and also to the fifth.
+    The rig was fitted to four of the laws. The fifth, a test, agrees within 1 % too.
     """
     compared = found.comparison
     assert (compared.cams, compared.fitted, compared.same_ranking) == (4, True, True)
     assert compared.rms == rms_difference(row for row in found.rows if row.role == "fitted") < 0.01
-    assert compared.turns[1] < compared.published_turns[0]  # not reproduced
+    assert compared.turns[1] < compared.published_turns[0]  # the published times are not reproduced
     (test,) = [row for row in found.rows if row.role == "test"]
     assert test.cam == "bezier_segments"
     assert abs(test.difference) < 0.01
@@ -56,20 +59,23 @@ def test_table_2(found):
 
 
 def test_slow_ramp_is_the_steady_state(laws, two_mass):
-    """On a slow ramp contact is lost within two turns of the steady jump speed."""
+    """On a slow speed ramp contact is lost within two turns of the steady jump speed.
+
+    On a fast ramp it is lost at a higher speed.
+    """
     law = laws["poly4567"]
     steady = find_jump(law, two_mass, None).rpm
     slow, fast = (jump_along_ramp(law, two_mass, rate * RPM) for rate in (20.0, 2000.0))
-    turn = 20.0 * 60.0 / steady  # rpm that the ramp gains in a turn
+    turn = 20.0 * 60.0 / steady  # rise of the speed per turn, rpm
     assert steady - 0.1 * turn < slow.rpm < steady + 2.0 * turn
     assert fast.rpm > slow.rpm
     assert slow.time == pytest.approx(slow.rpm / 20.0, rel=1e-12)
 
 
 def test_the_role_depends_on_the_content_of_the_files(cam_set, published):
-    """A cam has a role in the comparison only with the rig and angles of the paper.
+    """A cam is compared as fitted or test only with the rig and angles of the paper.
 
-    A cam with another motion is not in the table.
+    With another rig or other angles it has no role. A cam with another law is not in the table.
     """
     roles = {cam: known.role for cam, known in references(cam_set, published).items()}
     assert roles == dict.fromkeys(FIVE, "fitted") | {"bezier_segments": "test"}
@@ -85,9 +91,9 @@ def test_the_role_depends_on_the_content_of_the_files(cam_set, published):
 
 
 def test_comparison_on_another_rig(found):
-    """On a rig that was not identified from the cams the difference is over all cams.
+    """On a rig that was not identified from the cams, all cams are in the comparison.
 
-    Along a ramp there is no comparison.
+    Without published speeds, or along a ramp, there is no comparison.
     """
 
     def compared(**changes):
@@ -108,7 +114,7 @@ def test_runs_and_ramps_have_limits(cam_set):
             find_jumps(cam_set.select(["poly345"]), {}, ramp=ramp)
 
 
-# Table.
+# -- table of the results
 
 AT = Jump(40.0, math.pi, 0.5)
 FITTED = JumpRow("a", AT, Jump(41.0, 0.0, 0.0), 400.0, 1.5, "fitted", rigid_rpm=390.0)
@@ -122,7 +128,7 @@ def shown(cam_set, *rows):
 def test_a_row_has_its_units(cam_set):
     """The table of jump speeds has rpm, degrees and percent.
 
-    A column without values is not displayed.
+    A column in which no row has a value is omitted.
     """
     table = shown(cam_set, FITTED)
     assert table.caption == "Jump speed on rig paper_table2: two masses, 1.7 s from rest"
@@ -136,14 +142,14 @@ def test_a_row_has_its_units(cam_set):
     assert not any("Fitted" in note for note in bare.notes)
 
 
-# Command.
+# -- the command `cam-rig jump`
 
 
 call = partial(run, "jump")
 
 
 def run_json(*arguments):
-    """Run cam-rig jump, and return its rows by cam, the run, and the text on stderr."""
+    """Run `cam-rig jump` and return its rows by cam, the run data, and stderr."""
     result = call(*arguments, "--json", "-")
     assert result.exit_code == 0, result.output
     data = json.loads(result.stdout)
@@ -151,7 +157,7 @@ def run_json(*arguments):
 
 
 def test_other_cams_and_runs(tmp_path):
-    """A cam that is not in the paper is not compared, and neither is a ramp."""
+    """A cam that the paper does not contain is not compared, and neither is a ramp."""
     rows, run, words = run_json("modified_sine", "--steady", "--plot", tmp_path / "a.png")
     row = rows["modified_sine"]
     assert row["published_rpm"] is run["duration"] is None
@@ -166,9 +172,9 @@ def test_other_cams_and_runs(tmp_path):
 
 
 def test_a_rig_without_a_stem_has_a_jump_speed():
-    """A rig without a stem has the jump speed of one rigid mass.
+    """A rig without an elastic stem has the jump speed of one rigid mass.
 
-    Text and JSON contain rig and follower.
+    Text and JSON state the rig and the kind of follower.
     """
     rows, run, words = run_json("poly345", "--rig", "tm21")
     assert (run["rig"], run["follower"]) == ("tm21", "one rigid mass")
@@ -179,9 +185,9 @@ def test_a_rig_without_a_stem_has_a_jump_speed():
 
 
 def test_a_rig_of_four_numbers_has_a_jump_speed(tmp_path, rig):
-    """A rig of mass, spring, damping and preload has the jump speed of a whole rig.
+    """A rig file with only mass, spring, damping and preload is sufficient.
 
-    With an incomplete stem it is refused.
+    It has the jump speed of the complete rig. With an incomplete stem it is refused.
     """
     keys = {"mass", "spring_stiffness", "damping", "preload"}
     four = rig.follower.model_dump(exclude_none=True, include=keys)

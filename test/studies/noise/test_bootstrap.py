@@ -1,4 +1,4 @@
-"""Resampling, bands, crossings, claims and the fit of arcs, against known results."""
+"""Bootstrap bands, crossings of level curves, claims, and the fit of the arc cam."""
 
 from itertools import chain
 from types import SimpleNamespace
@@ -28,9 +28,9 @@ RPM = np.linspace(200.0, 400.0, 21)
 
 
 def test_draws_are_blocks_of_the_residual():
-    """A draw consists of blocks of neighbouring residuals.
+    """A bootstrap draw consists of blocks of neighbouring residuals.
 
-    All residuals are equally likely.
+    All residuals are equally likely, within 10 % of 1/21.
     """
     residual = np.arange(21.0)
     draws = resample(residual, np.random.default_rng(2))
@@ -38,13 +38,13 @@ def test_draws_are_blocks_of_the_residual():
     inner = np.diff(draws, axis=1).reshape(-1, 20)
     joints = [bootstrap.BLOCK - 1, 2 * bootstrap.BLOCK - 1]
     within = np.delete(inner, joints, axis=1)
-    assert set(np.unique(within)) == {1.0, -20.0}  # the next speed, or from the last to the first
+    assert set(np.unique(within)) == {1.0, -20.0}  # next speed, or from last to first
     share = np.bincount(draws.astype(int).ravel(), minlength=21) / draws.size
     np.testing.assert_allclose(share, 1.0 / 21.0, rtol=0.1)
 
 
 def test_the_band_contains_95_percent():
-    """The band of normal draws is ±1.96 standard deviations."""
+    """The 95 % band of normally distributed draws is ±1.96 standard deviations."""
     draws = np.random.default_rng(4).normal(80.0, 2.0, size=(20_000, 3))
     band = Band.of(draws)
     np.testing.assert_allclose(band.high - 80.0, 1.96 * 2.0, atol=0.1)
@@ -52,7 +52,10 @@ def test_the_band_contains_95_percent():
 
 
 def test_crossing_of_known_lines():
-    """`crossing` returns the root nearest to the published crossing, or None."""
+    """`crossing` returns the speed (rpm) where two level curves are equal, or None.
+
+    Of several crossings it returns the one nearest to the given speed.
+    """
     flat = np.full(21, 80.0)
     assert crossing(RPM, flat + 0.1 * (RPM - 330.0), flat, 335.0) == pytest.approx(330.0, abs=1e-6)
     bent = flat + 1e-3 * (RPM - 220.0) * (RPM - 340.0)
@@ -62,7 +65,7 @@ def test_crossing_of_known_lines():
 
 
 def test_crossing_of_points():
-    """`points_crossing` returns the intersection of polylines nearest to a speed.
+    """`points_crossing` returns the crossing of two polylines nearest to a speed.
 
     It is None if they do not cross.
     """
@@ -76,7 +79,7 @@ def test_crossing_of_points():
 
 
 def test_deviation_of_a_crossing():
-    """The deviation of a crossing is that of the levels divided by the slope.
+    """The standard deviation of a crossing is that of the levels divided by the slope.
 
     With a slope of 0.1 dB/rpm, 0.5 dB shift the crossing by 5 rpm.
     """
@@ -103,7 +106,10 @@ ROLES = StudyRoles(reference="conventional", predicted="proposed", arcs="arcs")
 
 
 def claims(crossover=335.0, **levels):
-    """Return the tests of each claim for curves with the same levels in each test."""
+    """Return the tests of each claim of the paper, for the given level curves.
+
+    The curves are used for published, regression and computed levels.
+    """
     curves = {
         cam: SimpleNamespace(rpm=RPM, published_db=level, regression_db=level, level_db=level)
         for cam, level in levels.items()
@@ -115,7 +121,7 @@ def claims(crossover=335.0, **levels):
 def test_a_claim_that_is_true_at_every_speed():
     """A claim that is true at every speed holds in all cases, and `fails_rpm` is None.
 
-    The curve of the arcs crosses both others at 335 rpm.
+    The level curve of the arc cam crosses both others at 335 rpm.
     """
     tests = claims(arcs=(RPM - 335.0) / 10.0, conventional=0.0 * RPM + 0.5, proposed=0.0 * RPM)
     assert [[test.tested_on for test in claim] for claim in tests] == [list(TESTED_ON)] * 3
@@ -125,9 +131,9 @@ def test_a_claim_that_is_true_at_every_speed():
 
 
 def test_a_claim_that_is_false_at_some_speeds():
-    """A claim that is false at some speeds reports their range.
+    """A claim that is false at some speeds reports the range of these speeds.
 
-    If the arcs cross at 355 rpm, the claim is false at two speeds above 335 rpm.
+    The arc cam's curve crosses at 355 rpm, so the claim is false at two speeds above 335 rpm.
     """
     found = claims(arcs=(RPM - 355.0) / 10.0, conventional=0.0 * RPM - 1.0, proposed=0.0 * RPM)
     (quietest, *_), (against_arcs, *_), (against_conventional, *_) = found
@@ -136,14 +142,14 @@ def test_a_claim_that_is_false_at_some_speeds():
     assert (against_conventional.holds, against_conventional.fails_rpm) == (0, (340.0, 400.0))
 
 
-# -- shape of the arc cam: conversions, and a fit to simulated levels --------------------------
+# -- shape of the arc cam: conversions, and a fit of the shape to simulated levels
 
 
 SPEEDS = np.array([200.0, 240.0, 280.0, 320.0, 360.0, 400.0]) * np.pi / 30.0
 
 
 def test_shape_of_a_cam_file(cams, laws):
-    """The shape of a cam file of arcs reproduces its nose and its law."""
+    """The shape read from an arc cam file gives the nose and the law of that file."""
     shape = ArcShape.of(cams["tm21"])
     circles = arc_cam(cams["tm21"])
     assert shape.nose(circles.base_radius) == pytest.approx(2.0 * circles.nose_half_angle, rel=1e-9)
@@ -159,9 +165,9 @@ def test_impossible_shape_is_refused(cams):
 
 @pytest.fixture
 def problem(make_loaded_scene):
-    """Fit to the levels of a shape 4 % lower and 2 % shorter than the file's.
+    """Fit of an arc shape to simulated levels, the acoustics, and the true shape.
 
-    The other values are the acoustics and the true shape.
+    The true shape is 4 % lower and 2 % shorter than that of the cam file.
     """
     loaded = make_loaded_scene(cams=["tm21"], speeds=[200])
     cam, acoustics = loaded.cams["tm21"], Acoustics(loaded.radiation)
@@ -174,7 +180,7 @@ def problem(make_loaded_scene):
 
 
 def test_the_fit_reproduces_the_curve_of_a_shape(problem):
-    """A fit that starts at the file's shape reproduces the levels to 0.1 dB."""
+    """A fit that starts at the cam file's shape reproduces the levels within 0.1 dB."""
     problem, acoustics, true = problem
     shape = problem.fit(ArcShape.of(problem.cam), acoustics)
     residual = cubic_projection(SPEEDS) @ problem.cam_of(shape).difference(acoustics)
@@ -183,7 +189,7 @@ def test_the_fit_reproduces_the_curve_of_a_shape(problem):
 
 
 def test_sensitivity_is_the_derivative(problem):
-    """The sensitivity to the shape agrees with a wider symmetric difference.
+    """The derivative of the levels by the shape equals a difference quotient.
 
     This applies at speeds without lift-off.
     """
@@ -197,7 +203,10 @@ def test_sensitivity_is_the_derivative(problem):
 
 
 def test_with_geometry(cams):
-    """A cam with another geometry has spans of one turn, and keeps all origins."""
+    """A cam with a changed geometry still has spans of one turn in total.
+
+    The origin of each number is unchanged.
+    """
     trial = with_geometry(cams["tm21"], lift_mm=8.0, event_deg=130.0, nose_deg=90.0)
     spans = [segment.span.raw for segment in trial.segments]
     assert spans == [115.0, 130.0, 115.0]

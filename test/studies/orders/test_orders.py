@@ -1,4 +1,7 @@
-"""cam-rig orders for a cam and a scene: tables, CSV, JSON, figure, errors."""
+"""Orders (multiples of the cam's rotation frequency) of force and sound.
+
+The tests cover the command `cam-rig orders`, the Fourier integrals and the order spectra.
+"""
 
 import csv
 import dataclasses
@@ -33,9 +36,9 @@ from ...cli.conftest import data_of, done
 
 
 def test_a_cam_at_one_speed():
-    """cam-rig orders prints the orders of a cam at one speed as CSV.
+    """`cam-rig orders` prints the orders of a cam at one speed as CSV.
 
-    Rise and fall of 3-4-5 are equal, so that even orders are rounding.
+    Rise and fall of the 3-4-5 cam are equal, so the even orders are zero within rounding.
     """
     result = done("orders", "poly345", "--rpm", "400", "--orders", "12", "--csv", "-")
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
@@ -48,9 +51,9 @@ def test_a_cam_at_one_speed():
 
 
 def test_a_scene_over_speed(tmp_path):
-    """cam-rig orders of a scene has its cams, rig, model and speeds.
+    """`cam-rig orders` of a scene uses its cams, rig, model and speeds.
 
-    The phase relates to θ, so that the orders add up to the force at θ = 0.
+    The phases relate to θ, so that the orders add up to the force at θ = 0, which is the preload.
     """
     found = data_of("orders", "quick", "--orders", "20", "--plot", tmp_path / "a.png")
     speeds = {(row["cam"], row["rpm"]): row for row in found["speeds"]}
@@ -77,14 +80,14 @@ def test_speeds_are_parsed():
             parse_speeds(wrong)
 
 
-# -- the Fourier integrals against 50 digits, at every phase and damping -----------------------
+# -- Fourier integrals against 50 digits, at every phase and damping
 
 
 PHASES = np.array([0.0, 1e-9, 0.3, 2.0, 7.0, 31.0, 400.0, 1e4])
 
 
 def by_digits(coefficients, phase):
-    """Return ∫₀¹ Σ aᵢ uⁱ e^{−iφu} du, computed in 60 digits.
+    """Return ∫₀¹ Σ aᵢ uⁱ e^{−iφu} du in 60 digits, with the phase φ.
 
     It is integrated by parts, or by a series for a small phase.
     """
@@ -116,9 +119,9 @@ def test_a_polynomial_at_any_phase(degree):
 
 @pytest.mark.parametrize("ratio", [0.0, 1e-6, 0.02, 0.7, 0.9999999, 1.0, 1.5, 40.0])
 def test_a_vibration_at_any_damping(ratio):
-    """The Fourier integral of a vibration agrees with 50 digits at any damping.
+    """The Fourier integral of a free vibration agrees with 50 digits at any damping.
 
-    It is undamped in resonance, critical or overdamped.
+    The cases include an undamped vibration in resonance, and critical and higher damping.
     """
     own, length = 300.0, 0.05
     matrix = np.array([[0.0, 1.0], [-(own**2), -2.0 * ratio * own]])
@@ -130,7 +133,7 @@ def test_a_vibration_at_any_damping(ratio):
         for rate, value in zip(rates, found, strict=True):
             shift = mpmath.mpc(0, float(rate))
             shifted = mpmath.matrix(matrix.tolist()) - shift * mpmath.eye(2)
-            both = mpmath.zeros(4)  # the integral is a corner of one exponential
+            both = mpmath.zeros(4)  # the integral is a block of one exponential
             both[:2, :2], both[:2, 2:] = shifted * length, mpmath.eye(2) * length
             integral = mpmath.expm(both)[:2, 2:] * mpmath.matrix(start.tolist())
             exact = complex((mpmath.matrix(row.tolist()).T * integral)[0])
@@ -138,7 +141,7 @@ def test_a_vibration_at_any_damping(ratio):
 
 
 def test_half_a_sine_of_unit_area():
-    """The Fourier integral of half a sine of unit area agrees with a quadrature.
+    """The Fourier integral of a half sine of unit area agrees with a quadrature.
 
     It is 1 at φ = 0 and π/4 at φ = π.
     """
@@ -155,14 +158,14 @@ def test_half_a_sine_of_unit_area():
     assert abs(pulse_integral(np.array([np.pi]))[0]) == pytest.approx(np.pi / 4, abs=1e-15)
 
 
-# -- orders of force and sound against the equations of the models, energy, and the FFT --------
+# -- orders of force and sound against the equations of the models, energy, and an FFT
 
 
 PAPER = cam_rig.load_rig("paper_table2")
 
 
 def random_law(seed, name="random"):
-    """Return a smooth law of three pieces that is C³ at each joint."""
+    """Return a smooth law of three Bézier segments that is C³ at each joint."""
     random = np.random.default_rng(seed)
     breaks = np.array([0.0, *np.sort(random.uniform(0.8, TURN - 0.8, 2)), TURN])
     places = random.uniform(0.0, 0.02, 3)
@@ -181,7 +184,10 @@ def random_rig(seed):
 
 
 def force_by_transfer(model, rig, lift, p, preload):
-    """Return F_n = Z(p) s_n at p = inω, by the equations of docs/theory.md."""
+    """Return the order F_n = Z(p) s_n of the force from the lift's order s_n.
+
+    p is inω. The dynamic stiffness Z follows from the equations of docs/theory.md.
+    """
     f = FollowerParameters.from_rig(rig)
     if model in ("kinetostatic", "one_mass"):
         force = (f.mass * p**2 + f.damping * p + f.spring_stiffness) * lift
@@ -200,25 +206,31 @@ def force_by_transfer(model, rig, lift, p, preload):
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
 @pytest.mark.parametrize("seed", range(3))
 def test_in_contact_an_order_is_the_lifts_times_the_stiffness(model, seed):
-    """An order of the force is that of the lift times the dynamic stiffness."""
+    """In contact an order of the force is the lift's times the dynamic stiffness.
+
+    The tolerance is 2e-12 of the largest order plus the amplified rounding of the lift's order.
+    """
     law, rig, speed = random_law(seed), random_rig(seed), (150.0 + 60.0 * seed) * RPM
     found = order_spectrum(law, model, rig, speed, 60)
     assert found.steady.settled
     assert (found.steady.turns, found.steady.landings) == (1, ())
     preload = FollowerParameters.from_rig(rig).preload
-    lift = np.zeros(found.orders.size, dtype=complex)  # from its ordinates
+    lift = np.zeros(found.orders.size, dtype=complex)  # computed from the ordinates
     for low, span, column in zip(law.breaks[:-1], law.spans, law.ordinates.T, strict=True):
         integral = polynomial_integral(column, found.orders * span)
         lift += span / TURN * np.exp(-1j * found.orders * low) * integral
     wanted = force_by_transfer(model, rig, lift, 1j * found.orders * speed, preload)
-    # The stiffness multiplies the rounding error of s_n.
+    # The stiffness multiplies the rounding error of the lift's order.
     rounding = 1e-15 * np.abs(wanted / lift)
     assert (np.abs(found.force - wanted) < 2e-12 * found.amplitude.max() + rounding).all()
 
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "b_spline"])
 def test_all_orders_together_have_the_energy_of_the_turn(cam, laws, rig, follower):
-    """The mean squares of all orders add up to that of the sound (Parseval)."""
+    """The mean squares of all orders add up to that of the sound (Parseval).
+
+    The levels agree within 2e-6 dB.
+    """
     law, speed, radiation = laws[cam], 300 * RPM, RadiationParameters.from_rig(rig)
     found = order_spectrum(law, "kinetostatic", rig, speed, 2000)
     exact = radiation.gain**2 * mean_square_rate(law, follower, radiation.corner_rate, speed)
@@ -237,9 +249,9 @@ def test_all_orders_together_have_the_energy_of_the_turn(cam, laws, rig, followe
     ],
 )
 def test_an_fft_agrees_with_the_orders(cam, model, rpm, away, laws, rig):
-    """An FFT of the force agrees with the orders up to its sampling error.
+    """An FFT of the sampled force agrees with the orders up to its sampling error.
 
-    That is rounding, or one sample at a jump of the force.
+    That is rounding for a smooth force, and one sample at a jump of the force.
     """
     own = PAPER if model in ("elastic_stem", "two_mass") else rig
     steady = steady_force(laws[cam], model, own, rpm * RPM)
@@ -249,7 +261,7 @@ def test_an_fft_agrees_with_the_orders(cam, model, rpm, away, laws, rig):
     exact = force_orders(bare, orders * rpm * RPM / steady.turns, 1e-4)
     peak = np.abs(exact).max()
     differences = []
-    for count in (2**14, 2**17):  # the mean of both sides at a jump of the force
+    for count in (2**14, 2**17):  # both sides' mean at a jump
         samples = steady.at(np.arange(count) * (steady.duration / count))
         differences.append(np.abs(np.fft.fft(samples)[: orders.size] / count - exact).max() / peak)
     assert differences[0] < 10.0 * away
@@ -257,7 +269,10 @@ def test_an_fft_agrees_with_the_orders(cam, model, rpm, away, laws, rig):
 
 
 def test_the_orders_agree_with_the_microphone(make_loaded_scene):
-    """The level of all orders up to 60 kHz is that of the microphone, with landings."""
+    """The level of all orders up to 60 kHz equals that of the simulated microphone.
+
+    The motion has one landing per turn. The tolerance is 0.02 dB.
+    """
     loaded = make_loaded_scene(cams=["tm21"], speeds=[350, 400], turns=3, sample_rate=192_000)
     silent = dataclasses.replace(loaded.radiation, background=-200.0)
     source = SoundSource(silent, 192_000, least_rate=192_000)
@@ -272,10 +287,7 @@ def test_the_orders_agree_with_the_microphone(make_loaded_scene):
 
 
 def test_a_force_with_a_period_of_two_turns_has_half_orders(laws):
-    """A force with a period of two turns has half orders.
-
-    Every other coefficient is an order of the cam.
-    """
+    """A force that repeats every two turns has orders 0.5, 1, 1.5 and so on."""
     found = order_spectrum(laws["bezier15"], "two_mass", PAPER, 600 * RPM, 20)
     assert found.steady.turns == 2
     assert found.orders[:4].tolist() == [0.0, 0.5, 1.0, 1.5]
@@ -287,7 +299,7 @@ def test_a_force_with_a_period_of_two_turns_has_half_orders(laws):
 def test_a_smoother_cam_sounds_at_fewer_orders(laws, rig):
     """A smoother law has 99 % of its sound power in fewer orders.
 
-    A jump of the force extends to the highest order.
+    A jump of the force, as on the TM21's cam, excites all orders.
     """
     highest = {}
     for cam in ("tm21", "poly345", "bezier15"):

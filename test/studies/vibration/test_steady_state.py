@@ -1,4 +1,4 @@
-"""Residual and torsional vibration, against closed forms and limits."""
+"""Residual and torsional vibration of the steady motion against closed forms."""
 
 from dataclasses import replace
 
@@ -30,14 +30,14 @@ from ..conftest import FIVE
 
 @pytest.fixture(scope="module")
 def soft(cam_set):
-    """Follower of the rig as one mass on the stem."""
+    """Follower of the rig as one mass on an elastic stem."""
     return FollowerParameters.from_rig(cam_set.rig)
 
 
 def test_the_low_dwell_may_contain_angle_zero(laws):
-    """The low dwell around θ = 0 is a single interval.
+    """A low dwell that extends over θ = 0 is a single interval.
 
-    Bézier 15, which has no dwell, has a window of 62.5° instead.
+    Bézier 15, which has no dwell, gets an interval of 62.5° around its lowest lift instead.
     """
     found, other = low_dwell(laws["poly345"]), low_dwell(laws["bezier15"])
     assert found.dwell and not other.dwell
@@ -55,7 +55,7 @@ def test_the_low_dwell_may_contain_angle_zero(laws):
     ],
 )
 def test_low_dwell_anywhere(make_cam, parts, start, span):
-    """`low_dwell` returns the low dwell, or a window at the lowest lift without one."""
+    """`low_dwell` returns the low dwell, or an interval around the lowest lift."""
     low = low_dwell(build_law(make_cam(*parts)))
     assert low.dwell == (start is not None)
     if low.dwell:
@@ -65,16 +65,16 @@ def test_low_dwell_anywhere(make_cam, parts, start, span):
 
 
 def test_acceleration_on_a_stiff_stem_is_that_of_the_law(laws, follower):
-    """On a stiff stem the acceleration of a C3 law is s'' Ω², to 0.1 %."""
+    """On a stiff stem the acceleration of a C3 law is s'' Ω² within 0.1 %."""
     turn = steady_turn(laws["poly4567"], follower, 300.0 * RPM)
     expected = laws["poly4567"](turn.angle, 2) * (300.0 * RPM) ** 2
     assert turn.acceleration == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
 
 
 def test_the_acceleration_of_a_short_bump_is_found(laws, soft):
-    """The peak acceleration of a bump of 0.3° is found, to rounding.
+    """The peak acceleration of a bump of only 0.3° is found exactly.
 
-    It is 6 h over the square of half the width.
+    It is 6 h Ω² over the square of half the width, within rounding.
     """
     height, width = 3e-6, np.radians(0.3)
     law = bumped(laws["poly345"], np.radians(180.07), width, height)
@@ -83,7 +83,7 @@ def test_the_acceleration_of_a_short_bump_is_found(laws, soft):
 
 
 def test_residual_vibration_is_equal_for_single_and_several_speeds(laws, soft):
-    """A call with several speeds gives the results of single calls."""
+    """`residual_vibration` gives the same values for several speeds as for each alone."""
     speeds = np.array([200.0, 300.0, 380.0]) * RPM
     together = residual_vibration(laws["cycloidal"], soft, speeds)
     alone = [residual_vibration(laws["cycloidal"], soft, speeds[i : i + 1])[0] for i in range(3)]
@@ -91,7 +91,7 @@ def test_residual_vibration_is_equal_for_single_and_several_speeds(laws, soft):
 
 
 def test_twist_on_a_stiff_shaft_is_torque_over_stiffness(laws, cam_set):
-    """The twist of a stiff shaft is F s'/k, to 1 %."""
+    """The twist of a stiff shaft is the torque F s' divided by the stiffness, to 1 %."""
     shaft = replace(shaft_of(cam_set.rig), shaft_stiffness=1e7, shaft_damping=10.0)
     speed = 300.0 * RPM
     law = laws["poly4567"]
@@ -103,7 +103,10 @@ def test_twist_on_a_stiff_shaft_is_torque_over_stiffness(laws, cam_set):
 
 
 def test_no_steady_state(laws, soft):
-    """An undamped harmonic at the natural frequency of the stem raises DynamicsError."""
+    """Resonance without damping has no steady state and raises DynamicsError.
+
+    A harmonic of the cam is then at the natural frequency of the stem.
+    """
     undamped = replace(soft, damping=0.0)
     rate = np.sqrt((soft.stem_stiffness + soft.spring_stiffness) / soft.mass)
     rpm = f"{rate / 24.0 / RPM:.6g}"
@@ -114,12 +117,12 @@ def test_no_steady_state(laws, soft):
 def test_claims_of_the_paper(cam_set):
     """The claims of the paper on Bézier 15 are true at 250 and 300 rpm, except one.
 
-    It has the least acceleration, vibration and twist, and the least free vibration in the
-    window, but the most motion there.
+    It has the least acceleration, vibration and twist. In the low dwell it has the smallest
+    residual amplitude, but the largest peak-to-peak motion.
     """
     table = measure(cam_set, (250.0, 300.0, 300.0))
     claims = table.claims
-    assert table.rpm == (250.0, 300.0)  # a repeated speed is not a second case
+    assert table.rpm == (250.0, 300.0)  # a repeated speed counts once
     assert len(claims) == 6
     assert all(c.holds == c.cases > 0 for c in claims if c.measure != "peak to peak")
     at = table.at(300.0)
@@ -130,7 +133,10 @@ def test_claims_of_the_paper(cam_set):
 
 
 def test_speeds_above_the_jump_speed_are_marked_and_not_tested(cam_set):
-    """Above the jump speed eq. 5 is not valid, so no claim is tested."""
+    """Speeds above the jump speed are marked, and no claim is tested there.
+
+    Equation 5 assumes permanent contact.
+    """
     table = measure(cam_set, (300.0, 400.0, 500.0))
     follower = TwoMassParameters.from_rig(cam_set.rig)
     jumps = {cam: find_jump(law, follower).rpm for cam, law in cam_set.laws.items()}
@@ -142,9 +148,9 @@ def test_speeds_above_the_jump_speed_are_marked_and_not_tested(cam_set):
 
 
 def test_the_speed_of_lost_contact(rig, laws, cam_set):
-    """Contact is lost at the jump speed.
+    """`find_contact_loss_speed` returns the jump speed.
 
-    It is lost at 0 with a velocity jump or without preload.
+    It is 0 for a law with a velocity jump and for a rig without preload.
     """
     assert find_contact_loss_speed(laws["worked_example_constant_velocity"], cam_set.rig) == 0.0
     assert find_contact_loss_speed(laws["poly345"], cam_set.rig.with_follower(preload=0.0)) == 0.0
@@ -153,7 +159,7 @@ def test_the_speed_of_lost_contact(rig, laws, cam_set):
 
 
 def test_a_rig_without_a_shaft(rig, cam_set):
-    """Without a shaft the twist and the claims on it are missing."""
+    """For a rig without an elastic shaft, twists are None and have no claims."""
     table = measure(replace(cam_set, rig=rig), (300.0,))
     assert all(row.measured.twist is None for row in table.rows)
     assert not any("twist" in claim.claim for claim in table.claims)
@@ -161,9 +167,9 @@ def test_a_rig_without_a_shaft(rig, cam_set):
 
 @pytest.mark.parametrize("rpm", [0.0, -3.0, 1e-3, 3200.0, 8000.0, float("nan"), float("inf")])
 def test_speeds_out_of_range_are_refused(cam_set, rpm):
-    """A speed out of range is refused with the range.
+    """A speed out of range is refused, and the error states the range.
 
-    It is 1 rpm to the speed at which the stem vibrates 1.2 times per turn.
+    The range is 1 rpm to the speed at which the stem vibrates 1.2 times per turn.
     """
     with pytest.raises(ConfigError, match=r"speed is .* rpm; allowed: 1 to 31\d\d rpm"):
         measure(cam_set, (300.0, rpm))
@@ -173,9 +179,9 @@ def test_speeds_out_of_range_are_refused(cam_set, rpm):
 @pytest.mark.parametrize("cam", FIVE)
 @pytest.mark.parametrize("rpm", [200.0, 1000.0, 3000.0])
 def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
-    """The steady turn is the sum of its harmonics up to the highest speed.
+    """The steady motion of a turn equals the sum of its harmonics within 1 nm.
 
-    The residual amplitude is at most 1.1 times the whole vibration.
+    The residual amplitude is at most 1.1 times the largest vibration.
     """
     turn = steady_turn(laws[cam], soft, rpm * RPM)
     n = np.arange(turn.angle.size // 2 + 1) * rpm * RPM
@@ -185,15 +191,15 @@ def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
     assert turn.displacement == pytest.approx(expected, abs=1e-9)
     found = vibration(laws[cam], soft, None, rpm * RPM)
     assert found.residual_amplitude <= 1.1 * np.abs(turn.vibration).max()
-    if found.window.dwell:  # all vibration there is residual
+    if found.window.dwell:  # here all vibration is residual
         inside = np.abs(turn.vibration[found.window.contains(turn.angle)]).max()
         assert found.residual_amplitude == pytest.approx(inside, rel=0.05)
 
 
 def test_a_law_too_steep_to_split_is_refused(laws, soft):
-    """A law so steep that its residual exceeds the whole vibration is refused.
+    """A law is refused if its residual vibration would exceed its whole vibration.
 
-    Such a residual is an artefact.
+    Such a residual is an artefact of splitting the motion of a very steep law.
     """
     law = squeezed(laws["cycloidal"], np.radians(60.0))
     words = r"residual vibration of .* in a vibration of .*; allowed"
