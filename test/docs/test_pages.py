@@ -102,8 +102,8 @@ def test_commands_of_a_page_exist(document):
     makefile, setup = text(ROOT / "Makefile"), text(ROOT / "setup.py")
     for target, *_ in commands(document, "make"):
         assert re.search(rf"^{target}:", makefile, re.M), target
-    for _, name, *_ in commands(document, "ros2 run"):
-        assert re.search(rf'"{name}( =|")', setup), name
+    for package, name, *_ in commands(document, "ros2 run"):
+        assert package != "cam_rig" or re.search(rf'"{name}( =|")', setup), name
     for _, name, *_ in commands(document, "ros2 launch"):
         assert (ROOT / "launch" / name).is_file(), name
     for path in re.findall(r"python ((?:tools|benchmark)/[\w/]+\.py)", text(document)):
