@@ -207,3 +207,36 @@ def test_the_sweep_includes_the_rig(load):
     """tm21_sweep.launch.py includes rig.launch.py."""
     (include,) = load("tm21_sweep.launch.py")
     assert "rig.launch.py" in include.given[0].given[0].given[0]
+
+
+def test_log_level_and_frame_prefix_reach_the_nodes(load):
+    """The log level applies to every node, the frame prefix to the nodes that have frames."""
+    nodes = launch_nodes(load("rig.launch.py"), frame_prefix="rig1/")
+    for name, node in nodes.items():
+        option, level = node["ros_arguments"]
+        assert (option, level.given) == ("--log-level", ("log_level",))
+        assert ("frame_prefix" in node["parameters"][0]) == (name in ("follower", "law_server"))
+    publisher = launch_nodes(load("robot.launch.py"), frame_prefix="rig1/")
+    (parameters,) = publisher["robot_state_publisher"]["parameters"]
+    assert parameters["frame_prefix"] == "rig1/"
+
+
+@pytest.mark.parametrize(("control", "expected"), [("true", True), ("false", False)])
+def test_the_urdf_has_the_element_of_ros2_control_on_request(load, control, expected):
+    """With control:=true the URDF of robot_state_publisher has the element ros2_control."""
+    nodes = launch_nodes(load("robot.launch.py"), namespace="rig1", control=control)
+    (parameters,) = nodes["robot_state_publisher"]["parameters"]
+    (text,) = parameters["robot_description"].given
+    assert ("<ros2_control" in text) == ("/rig1/joint_commands" in text) == expected
+
+
+def test_launch_itself_loads_the_launch_files():
+    """The real launch loads each launch file, with a description of each argument.
+
+    The test is skipped where launch is not installed, which is the case with the wheels.
+    """
+    pytest.importorskip("launch_ros", reason="launch has no wheels")
+    sources = pytest.importorskip("launch.launch_description_sources")
+    for file in sorted(LAUNCH.glob("*.launch.py")):
+        description = sources.get_launch_description_from_python_launch_file(str(file))
+        assert all(argument.description for argument in description.get_launch_arguments()), file
