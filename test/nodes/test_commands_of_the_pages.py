@@ -58,7 +58,7 @@ def test_the_nodes_of_the_page_run_a_scene(domain, tmp_path):
 
 def test_the_operator_commands_of_the_pages_are_accepted(start_rig):
     """Each service call, message and parameter of the pages is accepted by the rig."""
-    rig = start_rig("quick", autostart=False)
+    rig = start_rig("tm21_sweep", autostart=False)  # long enough not to end before the checks
     pages = ("nodes.md", "interfaces.md", "panel.md")
     services = {tuple(words) for page in pages for words in commands_of(page, "ros2 service call")}
     assert len(services) == 4
