@@ -177,7 +177,9 @@ class Robot:
     def body(self, points: FloatArray) -> FloatArray:
         """Convert points of the follower's outline to the frame of the link ``follower``.
 
-        `points` and the result have the shape (n, 2), in m.
+        `points` have the origin of the outline as their origin (see `FollowerShape.origin`). This
+        is also the origin of the link for an oscillating follower. Otherwise the two differ by the
+        position of the outline at zero lift. `points` and the result have the shape (n, 2), in m.
         """
         if isinstance(self.shape.element, Swung):
             return points

@@ -24,7 +24,8 @@ Sense = Literal["<=", ">="]
 SPEED_UNITS = {"rpm": RPM, "rad/s": 1.0}
 #: Units of an angle and their factors to rad.
 ANGLE_UNITS = {"deg": math.pi / 180.0, "rad": 1.0}
-#: Text of a limit whose value is that of the law with which a design starts.
+#: Text in place of the number of a limit: the limit is then the value of the law with which a
+#: design starts.
 START = "start"
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
@@ -41,7 +42,7 @@ _TYPESET = str.maketrans({"*": "·", "^": ""}) | str.maketrans("23", "²³")
 def sign_of(sense: Sense) -> float:
     """Return 1 for an upper limit ("<=") and −1 for a lower limit (">=").
 
-    The product with a value is the smaller, the better the value is.
+    Multiplied by this sign, a better value of the limited quantity is always the smaller number.
     """
     return 1.0 if sense == "<=" else -1.0
 
@@ -118,10 +119,12 @@ class LawQuantity:
 
 @dataclass(frozen=True)
 class Term:
-    """Quantity with its domain: a cam angle, a speed, a range of them, or an event.
+    """Quantity with the domain in which it is evaluated, such as ``lift@90deg``.
 
-    ``low`` and ``high`` are the ends of the range, angles (rad) or speeds (rad/s). They are equal
-    for a single angle or speed. Both are the number of an event, or 0 without a domain.
+    The domain is a cam angle, a speed, a range of either, the number of an event (motion between
+    two dwells), or none. ``low`` and ``high`` are the ends of the range, angles in rad or speeds in
+    rad/s. They are equal for a single angle or speed. Both are the number of an event, or 0 without
+    a domain.
     """
 
     quantity: LawQuantity  #: definition of the quantity
@@ -150,7 +153,7 @@ class Term:
 
     @property
     def key(self) -> str:
-        """Text of the term in the format of `parse_term`, such as ``lift@90deg``."""
+        """Quantity and domain as text that `parse_term` reads, such as ``lift@90deg``."""
         where = self.quantity.where
         if where in ("", "event"):
             return f"{self.name}@{self.event}" if where else self.name

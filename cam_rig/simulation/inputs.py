@@ -61,8 +61,9 @@ MAX_RPM = 1e5
 def resolve_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
     """Return cams with their laws on a rig.
 
-    If `cams` is a scene, its cams and its rig are returned. The default cams are those of the
-    paper's Table 2. The default rig is that of `default_rig`.
+    If `cams` is a scene, its cams and its rig are returned. None means the five shipped cams with
+    the laws in Table 2 of the published study on which the project is based: bezier15, poly345,
+    poly4567, cycloidal and bezier_segments. The default rig is that of `default_rig`.
     """
     items = list_cams(cams)
     if (scene := find_scene(items)) is not None:

@@ -142,7 +142,7 @@ class LevelOrigin(StrEnum):
     RELATIVE = "relative"  #: the rig was not calibrated: only differences of levels are meaningful
 
 
-#: Note under levels of a rig that is not calibrated.
+#: Note printed under sound levels of a rig whose acoustic constants are not calibrated.
 RELATIVE_NOTE = (
     "Relative: the rig's acoustic constants were not fitted with this follower and model, so only "
     "differences between levels mean something."
@@ -195,14 +195,18 @@ def calibration_cam(rig: RigConfig, model: str) -> str:
 
 
 def describe_fit_model(rig: RigConfig, model: str) -> str:
-    """Return the model and the follower in SI units as text, for the source of a fit."""
+    """Return the dynamic model and the follower's numbers (SI) as text.
+
+    The text is stored as the source of acoustic constants that are fitted with this model and
+    follower.
+    """
     numbers = ((key, number) for key, number in rig.follower if number)
     texts = (f"{key} {number.si:.9g} {SI_UNITS.get(key, '')}".strip() for key, number in numbers)
     return ", ".join((model, *texts))
 
 
 def has_shipped_constants(rig: RigConfig) -> bool:
-    """Return True if a rig's gain and corner frequency are those of the shipped rig."""
+    """Return True if a rig's gain and corner frequency equal those of the shipped rig."""
     radiation, shipped = rig.radiation, _shipped_rig().radiation
     if radiation is None or shipped is None:
         return False
@@ -225,9 +229,10 @@ def _shipped_rig() -> RigConfig:
 
 @dataclass(frozen=True, eq=False)
 class LoadedScene:
-    """Scene with its cams, laws and rig, all validated.
+    """Scene with its cams, their laws and its rig, all validated.
 
-    The paths of the files are empty for a scene that is made from arguments.
+    A scene is an experiment: cams on a rig at several speeds. The paths of the files are empty for
+    a scene that was created from arguments.
     """
 
     scene: SceneConfig
@@ -332,7 +337,11 @@ class LoadedScene:
         return is_calibrated(self.rig, self.scene.model)
 
     def level_origin(self, cam: str) -> LevelOrigin:
-        """Return the origin of the sound level of a cam on this rig."""
+        """Return how the sound level of a cam on this rig was obtained.
+
+        See `LevelOrigin`. The result is RELATIVE if the rig's acoustic constants are not
+        calibrated.
+        """
         if not self.calibrated:
             return LevelOrigin.RELATIVE
         origin, shipped = self.fitted_origin(cam), has_shipped_constants(self.rig)
@@ -341,7 +350,12 @@ class LoadedScene:
         return origin
 
     def fitted_origin(self, cam: str) -> LevelOrigin:
-        """Return the origin of a cam's sound level according to the files of rig and cam."""
+        """Return how the constants behind a cam's sound level were obtained.
+
+        The result is CALIBRATED if the acoustic constants of the rig were fitted to levels of this
+        cam, IDENTIFIED if the numbers of the cam were fitted to its published levels, and PREDICTED
+        otherwise. It follows from the rig file and the cam file.
+        """
         if cam == self.rig.calibrated_on:
             return LevelOrigin.CALIBRATED
         source = self.cams[cam].identified_from
@@ -402,8 +416,8 @@ def open_scene(scene_path: Path) -> LoadedScene:
     return LoadedScene(scene, rig, cams, laws, published, scene_path, rig_file, files, printed)
 
 
-#: Length of the arrow of the maximum contact force, as a fraction of the follower's largest
-#: distance from the cam axis.
+#: Length of the arrow that displays the maximum contact force, as a fraction of the follower's
+#: largest distance from the cam axis.
 FORCE_ARROW_RATIO = 0.5
 
 
@@ -424,7 +438,7 @@ ORDER_SPEEDS = 13
 
 
 def speeds_of(scene: SceneConfig) -> list[float]:
-    """Return the different speeds (rpm) of a scene, sorted."""
+    """Return the different cam speeds (rpm) of a scene in rising order."""
     return sorted({round(to_rpm(speed), 9) for speed in scene.schedule.speeds.si_list})
 
 

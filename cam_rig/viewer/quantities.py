@@ -46,7 +46,8 @@ class SeriesLine:
     factor: float = 1.0
     width: float = 1.2
     interpolation: InterpolationMode = InterpolationMode.Linear
-    #: Reduction of the samples to the screen, which keeps the peaks at any zoom.
+    #: Method by which Rerun reduces samples to the pixels of the screen. It keeps the peaks at any
+    #: zoom.
     aggregation: AggregationPolicy = AggregationPolicy.MinMax
 
     def style(self) -> rr.SeriesLines:
@@ -107,7 +108,7 @@ SPEED = SeriesLine(
 LIFT_OFF = Mark("plots/lift/lift_off", "lift-off", colours.LIFT_OFF)
 LANDING = Mark("plots/lift/landing", "landing", colours.LANDING)
 MARKS = LIFT_OFF, LANDING
-#: Curves and marks of which all points are sent, because they have few points.
+#: Curves and marks that are sent with all points, without reduction, because they have few points.
 UNTHINNED = (ZERO, SPEED, LEVEL, *MARKS)
 
 
@@ -172,10 +173,10 @@ TORSIONAL = "torsional"
 
 
 class ShaftTwist:
-    """Twist of the elastic shaft in a run, recomputed tick by tick.
+    """Twist of the elastic shaft in a run, recomputed from the recorded cam states.
 
-    No message contains the twist. The motion of each tick is solved from the state at the end of
-    the previous tick.
+    No message contains the twist. For each tick (the time between two cam states), the motion is
+    solved from the state at the end of the previous tick.
     """
 
     def __init__(self, loaded: LoadedScene) -> None:
@@ -221,12 +222,13 @@ MAX_TURNS = 50
 CLOSE_GAP = "close_gap"
 #: Key of the axis (mm) of the gap at cam angle 0.
 ZERO_GAP = "zero_gap"
-#: Smallest gap between follower and cam (µm) for which the additional axis is shown.
+#: Smallest gap between follower and cam (µm) for which an additional, enlarged axis is shown.
 MIN_GAP = 1.0
-#: Upper limit of the additional axis of the gap, as a multiple of the smallest gap.
+#: Upper limit of the additional, enlarged axis of the gap, as a multiple of the smallest gap.
 CLOSE_GAP_FACTOR = 4.0
-#: Largest upper limit of the additional axis of the gap at which the axis is shown, as a fraction
-#: of the largest gap.
+#: Condition for the additional axis, which shows small gaps between follower and cam enlarged: its
+#: upper limit is at most this fraction of the largest gap. Otherwise the common axis of all gaps
+#: resolves the smallest gap too.
 MAX_SHARE = 0.2
 
 
@@ -259,7 +261,7 @@ class SceneRanges:
     by_cam: Mapping[str, Ranges]
 
     def of(self, cam: str) -> Ranges:
-        """Return the axis ranges of a cam, or the common ranges for an unknown cam."""
+        """Return the axis ranges of a cam, or the common ranges if the cam is not known."""
         return self.by_cam.get(cam, self.all_cams)
 
 
@@ -267,8 +269,8 @@ def scene_ranges(loaded: LoadedScene) -> SceneRanges:
     """Return the axis ranges of all quantities, from a simulation of the scene.
 
     The axes contain the smallest and the largest value at all speeds. The simulation takes a few
-    tenths of a second. Of a long scene only the first turns at each speed are simulated, in which
-    the transient of the speed step decays.
+    tenths of a second. Of a long scene only the first `MAX_TURNS` turns at each speed are
+    simulated, in which the transient of the speed step decays.
     """
     loaded = replace(loaded, scene=_shortened(loaded.scene))
     rows = plot_rows(loaded.scene.model)
@@ -306,10 +308,10 @@ def _shortened(scene: SceneConfig) -> SceneConfig:
 
 
 def close_gap(gaps: Sequence[float]) -> Ranges:
-    """Return the range of an additional axis that resolves the smallest gap.
+    """Return the range of an additional axis that shows the smallest gap enlarged.
 
     `gaps` contains the largest gap (m) between follower and cam at each speed. Returns an empty
-    dict if the axis of all gaps resolves the smallest of them.
+    dict if the common axis of all gaps resolves the smallest gap too.
     """
     visible = [gap * GAP.line.factor for gap in gaps if gap * GAP.line.factor >= MIN_GAP]
     if not visible or CLOSE_GAP_FACTOR * min(visible) > MAX_SHARE * max(visible):
@@ -318,7 +320,10 @@ def close_gap(gaps: Sequence[float]) -> Ranges:
 
 
 def _wider(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return limits of k quantities that contain both given limits, shape (k, 2)."""
+    """Return limits that include both ``first`` and ``second``, shape (k, 2).
+
+    The limits are the minimum and the maximum of k quantities.
+    """
     low, high = np.minimum(first, second), np.maximum(first, second)
     return np.column_stack([low[:, 0], high[:, 1]])
 

@@ -57,10 +57,11 @@ CONTACT_PART = np.dtype(
 
 
 class StemContactRow(IntEnum):
-    """Index of a polynomial in one part of `StemContactTable.polynomials`.
+    """Index of a row in the coefficients of one part of a turn.
 
-    Each polynomial is a row of Bernstein ordinates. In a weighted row they are multiplied by their
-    binomial coefficients.
+    `StemContactTable.polynomials` contains five rows of Bernstein ordinates (control values of a
+    polynomial) for each part of the turn. In rows named WEIGHTED each ordinate is multiplied by its
+    binomial coefficient.
     """
 
     DISPLACEMENT = 0  #: forced vibration X of the end mass, m

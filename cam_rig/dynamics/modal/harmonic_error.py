@@ -30,7 +30,8 @@ from cam_rig.dynamics.modal.motion import (
     amplitude,
 )
 
-#: Ratio of the last to the first harmonic of a block. All harmonics of a block have one bound.
+#: Ratio of the last to the first harmonic of a block. All harmonics of the law in a block share one
+#: bound, which saves time.
 BLOCK_RATIO = 2.0**0.25
 #: Ratio of the frequency kΩ of a harmonic to the resonance frequency ρ above which the harmonic
 #: counts as far from resonance, with the small bound (30) of docs/proofs.md.
@@ -53,20 +54,24 @@ class ChordError(NamedTuple):
 
 
 def can_use_harmonics(mode: Oscillator, norm: VibrationNorm) -> bool:
-    """Return True if the chord error bounds by harmonics apply to a vibration mode.
+    """Return True if the bounds of this module apply to a vibration mode.
 
-    The damping must be below 1/√2 of the critical damping (κ > 2δ²), and the free vibration must
-    fade by more than the factor e within the run.
+    The bounds limit the chord error by harmonics of the law. The damping must be below 1/√2 of the
+    critical damping (κ > 2δ²), and the free vibration must fade by more than the factor e within
+    the run.
     """
     return mode.stiffness > 2.0 * norm.delta * norm.delta and norm.delta * mode.duration > 1.0
 
 
 def bound_steady(run: ModeOnLaw, motion: OscillatorMotion, high: float) -> ChordError:
-    """Return bounds of the chord error of the amplitude q between two cam speeds.
+    """Return bounds of the chord error of a mode's steady amplitude over a speed step.
 
-    q = η̇ − λ̄₁ η is the complex amplitude of the mode in steady motion, and the bounds are (29) and
-    (31) of docs/proofs.md. ``motion`` is the motion at the lower speed, ``high`` is the higher
-    speed in rad/s. For a run from rest `bound_output` adds the term (32).
+    The chord error is the deviation of a function of the cam speed from the straight line between
+    its values at the two ends of the step. The function is the complex amplitude q = η̇ − λ̄₁ η of
+    the steady motion at a fixed cam angle, with the displacement η and the eigenvalue λ₁ of the
+    mode. The bounds are (29) and (31) of docs/proofs.md. ``motion`` is the motion at the lower
+    speed, and ``high`` the higher speed in rad/s. For a run from rest `bound_output` adds the term
+    (32).
     """
     mode, norm, rho = run.mode, motion.norm, motion.norm.rho
     d0, d1, d2 = mode.drive.lift, mode.drive.velocity, mode.drive.acceleration
@@ -86,11 +91,13 @@ def bound_output(
     steady_start: StemVibration,
     high: float,
 ) -> ChordError:
-    """Return bounds of the chord error of the output between two cam speeds.
+    """Return bounds of the chord error of a mode's output over a speed step.
 
-    ``error`` is the chord error of the complex amplitude q from `bound_steady`. For a run from rest
-    the fading vibration (32) is added. ``motion`` is the motion at the lower speed.
-    ``steady_start`` is (η, η̇) of the steady motion at the start of a turn at the higher speed
+    The chord error is the deviation from the straight line between the values at the two speeds.
+    The output is, for example, the contact force. ``error`` is the chord error of the complex
+    amplitude of the steady motion, from `bound_steady`. For a run from rest the fading vibration
+    (32) of docs/proofs.md is added. ``motion`` is the motion at the lower speed. ``steady_start``
+    is displacement and velocity of the steady motion at the start of a turn at the higher speed
     ``high`` (rad/s).
     """
     mode, norm, low, rho = run.mode, motion.norm, motion.speed, motion.norm.rho
@@ -125,12 +132,14 @@ def bound_output(
 def _bound_harmonics(
     law: LawSeries, norm: VibrationNorm, low: float, high: float, from_rest: bool
 ) -> ChordError:
-    """Return bounds of the chord error of the complex amplitude q for û(λ₁) = 1.
+    """Return bounds of the chord error of a mode's amplitude, for unit excitation.
 
-    ``low`` and ``high`` are the cam speeds at the ends of the step, rad/s. Harmonics of the law
-    below `FAR_RATIO` times resonance are bounded singly or in blocks, and all higher harmonics
-    together. In a run from rest each harmonic has the additional factor (31) of docs/proofs.md,
-    except in the bound ``curvature``.
+    The chord error is the deviation of the complex amplitude from the straight line between its
+    values at the cam speeds ``low`` and ``high`` (rad/s). Unit excitation means that the factor
+    û(λ₁) of the module's text, with which the cam drives the mode, is 1. Harmonics of the law below
+    `FAR_RATIO` times the resonance frequency are bounded singly or in blocks, and all higher
+    harmonics together. In a run from rest each harmonic has the additional factor (31) of
+    docs/proofs.md, except in the bound ``curvature``.
     """
     rho, delta_squared, width = norm.rho, norm.delta * norm.delta, high - low
     max_error, parabola, curvature = 0.0, 0.0, 0.0
@@ -163,11 +172,13 @@ def _bound_blocks(
     factor: float,
     error: ChordError,
 ) -> ChordError:
-    """Return ``error`` with the bounds of blocks of harmonics and of far harmonics added.
+    """Return the chord error ``error`` with the bounds of the higher harmonics added.
 
-    ``low`` and ``high`` are the cam speeds at the ends of the step, rad/s. ``factor`` multiplies
-    ``max_error`` and ``parabola`` in a run from rest. The bounds are (30) of docs/proofs.md. They
-    are infinite if even the last block is not far above resonance.
+    The higher harmonics of the law are bounded in blocks, and together if they are far above
+    resonance, by (30) of docs/proofs.md. ``low`` and ``high`` are the cam speeds (rad/s) at the
+    ends of the step. ``factor`` multiplies the bounds ``max_error`` and ``parabola`` (2 in a run
+    from rest, otherwise 1). The result is infinite if even the last block is not far above
+    resonance.
     """
     rho, delta, quarter = norm.rho, norm.delta, 0.25 * (high - low) * (high - low)
     max_error, parabola, curvature = error.max_error, error.parabola, error.curvature

@@ -33,11 +33,11 @@ TRANSIENT_TURNS = 200
 CLASSIFIED_TURNS = 40
 #: Default number of initial states along each side of the grid of gap and gap rate.
 DEFAULT_GRID = 40
-#: Largest gap and gap rate of the initial states, as a multiple of those of the motion that starts
-#: on the cam.
+#: Largest gap and gap rate of the initial states, as a multiple of the largest gap and gap rate of
+#: the motion that starts at rest on the cam.
 RANGE_FACTOR = 2.0
-#: Largest relative difference between the fastest landings of two motions that count as the same
-#: motion.
+#: Largest relative difference between the speeds of the fastest landings of two motions at which
+#: they count as the same motion.
 LANDING_RTOL = 1e-3
 #: Number of samples per turn in a phase portrait (curve of gap rate over gap).
 SAMPLES_PER_TURN = 1500
@@ -47,7 +47,7 @@ PORTRAIT_TURNS = 8
 
 @dataclass(frozen=True, eq=False)
 class EndMotion(TurnMotion):
-    """Final motion of the follower, to which a part of the initial states leads.
+    """Final motion of the follower, to which some of the initial states lead.
 
     An initial state is a gap between follower and cam, and the rate of this gap, at cam angle 0.
     """
@@ -61,8 +61,8 @@ class EndMotion(TurnMotion):
     def same_as(self, other: EndMotion) -> bool:
         """Return True if two final motions count as the same motion.
 
-        Periodic motions are compared by period and fastest landing. All motions of another kind,
-        such as irregular, count as the same.
+        Two periodic motions are the same if their period and the speed of their fastest landing
+        agree. Two other motions are the same if they are of the same kind, such as irregular.
         """
         if (self.motion, self.period) != (other.motion, other.period):
             return False
@@ -134,7 +134,7 @@ class Basins(Result):
     def tables(self) -> list[Records]:
         """Return the tables ``motions`` (final motions) and ``starts`` (initial states).
 
-        The latter is exported as data only.
+        The table ``starts`` is not displayed, only exported to files.
         """
         e = self.parameters.restitution
         caption = f"{self.law.name} on rig {self.rig.name} at {self.rpm:g} rpm, restitution {e:g}"

@@ -28,10 +28,10 @@ from cam_rig.laws import Law
 from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.units import FloatArray
 
-#: Largest Newton step at which the iteration has converged, relative to the magnitudes of state and
-#: swept value.
+#: Newton step below which the iteration for a periodic motion has converged, relative to the
+#: magnitudes of state and swept value.
 NEWTON_RTOL = 1e-13
-#: Largest number of Newton iterations.
+#: Largest number of Newton iterations for a periodic motion.
 MAX_ITERATIONS = 20
 #: Largest Newton step that counts as rounding when the steps no longer halve, relative to the
 #: magnitudes of state and swept value. Motions that amplify small changes strongly do not reach
@@ -51,11 +51,12 @@ MAX_STEPS = 20_000
 #: Step of the swept value for difference quotients, relative to its magnitude. It affects the
 #: convergence of the Newton iteration, not its result.
 VALUE_STEP = 1e-7
-#: Largest difference between the states of the two halves of a period that count as equal, as a
-#: fraction of lift times speed.
+#: Largest difference between the states after the first and the second half of a period at which
+#: the motion repeats after half a period already, as a fraction of lift times speed.
 HALF_PERIOD_RTOL = 1e-3
-#: Distances beyond the end of a branch of periodic motions, relative to the magnitudes of state and
-#: swept value. There the motion is tested for another number of landings or another derivative.
+#: Distances beyond the end of a branch of periodic motions at which a motion is computed, relative
+#: to the magnitudes of state and swept value. It shows whether the number of landings or the
+#: derivative changes at the end.
 DISTANCES_BEYOND = (1e-8, 1e-7, 1e-6, 1e-5)
 #: Largest relative difference between the swept values of two bifurcations that count as the same.
 BIFURCATION_RTOL = 1e-6
@@ -66,7 +67,8 @@ LANDING_RTOL = 1e-3
 #: derivative counts as discontinuous.
 JUMP_RTOL = 1e-2
 #: Largest value of a bifurcation's test function (no unit) at its computed root for which a
-#: multiplier passes ±1 continuously. At a larger value the multiplier jumps.
+#: multiplier passes ±1 continuously. At a larger value the multiplier jumps. A multiplier is the
+#: growth factor of a small change of the state per period.
 PASS_ATOL = 1e-5
 
 # Kinds of bifurcation, as written in tables and JSON. `DESCRIPTIONS` explains each.
@@ -78,7 +80,7 @@ SPIRAL = "Neimark-Sacker"
 GRAZE = "grazing"
 CORNER = "corner"
 LOST = "undetermined"
-#: Explanation of each kind, a note below the table of bifurcations.
+#: Explanation of each kind of bifurcation, printed as a note below the table of bifurcations.
 DESCRIPTIONS = {
     LIFT_OFF: "on one side the follower stays on the cam; on the other it flies and bounces, and "
     "at first comes to rest in each turn",
@@ -161,8 +163,8 @@ class PeriodicMotion:
 class Bifurcation:
     """Follower and speed at which a periodic motion appears, ends or becomes unstable.
 
-    ``kind`` is one of the keys of `DESCRIPTIONS`. ``period`` is in turns, None for the first
-    lift-off.
+    ``kind`` is one of the keys of `DESCRIPTIONS`. ``period`` is the period of the motion in turns,
+    or None for the first lift-off.
     """
 
     kind: str
@@ -171,7 +173,11 @@ class Bifurcation:
     landings: int  #: number of landings in the period before the bifurcation
 
     def same_as(self, other: Bifurcation, sweep: Sweep) -> bool:
-        """Return True if two results are the same bifurcation, found from two branches."""
+        """Return True if two results are the same bifurcation, found from two branches.
+
+        Their swept values must agree within `BIFURCATION_RTOL`. ``sweep`` defines the swept
+        quantity.
+        """
         value, other_value = sweep.value(self.point), sweep.value(other.point)
         same_kind = self.kind == other.kind and self.period == other.period
         return same_kind and abs(value - other_value) < BIFURCATION_RTOL * sweep.size(value)
@@ -368,7 +374,8 @@ class Family:
     ) -> Iterator[Bifurcation]:
         """Yield the bifurcations between two consecutive motions of a branch.
 
-        ``ahead`` returns the motions between them, at distances from 0 to ``length``.
+        ``before`` and ``after`` are the two motions. ``ahead`` returns the motions between them, at
+        distances from 0 to ``length`` along the branch.
         """
         for kind, name in ((FLIP, "flip"), (FOLD, "fold"), (SPIRAL, "spiral")):
             test: Callable[[PeriodicMotion], float] = attrgetter(name)
@@ -386,12 +393,10 @@ class Family:
     def _end(
         self, last: PeriodicMotion, point: FloatArray, along: FloatArray
     ) -> Iterator[Bifurcation]:
-        """Yield the bifurcation at which a branch ends.
+        """Yield the bifurcation at which a branch of periodic motions ends.
 
-        ``last`` is the last motion, ``point`` its scaled vector and ``along`` the direction. At the
-        end the two halves of the period have become equal, or a landing appears or disappears, or
-        the derivative jumps. Nothing is yielded if the swept quantity has reached a limit, such as
-        a restitution of 0.
+        ``last`` is the last motion, ``point`` the vector of its state and swept value (scaled by
+        their magnitudes), and ``along`` the direction of the branch in this scale.
         """
         kind, (half_period, remainder) = LOST, divmod(self.period, 2)
         if (

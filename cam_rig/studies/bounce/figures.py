@@ -17,7 +17,7 @@ from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, PERIODIC, UNDET
 from cam_rig.studies.bounce.result import BounceMap
 from cam_rig.studies.bounce.sweep import SPEED, SWEPT
 
-#: Height at which Lyapunov exponents of −∞ are marked, as a fraction of the height of the axes.
+#: Height at which a Lyapunov exponent of −∞ is marked, as a fraction of the height of the axes.
 MARK_HEIGHT = 0.04
 #: Largest number of final motions that get a colour and a phase portrait.
 MAX_MOTIONS = 6
@@ -25,7 +25,7 @@ MAX_MOTIONS = 6
 
 @styled
 def figure(result: BounceMap) -> Figure:
-    """Draw fastest landing of each turn, Lyapunov exponent and sound level.
+    """Draw the fastest landing of each turn, the Lyapunov exponent and the sound level.
 
     The horizontal axis is the swept quantity. Branches of periodic motions are lines, dotted where
     the motion is unstable. A dotted vertical line marks the first lift-off if it is within the
@@ -102,7 +102,7 @@ def _levels(axes: Axes, result: BounceMap) -> None:
 
 @styled
 def basin_figure(result: Basins) -> Figure:
-    """Draw which motion each initial state ends in, and the motions' phase portraits."""
+    """Draw the final motion of each initial state, and the phase portraits of the motions."""
     out = empty(3.9)
     left, right = out.subplots(1, 2)
     looks = [series_marker(i) for i in range(min(MAX_MOTIONS, len(result.motions)))]

@@ -32,9 +32,10 @@ IRREGULAR = "irregular"
 #: Kind of a motion that does not repeat, and whose largest Lyapunov exponent is not positive by
 #: more than its error.
 UNDETERMINED = "undetermined"
-#: Smallest number of times that a period must fit into the classified turns.
+#: Smallest number of periods that the evaluated turns must contain for a motion to count as
+#: periodic.
 MIN_REPEATS = 4
-#: Rounding error of a state, relative to its scale.
+#: Rounding error of a follower's state, relative to the scale of the state.
 STATE_RTOL = 1e-16
 #: Number of blocks into which the turns are divided. The error of an exponent follows from the
 #: scatter of the means of the blocks.
@@ -81,9 +82,10 @@ def bouncing(rig: RigConfig, restitution: float | None, model: str = ONE_MASS) -
 
 
 def motion_of(turn_map: StroboscopicMap, run: TurnsRun, turns: int) -> TurnMotion:
-    """Classify the motion in the last ``turns`` turns of a run.
+    """Return the class of the motion in the last ``turns`` turns of a run.
 
-    ``turn_map`` is the map of one turn that computed the run.
+    The class is in contact, periodic, irregular or undetermined. ``turn_map`` is the map of one
+    turn with which ``run`` was computed.
     """
     landings = run.landings[-turns:]
     flies_on = not landings.any() and not run.contact_times[-turns:].all()
@@ -107,9 +109,10 @@ def motion_of(turn_map: StroboscopicMap, run: TurnsRun, turns: int) -> TurnMotio
 def _rounding_grows(run: TurnsRun, scale: FloatArray, turns: int) -> bool:
     """Return True if rounding errors can grow to `PERIOD_RTOL` before the next rest.
 
-    Such a motion cannot be classified. A rest on the cam removes all earlier differences, so a
-    motion with rests repeats exactly or not at all. The growth of a small change from each rest to
-    the next shows whether the repetition is reliable. The last ``turns`` turns are evaluated.
+    A rest on the cam removes all earlier differences, so a motion with rests repeats exactly or not
+    at all. If a small change grows too much from one rest to the next, a repetition is not reliable
+    and the motion cannot be classified. The last ``turns`` turns are evaluated. ``scale`` contains
+    the magnitudes of the state.
     """
     product = None
     derivatives = run.derivatives[-turns:] / scale[:, None] * scale
@@ -153,10 +156,11 @@ def _largest_exponent(derivatives: FloatArray) -> float:
 def _all_exponents(largest: float, growth: FloatArray) -> tuple[float, ...]:
     """Return all Lyapunov exponents of a periodic motion, 1/turn.
 
-    ``largest`` is the largest exponent, from the multipliers. ``growth`` is the mean logarithm of
-    the growth of each of n directions. The first two directions span an area, whose growth is
-    exact, so the second exponent is the difference. It is not computed from the small multipliers,
-    because these are below the rounding error of a long product of derivatives.
+    ``largest`` is the largest exponent. ``growth`` is the mean logarithm of the growth of each of n
+    directions. The first two directions span an area, whose growth is exact, so the second exponent
+    is the growth of the area minus ``largest``. It is not computed from the eigenvalues of the
+    derivative over a period, because small eigenvalues are below the rounding error of a long
+    product.
     """
     if largest == -math.inf:
         return (largest,) * growth.size

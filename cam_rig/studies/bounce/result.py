@@ -67,11 +67,11 @@ class BounceRow(TurnMotion):
 
     @property
     def end(self) -> State:
-        """State of the follower at the end of the last turn, as in `TurnsRun.states`."""
+        """State of the follower at the end of the run, in the form of `TurnsRun.states`."""
         return tuple(self.states[-1].tolist())
 
 
-#: Note below the table for motions that come to rest on the cam.
+#: Note below the table, for motions in which the follower comes to rest on the cam.
 RESTS = Footnote(
     "It comes to rest on the cam, where the mass in contact has no freedom. Every change of one "
     "mass decays there, and the exponent is −∞. Of two masses the end mass continues to vibrate. "
@@ -200,27 +200,27 @@ class BounceMap(Result):
         return np.array([getattr(item.point, self.sweep.parameter) for item in points], dtype=float)
 
     def stem(self, number: int) -> FloatArray:
-        """Return one number of the follower's state at the end of each turn.
+        """Return the stretch of the stem or its rate at the end of each turn.
 
-        The numbers 2 and 3 are the stretch (m) of the stem and its rate (m/s). For one mass they
-        are NaN.
+        ``number`` is 2 for the stretch (m) and 3 for its rate (m/s), the position in the follower's
+        state. The values are NaN for one mass, which has no stem.
         """
         states = np.concatenate([row.states for row in self.rows])
         return states[:, number] if number < states.shape[1] else np.full(len(states), math.nan)
 
     def per_turn(self, numbers: Iterable[float]) -> FloatArray:
-        """Repeat each row's number for each turn that the row stores.
+        """Repeat the number of each row of the bounce map for each turn that it stores.
 
-        ``numbers`` has one number per row of the bounce map.
+        ``numbers`` has one number per row. The result has one number per stored turn.
         """
         return np.repeat(list(numbers), [row.max_landing_speed.size for row in self.rows])
 
     def tables(self) -> list[Records]:
         """Return the tables ``speeds``, ``bifurcations``, ``orbits`` and ``turns``.
 
-        ``speeds`` has one row per swept value, and ``orbits`` the periodic motions of the branches.
-        The last two tables are exported as data only. ``turns`` contains each turn of a period
-        once, and all kept turns of a motion without a period.
+        ``speeds`` has one row per swept value, and ``orbits`` one row per periodic motion of the
+        branches. ``orbits`` and ``turns`` are not displayed, only exported to files. ``turns``
+        contains each turn of a period once, and all kept turns of a motion without a period.
         """
         motions = [item for branch in self.branches for item in branch.motions]
         bifurcations = self.bifurcations if self.branches else []
@@ -251,7 +251,7 @@ class BounceMap(Result):
 
     @property
     def title(self) -> str:
-        """Cam, rig, model and fixed quantities, as the text of a title."""
+        """Cam, rig, model and fixed quantities as text for a title."""
         return f"{self.law.name} on rig {self.rig.name}, {self.fixed_text}"
 
     @property
@@ -298,10 +298,10 @@ class BounceMap(Result):
 
 
 def _rows_of_change(rows: Sequence[BounceRow]) -> list[BounceRow]:
-    """Return the rows at which the motion changes, to shorten a table.
+    """Return the rows of a bounce map at which the motion changes, to shorten a table.
 
-    Of consecutive rows with the same kind of motion, period and rest, only the first and the last
-    are returned.
+    Of consecutive rows with the same kind of motion, the same period and the same rest on the cam,
+    only the first and the last are returned.
     """
     kinds = [(row.motion, row.period, row.comes_to_rest) for row in rows]
     last = len(rows) - 1
@@ -315,7 +315,7 @@ def _rows_of_change(rows: Sequence[BounceRow]) -> list[BounceRow]:
 #: Largest number of rows that a terminal shows completely. A longer table is shortened to the rows
 #: at which the motion changes.
 MAX_SHOWN_ROWS = 40
-#: Kinds of motion in the order of the summary.
+#: Kinds of motion, in the order in which the summary of a bounce map lists them.
 KINDS = (IN_CONTACT, PERIODIC, IRREGULAR, UNDETERMINED)
 #: Description of each choice of the initial state, for titles.
 START_TEXT = {START_ON_CAM: "each from the cam"} | {

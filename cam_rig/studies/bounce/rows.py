@@ -72,14 +72,14 @@ class BounceRuns:
 
     @property
     def total(self) -> int:
-        """Number of rows of the bounce map, one per value of the swept quantity."""
+        """Number of rows of the bounce map: one per value of the swept quantity."""
         return len(self.values)
 
     @property
     def text(self) -> str:
-        """JSON text of everything on which the rows depend, to detect changed inputs.
+        """JSON text of all inputs on which the results depend, to detect changed inputs.
 
-        The law is represented by a hash.
+        The motion law is represented by a hash.
         """
         digest = hashlib.sha256()
         for part in (self.law.breaks, self.law.ordinates):

@@ -87,8 +87,8 @@ def point_columns(digits: str = ".6g") -> tuple[Column, ...]:
 class Sweep:
     """Quantity that a bounce map varies, together with all fixed quantities.
 
-    ``parameter`` is the varied quantity. ``base`` is the follower and cam speed in which it is
-    replaced.
+    ``parameter`` is the key of the varied quantity. ``base`` contains the follower and the cam
+    speed, in which the varied quantity is replaced.
     """
 
     base: OperatingPoint
@@ -133,12 +133,13 @@ class Sweep:
         return 1.0 if self.parameter == RESTITUTION else value or 1.0
 
     def lift_off(self, law: Law, values: Sequence[float]) -> float:
-        """Return the swept value (SI) at which the follower first loses contact.
+        """Return the value of the swept quantity (SI) at which contact is first lost.
 
-        The motion below it is steady and in contact. A jump speed is computed exactly. For another
-        swept quantity, ``values`` (SI, rising) are searched for a change. The result is 0 if the
-        law's velocity has a jump, so that the follower is thrown off at any speed. It is NaN if
-        contact is lost, or kept, at all values.
+        Below it the motion is steady and in contact. For the cam speed it is the jump speed,
+        computed exactly. For another swept quantity, ``values`` (SI, rising) are searched for the
+        first change from contact to loss of contact. The result is 0 if the law's velocity has a
+        jump, so that the follower is thrown off at any speed. It is NaN if contact is lost, or
+        kept, at all values.
         """
         if law.velocity_jumps:
             return 0.0 if self.parameter == SPEED else math.nan

@@ -50,18 +50,18 @@ SAMPLE_RATE = 48_000
 TURNS = 4
 #: Number of first turns at each speed that are not evaluated, if the campaign has no scene.
 TRANSIENT_TURNS = 1
-#: Path of the input that is the amplitude of a waviness of the cam profile.
+#: Path of the campaign input that is the amplitude of a waviness of the cam profile.
 WAVE = "profile.waviness.amplitude"
-#: Path of the input that is the wavelength of a waviness of the cam profile.
+#: Path of the campaign input that is the wavelength of a waviness of the cam profile.
 WAVELENGTH = "profile.waviness.wavelength"
-#: Speed (rpm) in the scene's schedule if the campaign has no scene. It has no effect, because each
-#: measure is computed at the speed in its name.
+#: Speed (rpm) in the schedule of the scene that is created if the campaign names none. It has no
+#: effect, because each measure is computed at the speed in its name.
 SPEED_RPM = 300.0
 
 
 @dataclass(frozen=True)
 class CampaignMeasure:
-    """Quantity that a campaign measures, with its column in the dataset."""
+    """Quantity that a campaign measures for each rig, with its column in the dataset."""
 
     term: Term
 
@@ -82,11 +82,14 @@ class CampaignMeasure:
 
     @property
     def factor(self) -> float:
-        """SI value of the unit in the dataset. A value in SI is divided by it."""
+        """SI value of the unit of the dataset. Values in SI are divided by it."""
         return self.term.quantity.units[self.unit]
 
     def compute(self, point: Subject) -> float:
-        """Return the measured value for one rig, in the unit of the dataset."""
+        """Return the value of the measure for one rig, in the unit of the dataset.
+
+        ``point`` is the rig with its cam and scene.
+        """
         return self.term.quantity.value(point, self.term, "<=") / self.factor
 
 
@@ -126,12 +129,13 @@ def parse_limits(
 ) -> tuple[Limit, ...]:
     """Parse the limits of a campaign, such as ``jump_speed>=400rpm``.
 
-    Each limit must be on one of ``measures``. ``model`` is the dynamic model of the scene.
+    Each limit must be on one of ``measures``, the quantities that the campaign measures. ``model``
+    is the dynamic model of the scene.
 
     Raises
     ------
     ConfigError
-        If a limit is without a value, or its quantity is not measured.
+        If a limit has no value, or its quantity is not measured.
     """
     terms = [measure.term for measure in measures]
     limits = tuple(parse_limit(text, campaign_quantities(model)) for text in texts)
@@ -161,10 +165,11 @@ def satisfies(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:
 
 @dataclass(eq=False)
 class Campaign:
-    """Checked campaign, with the cam, rig and scene on which it is based.
+    """Checked campaign: many rigs (points) that differ in some numbers.
 
-    Its attributes include the ``inputs``, ``measures``, ``limits`` and ``draws`` (the input values
-    of all points). ``total`` is the number of points.
+    It contains the cam, the rig and the scene on which the points are based, the ``inputs`` (varied
+    numbers), the ``measures``, the ``limits`` and the ``draws`` (input values of all points).
+    ``total`` is the number of points.
     """
 
     config: CampaignConfig
@@ -205,7 +210,7 @@ class Campaign:
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     def with_plan(self, points: int | None = None, seed: int | None = None) -> Campaign:
-        """Return the campaign with another number of points or another seed.
+        """Return the campaign with another number of points (rigs) or another random seed.
 
         None keeps the value of the campaign.
         """
@@ -306,19 +311,19 @@ def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
     return SceneConfig.model_validate(head | run | sampling)
 
 
-#: Status of a point whose measures all have values from a steady motion.
+#: Status of a point (one rig of the campaign) whose measures are all computed from a steady motion.
 OK = "ok"
-#: Status of a point for which at least one measure could not be computed. Its reason states the
-#: error.
+#: Status of a point (one rig of the campaign) for which at least one measure could not be computed.
+#: The column ``reason`` contains the error.
 FAILED = "failed"
-#: Status of a point whose simulated motion did not become steady. Its reason states which turns
-#: were measured.
+#: Status of a point (one rig of the campaign) whose simulated motion did not become steady. The
+#: column ``reason`` names the turns that were measured.
 UNSETTLED = "unsettled"
 
 
 @dataclass(frozen=True, eq=False)
 class BatchRows(Batch):
-    """Measured rows of consecutive points of a campaign.
+    """Results of consecutive points (rigs) of a campaign.
 
     ``inputs`` are ``(n, d)`` in SI. ``measures`` are ``(n, k)`` in the units of their columns, NaN
     if a measure failed. ``reasons`` are n texts, empty if all measures are from a steady motion.
@@ -341,7 +346,8 @@ class BatchRows(Batch):
 def measure_batch(campaign: Campaign, first: int, last: int) -> BatchRows:
     """Measure the points ``first`` to ``last`` (exclusive) of a campaign.
 
-    Each row depends only on its index and the campaign, not on the batch.
+    A point is one rig with its input values. Its results depend only on its index and the campaign,
+    not on the batch.
     """
     start = time.process_time()
     inputs = campaign.draws.rows(first, last)
@@ -374,10 +380,10 @@ def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], 
 
 
 def make_point(campaign: Campaign, inputs: FloatArray) -> Subject:
-    """Return the cam, rig and scene of one point of a campaign.
+    """Return the cam, rig and scene of one point (one rig of the campaign).
 
-    They are those of the base with the input values ``inputs`` ``(d,)``, in SI. Profile errors are
-    added to the law of the cam.
+    They are those of the base files, with the input values ``inputs`` ``(d,)``, in SI. Errors of
+    the cam profile are added to the law of the cam.
     """
     numbers: dict[str, dict[str, float]] = {"cam": {}, "rig": {}, "scene": {}, "profile": {}}
     for item, value in zip(campaign.inputs, inputs.tolist(), strict=True):

@@ -48,7 +48,7 @@ class CampaignProgress(Progress):
         bar.advance(self._done)
 
     def advance(self, steps: int = 1) -> None:
-        """Count measured points and update the display."""
+        """Count ``steps`` more measured points (rigs) and update the display."""
         self._done += steps
         self._bar.advance(steps)
         time_s = time.monotonic()

@@ -18,8 +18,8 @@ from cam_rig.extras import friendly_import_errors
 from cam_rig.studies.campaign.campaign import FAILED, OK, UNSETTLED, BatchRows, Campaign
 from cam_rig.units import FloatArray
 
-#: Pattern of a number in an error text. Reasons of failure that differ only in numbers are counted
-#: together.
+#: Pattern of a number in an error text. Error texts that differ only in numbers are counted as the
+#: same reason of failure.
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -77,7 +77,7 @@ class CampaignDataset(PointFiles):
         return pa.Table.from_arrays(columns, schema=self.schema)
 
     def column(self, name: str) -> FloatArray:
-        """Return one column in the order of the points, NaN for null.
+        """Return one column in the order of the points (rigs), NaN for null.
 
         Only this column is read, so memory suffices for large datasets.
         """
@@ -85,10 +85,10 @@ class CampaignDataset(PointFiles):
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def reasons(self, status: str = FAILED) -> list[tuple[str, int]]:
-        """Return the reasons of the points with a status, and their numbers of points.
+        """Return the reasons of the points with a status, with the number of points for each.
 
-        The most frequent reason is first. Reasons that differ only in numbers are counted together,
-        and the first of them is returned.
+        A point is one rig of the campaign. The most frequent reason is first. Reasons that differ
+        only in numbers are counted together, and the first of them is returned.
         """
         import pyarrow.compute as pc
 

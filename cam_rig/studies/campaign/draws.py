@@ -119,20 +119,20 @@ def _permute(index: Indices, total: int, key: int) -> Indices:
 
 
 def grid_indices(counts: list[int], first: int, last: int) -> NDArray[np.intp]:
-    """Return which of its values each input has, for some points of a grid.
+    """Return the index of each input's value, for some points of a grid.
 
-    These are the points ``first`` to ``last`` (exclusive). The result contains indices from 0, with
-    shape ``(last − first, len(counts))``. ``counts`` are the numbers of values per input. The last
-    input varies fastest.
+    The points are ``first`` to ``last`` (exclusive), with indices from 0 and the shape ``(last −
+    first, len(counts))``. ``counts`` are the numbers of values per input. The last input varies
+    fastest.
     """
     return np.stack(np.unravel_index(np.arange(first, last), counts), axis=1)
 
 
 def rows_of(kind: PlanKind, points: int | None, counts: list[int]) -> int:
-    """Return the number of rows that a plan has in total.
+    """Return the total number of points (rigs) of a campaign plan.
 
-    ``points`` is the number in the plan, and ``counts`` are the numbers of values per input on a
-    grid.
+    ``kind`` is the kind of the plan, and ``points`` its number in the campaign file. ``counts`` are
+    the numbers of values per input of a grid.
     """
     if kind == "grid":
         return math.prod(counts)
@@ -171,8 +171,8 @@ class InputDraws:
     def rows(self, first: int, last: int) -> FloatArray:
         """Return the input values of the points ``first`` to ``last`` (exclusive).
 
-        They are in SI, with shape ``(last − first, d)``. Each row depends only on its index and the
-        campaign.
+        A point is one rig of the campaign. The values are in SI, with shape ``(last − first, d)``.
+        Those of a point depend only on its index and the campaign.
         """
         plan = self.config.plan
         if plan.kind == "grid":
@@ -186,18 +186,18 @@ class InputDraws:
         return np.stack(columns, axis=1)
 
     def middle(self) -> FloatArray:
-        """Return the median of each input, in SI, ``(d,)``.
+        """Return the median of the distribution of each input, in SI, ``(d,)``.
 
-        For a list of values it is the value in the middle of the list.
+        For an input with a list of values it is the value in the middle of the list.
         """
         half = np.array([0.5])
         return np.concatenate([draw(item, half) for item in self.inputs])
 
     def _correlate(self, unit: FloatArray) -> FloatArray:
-        """Transform points of the unit cube to have the required correlations.
+        """Transform points of the unit cube so that the inputs are correlated as required.
 
-        The sum is computed term by term, because a matrix product may be rounded differently in a
-        batch of another length.
+        ``unit`` contains one point per row. The sum is computed term by term, because a matrix
+        product may be rounded differently in a batch of another length.
         """
         if not self.config.correlated:
             return unit

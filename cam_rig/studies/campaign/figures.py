@@ -70,8 +70,8 @@ MAX_BARS = 60
 MAX_INPUTS = 12
 #: Largest number of letters per line in a panel of half the figure's width.
 LETTERS = 40
-#: Fraction of the points that one bar of a tornado chart represents: those with the lowest, or the
-#: highest, values of an input.
+#: Fraction of the points (rigs) that one bar of a tornado chart represents: those with the lowest,
+#: or with the highest, values of an input.
 TENTH = 0.1
 #: Height and plot options of the bars of a tornado chart: first for the lowest tenth of an input,
 #: then for the highest.
@@ -180,14 +180,15 @@ def _tenth_medians(inputs: FloatArray, values: FloatArray) -> tuple[float, float
 
 #: Largest number of map panels next to each other.
 MAX_COLUMNS = 3
-#: Largest number of values of an input that get a panel each. Of more values, evenly spaced ones
-#: are displayed.
+#: Largest number of map panels for the values of an input that is not on an axis. Of more values,
+#: evenly spaced ones are displayed.
 MAX_PANELS = 6
 #: Height of a map panel, inches.
 PANEL_HEIGHT = 2.3
-#: Largest number of letters per line in the title of a map panel.
+#: Largest number of letters per line in the title of a map panel, a map of a measure over two
+#: inputs.
 MAP_LETTERS = 26
-#: Largest number of letters per line in the label of a colour bar.
+#: Largest number of letters per line in the label of the colour bar of a row of maps.
 ROW_LETTERS = 36
 
 
@@ -217,9 +218,10 @@ def measure_map(results: CampaignResult) -> Figure:
 
 
 def _panel_steps(steps: FloatArray, on_axis: bool) -> list[int | None]:
-    """Return the indices of those values of an input that get a panel each.
+    """Return the indices of the values of one input that get a map panel each.
 
-    ``steps`` are its values on the grid. The result is [None] for an input on an axis of the maps.
+    ``steps`` are the values of the input on the grid. The result is [None] for an input that is on
+    an axis of the maps (``on_axis``).
     """
     if on_axis:
         return [None]
@@ -264,8 +266,9 @@ def _panels(
 def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | None, ...]) -> str:
     """Return the title of a map panel.
 
-    It names the values of the inputs that are not on an axis. ``cell`` contains the index of the
-    value per input, None for an input on an axis.
+    It names the values of the inputs that are not on an axis of the map. ``grid`` contains each
+    input with its values. ``cell`` contains the index of the value per input, None for an input on
+    an axis.
     """
     lines = []
     for (item, steps), i in zip(grid, cell, strict=True):

@@ -25,7 +25,8 @@ from cam_rig.studies.campaign.schema import PERCENT, Variation
 from cam_rig.units import TURN, FloatArray
 
 Config = TypeVar("Config", bound=BaseModel)
-#: Dimension of each manufacturing error of a cam by its path. `ProfileErrors` explains the errors.
+#: Physical dimension of each manufacturing error of a cam profile, by the path of the campaign
+#: input. `ProfileErrors` explains the errors.
 PROFILE = {
     "profile.size": "length",
     "profile.eccentricity.amplitude": "length",
@@ -35,7 +36,8 @@ PROFILE = {
     "profile.waviness.phase": "angle",
 }
 
-#: Pattern of one element of a path: a name, or an index in brackets.
+#: Pattern of one element of an input's path, such as ``rig.follower.mass``: a name, or an index in
+#: brackets.
 _TOKEN = re.compile(r"[A-Za-z_]\w*|\[\d+\]")
 #: SI unit of each dimension: the unit with the factor 1.
 _SI = {
@@ -45,11 +47,11 @@ _SI = {
 
 @dataclass(frozen=True)
 class CampaignInput:
-    """Number that a campaign varies.
+    """Number of the cam, the rig or the scene that a campaign varies.
 
-    ``path`` is its path, ``base`` its value (SI) in the base files of the campaign, and
-    ``dimension`` its physical dimension, such as length. ``variation`` defines the values that it
-    takes.
+    ``path`` is its path, such as ``rig.follower.mass``, ``base`` its value (SI) in the files on
+    which the campaign is based, and ``dimension`` its physical dimension, such as length.
+    ``variation`` defines the values that it takes.
     """
 
     path: str
@@ -81,7 +83,7 @@ class CampaignInput:
     def origin(self) -> float:
         """Value (SI) to which the numbers of the variation are added.
 
-        It is 0, or the number in the base for a variation in percent.
+        It is the value in the base files for a variation in percent, otherwise 0.
         """
         return self.base if self.variation.unit == PERCENT else 0.0
 
@@ -93,7 +95,7 @@ class CampaignInput:
 
     @property
     def endless(self) -> bool:
-        """True if the input's distribution is unbounded, as a normal distribution is."""
+        """True if the distribution of the input has no smallest and largest value."""
         return self.variation.normal is not None and self.variation.within is None
 
 
@@ -179,8 +181,8 @@ def _copy(node: Any) -> Any:
 def _set(node: Any, tokens: list[str], value: float) -> None:
     """Set the number at a path of nested data to a value (SI).
 
-    ``tokens`` are the elements of the path. The containers along the path are copied, so that the
-    original data are not changed.
+    ``node`` is the data, and ``tokens`` are the elements of the path. The containers along the path
+    are copied, so that the original data are not changed.
     """
     for token in tokens:
         if isinstance(node, dict) and "unit" in node and token.startswith("["):
@@ -239,7 +241,7 @@ class ProfileErrors:
 
     @classmethod
     def of(cls, numbers: Mapping[str, float]) -> ProfileErrors:
-        """Create profile errors from values (SI) by their paths.
+        """Create profile errors from values (SI) by the path of the campaign input.
 
         The paths are those of `PROFILE` without ``profile.``.
         """
@@ -252,7 +254,7 @@ class ProfileErrors:
 
     @property
     def _step(self) -> float:
-        """Longest polynomial piece (rad) that represents the errors accurately.
+        """Length (rad) of the longest polynomial piece that represents the errors accurately.
 
         It is infinite for a constant error.
         """

@@ -33,14 +33,15 @@ if TYPE_CHECKING:
 PROBABILITIES = (0.01, 0.05, 0.5, 0.95, 0.99)
 #: Largest number of different reasons that a note on failed points lists.
 MAX_REASONS = 3
-#: Probability that a 95 % interval does not contain the true value.
+#: Probability that the true value is outside of a 95 % interval.
 MISSED = 0.05
-#: Smallest number of independent draws for which the 95 % interval of the median exists.
+#: Smallest number of random points (rigs) for which a 95 % interval of the median exists.
 FOR_MEDIAN = 6
-#: Half-width of the 95 % interval of a variance share above which a note suggests more points.
+#: Half-width of the 95 % interval of a variance share (Sobol index) above which a note suggests
+#: more points.
 SHARE_ERROR = 0.1
 
-#: Note below the table of quantiles on its intervals.
+#: Note below the table of quantiles that explains their 95 % intervals.
 
 INTERVALS = (
     "Intervals of 95 % assume independent draws; they are conservative for a Latin hypercube or a "
@@ -70,7 +71,7 @@ class Quantile:
 
 @dataclass(frozen=True)
 class LimitYield:
-    """Yield: fraction of all points that satisfy a limit, with its 95 % interval.
+    """Yield of a limit: fraction of all points (rigs) that satisfy it, with 95 % interval.
 
     If ``grid`` is True, the points are not random, and the interval has no meaning.
     """
@@ -99,7 +100,7 @@ class InputShare:
 
 @dataclass(frozen=True)
 class MeasureRow:
-    """Row of a results table: a measure, and what the table lists for it.
+    """Row of a results table: a measure, and one result for this measure.
 
     ``item`` is a `Quantile`, an `InputShare`, a `JumpSensitivity`, or the pair of extreme values.
     """
@@ -217,7 +218,7 @@ class CampaignResult(Result):
 
     @cached_property
     def failed(self) -> int:
-        """Number of points for which at least one measure failed."""
+        """Number of points (rigs) for which at least one measure failed."""
         bad = np.zeros(1, dtype=bool)
         for measure in self.campaign.measures:
             bad = bad | np.isnan(self.values(measure))
@@ -225,7 +226,7 @@ class CampaignResult(Result):
 
     @property
     def points(self) -> int:
-        """Number of stored points."""
+        """Number of points (rigs) in the dataset."""
         return sum(last - first for first, last, _ in self.dataset.batches())
 
     @cached_property
@@ -258,21 +259,24 @@ class CampaignResult(Result):
         return f"{count} of {points}, such as {reasons[0][0]}" if reasons else ""
 
     def values(self, measure: CampaignMeasure) -> FloatArray:
-        """Return the values of a measure, one per point, in the unit of the dataset.
+        """Return the values of a measure, one per point (rig), in the unit of the dataset.
 
         The value is NaN if the measure failed.
         """
         return self.dataset.column(measure.column)
 
     def input_values(self, path: str) -> FloatArray:
-        """Return the values (SI) of the input with a path, one per point."""
+        """Return the values (SI) of an input, one per point (rig).
+
+        ``path`` is the path of the input, such as ``rig.follower.mass``.
+        """
         item = next(item for item in self.campaign.inputs if item.path == path)
         return self.dataset.column(item.column)
 
     def quantiles(self, measure: CampaignMeasure) -> tuple[Quantile, ...]:
         """Return the quantiles of a measure at the probabilities `PROBABILITIES`.
 
-        Failed points are ignored. The values 0 and ∞ are included as values.
+        Points (rigs) for which the measure failed are ignored. 0 and ∞ are included as values.
         """
         values = np.sort(self.values(measure))
         return tuple(quantile(values[~np.isnan(values)], p) for p in PROBABILITIES)
@@ -394,10 +398,10 @@ def _has_measure(measure: CampaignMeasure, row: MeasureRow) -> bool:
 
 
 def points_needed(shares: Sequence[InputShare], points: int) -> int:
-    """Return the size of the base sample with which all shares are accurate enough.
+    """Return the number of base points with which all variance shares are accurate enough.
 
-    The errors of the shares are then below `SHARE_ERROR`. The result is a power of 2, or the
-    present size ``points`` if that is sufficient.
+    The errors of the ``shares`` are then below `SHARE_ERROR`. The result is a power of 2, or the
+    present number ``points`` if that is sufficient.
     """
     errors = [error for share in shares for error in (share.first_error, share.total_error)]
     ratio = (max(errors) / SHARE_ERROR) ** 2

@@ -44,11 +44,11 @@ FOLLOWER = (
 
 
 def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> Climb:
-    """Return the jump speed of a law and the angle at which contact is first lost.
+    """Return the jump speed of a law and the cam angle at which contact is first lost.
 
-    They are fields of the result. ``duration`` (s) is that of the run from rest, None for the
-    steady state. A loss of contact at the end of the run raises a `DynamicsError`, because the jump
-    speed then has no derivative.
+    The jump speed is the lowest speed with loss of contact. ``duration`` (s) is that of the run
+    from rest, None for the steady state. A loss of contact at the end of the run raises a
+    `DynamicsError`, because the jump speed then has no derivative.
     """
     touch = solve_threshold(law, follower, duration)
     if duration is not None and duration * touch.speed - touch.angle < END_DISTANCE:
@@ -127,11 +127,12 @@ def _free_vibration_state(
     angle: float,
     duration: float | None,
 ) -> NDArray[Any]:
-    """Return the free vibration (η, η̇) at the angle where contact is lost.
+    """Return the free vibration (η, η̇) of the end mass where contact is lost.
 
-    It is the sum of the vibrations excited at all earlier joints, each decayed since then.
-    ``forced`` are the Bernstein ordinates of the polynomial solution in each piece of the law.
-    ``duration`` None is the steady state.
+    It is the sum of the vibrations excited at all earlier joints between pieces of the law, each
+    decayed since then. ``forced`` are the Bernstein ordinates of the polynomial solution in each
+    piece. ``angle`` (rad) is the angle of the loss of contact. ``duration`` is that of the run from
+    rest, None for the steady state.
     """
     jumps = np.roll(forced[:, -1], 1, axis=1) - forced[:, 0]
     turns, touched = divmod(angle, TURN)
@@ -183,9 +184,9 @@ class _FreeVibration:
 class JumpSensitivity:
     """Derivative dΩ/dp (SI) of the jump speed Ω by an input p of a campaign.
 
-    ``value`` is the value (SI) of the input at which the derivative is computed. The derivative is
-    None if the input moves joints of the law, or is not a number of the follower or of the profile
-    errors.
+    The jump speed is the lowest speed with loss of contact. ``value`` is the value (SI) of the
+    input at which the derivative is computed. The derivative is None if the input moves joints
+    between pieces of the law, or is neither a number of the follower nor of the profile errors.
     """
 
     path: str
@@ -258,8 +259,8 @@ def _numbers(rig: RigConfig, moved: str = "") -> dict[str, complex]:
     return {**numbers, "roller_mass": mass * share, "end_mass": mass - mass * share}
 
 
-#: Duration (s) of the run from rest for each jump speed that has derivatives, None for the steady
-#: state.
+#: Duration (s) of the run from rest for each kind of jump speed that has derivatives, None for the
+#: steady state.
 RUNS = {"jump_speed": REST_DURATION_S, "jump_speed_steady": None}
 
 

@@ -13,14 +13,16 @@ from cam_rig.simulation.instruments import Signal
 from cam_rig.studies.compare.model_run import ModelRun, SteadyStretch
 from cam_rig.units import TURN, FloatArray, correlation_length, rms
 
-#: Number of harmonics of the rotation by which the lift readings of a turn are compared with the
-#: model.
+#: Number of harmonics of the cam rotation by which the lift readings of a turn are compared with
+#: the model.
 ORDERS = 24
 #: Smallest number of lift readings in a turn that is compared with the model.
 MIN_READINGS = 12
-#: Number of equally spaced cam angles that are tried as the offset of a turn in the first estimate.
+#: Number of equally spaced cam angles that are tried as the offset of a turn (cam angle minus
+#: encoder angle) in the first estimate.
 SEARCH_ANGLES = 2048
-#: Smallest ratio of an alignment parameter to its standard error at which it is significant.
+#: Smallest ratio of an alignment parameter (offset, gauge zero, lag, clock delay or drift) to its
+#: standard error at which it is significant.
 MIN_SIGNIFICANCE = 5.0
 #: Smallest shift of the cam angle (rad) by a clock error at which the error is corrected.
 MIN_CLOCK_SHIFT = 1e-3
@@ -45,7 +47,7 @@ MAX_SCATTER_RATIO = 1.2
 MAX_STEPS = 4
 #: Change of the cam angle (rad) by a Gauss-Newton step below which the alignment has converged.
 STEP_ATOL = 1e-6
-#: Names of the alignment parameters, in the order of their errors.
+#: Names of the alignment parameters, in the order in which their errors are stored.
 NAMES = ("offset", "zero", "lag", "delay", "drift")
 
 
@@ -95,8 +97,8 @@ class Alignment:
         return error > 0.0 and abs(float(getattr(self, name))) > MIN_SIGNIFICANCE * error
 
 
-#: Function that drives the model with the cam motion of a stretch. Its second argument is the
-#: offset (rad) of the cam angle from the encoder's angle.
+#: Function that computes the model's motion with the cam motion of a time of steady speed. Its
+#: second argument is the offset (rad): cam angle minus encoder angle.
 Drive = Callable[[SteadyStretch, float], ModelRun]
 
 
@@ -148,7 +150,8 @@ def find_alignment(
 def _max_speed(stretches: Sequence[SteadyStretch]) -> tuple[float, bool]:
     """Return the highest speed of the stretches (rad/s), and True if speeds differ.
 
-    They differ if the highest is more than 5 % above the lowest.
+    A stretch is a time of steady cam speed. The speeds differ if the highest is more than 5 % above
+    the lowest.
     """
     speeds = [stretch.mean_speed for stretch in stretches]
     return max(speeds), max(speeds) > 1.05 * min(speeds)

@@ -15,19 +15,20 @@ from cam_rig.show.looks import EQUAL, is_rounding, reach, title_of
 from cam_rig.studies.compare.comparison import QUANTITIES, SpeedDeparture, group_by_cam
 from cam_rig.studies.compare.study import RunComparison
 
-#: Names of the charts of each quantity, in this order.
+#: Names of the charts of each quantity (lift or force), in the order in which they are placed.
 CHARTS = ("measured", "model", "difference")
 #: Line width of a curve as a radius in screen points. Rerun uses negative values for screen units.
 STROKE = -1.4
-#: Width of a chart in units of the Rerun view, in which curves are drawn.
+#: Width of a chart in units of the Rerun view in which its curves are drawn.
 WIDTH = 160.0
-#: Height of a chart in units of the Rerun view, in which curves are drawn.
+#: Height of a chart in units of the Rerun view in which its curves are drawn.
 HEIGHT = 120.0
-#: Height of an axis label above its tick, as a fraction of the chart.
+#: Vertical distance of an axis label from its tick, as a fraction of the chart's height.
 RAISED = 0.06
 #: Ticks of the cam angle axis: label by angle in degrees.
 DEGREES = {float(angle): f"{angle}°" for angle in range(0, 361, 90)}
-#: Free space at the right of a chart, as a fraction of its width. It is for half of the last label.
+#: Free space at the right of a chart for one half of the last axis label, as a fraction of the
+#: width.
 RIGHT_MARGIN = 0.1
 #: Free space below a chart for its axis labels, as a fraction of its height.
 BOTTOM_MARGIN = 0.16
@@ -73,7 +74,11 @@ def real_run_entity(cam: str, quantity: str, chart: str) -> str:
 def _view(
     rows: Sequence[SpeedDeparture], quantity: str, chart: str, axes: Axes
 ) -> rrb.Spatial2DView:
-    """Return the Rerun view of one chart, with its title."""
+    """Return the Rerun view of one chart, with its title.
+
+    ``rows`` are the results of one cam, one per speed. ``chart`` is "measured", "model" or
+    "difference", and ``quantity`` is lift or force.
+    """
     text, unit, _, difference_unit, *_ = QUANTITIES[quantity]
     title = f"{text} [{unit}]: {chart}"
     if chart == "difference":

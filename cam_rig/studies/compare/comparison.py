@@ -25,17 +25,18 @@ from cam_rig.units import TURN
 
 # Dominant frequency of the difference between measurement and model. It may be a resonance of a
 # sensor or its mount.
-#: Largest number of readings in each of the segments into which a signal is divided to average
-#: their power spectra (Welch's method).
+#: Largest number of readings per segment in Welch's method, which divides a signal into segments
+#: and averages their power spectra.
 MAX_SEGMENT_READINGS = 1024
-#: Smallest number of segments of a signal whose power spectra are averaged (Welch's method).
+#: Smallest number of segments of a signal in Welch's method, which averages their power spectra.
 MIN_SEGMENTS = 4
 #: Smallest ratio of a spectral peak's power to the median power at which the peak is reported.
 MIN_PEAK_RATIO = 30.0
 #: Largest relative difference of peak frequencies at two speeds that count as equal.
 FREQUENCY_RTOL = 0.05
-#: Smallest relative range of the cam speeds at which a peak at one frequency is attributed to a
-#: resonance. With nearly equal speeds, a fixed multiple of the speed looks the same.
+#: Smallest relative range of the cam speeds at which a spectral peak at one frequency is attributed
+#: to a resonance. If the speeds are nearly equal, the peak could also be a fixed multiple of the
+#: rotation frequency.
 MIN_SPEED_RANGE = 0.15
 #: Smallest multiple of the rotation frequency of the cam at which a common peak is reported as a
 #: resonance. Errors of mass, spring and damping cause differences at lower multiples.
@@ -145,9 +146,9 @@ class SpeedDeparture:
 
     @property
     def exact(self) -> bool:
-        """True if the model was driven with exact recorded cam states.
+        """True if the model was driven with the exact recorded cam states.
 
-        The comparison is then sample by sample, as for a bag of the rig.
+        This is the case for a bag of the rig, which is compared sample by sample.
         """
         return any(part is not None and part.exact for part in (self.lift, self.force))
 
@@ -161,9 +162,9 @@ class SpeedDeparture:
 
     @property
     def later(self) -> float | None:
-        """Delay of measured lift-offs and landings as cam angle (rad).
+        """Delay of measured lift-offs and landings behind the model, as cam angle (rad).
 
-        It is None if run and model have no events in common.
+        It is None if run and model have no lift-off or landing in common.
         """
         degrees = None if self.contact is None else self.contact.degrees
         return None if degrees is None else float(np.radians(degrees))
@@ -277,7 +278,7 @@ def largest_deviations(rows: Sequence[SpeedDeparture]) -> list[LargestDeviation]
 
 
 class Origin(Enum):
-    """Origin of a parameter that aligns the sensors' readings with the cam."""
+    """How a parameter that aligns the sensors' readings with the cam was obtained."""
 
     GIVEN = "given"
     FROM_LIFT = "from the lift"
@@ -299,9 +300,9 @@ class AlignmentNumber:
 
 
 def alignment_numbers(pairs: MeasuredPairs) -> list[AlignmentNumber]:
-    """Return the parameters by which the readings were aligned with the cam.
+    """Return the parameters by which the readings of a test bench were aligned.
 
-    They are those of a run on a test bench.
+    They relate the sensors' readings to the cam angle, such as the encoder's offset.
     """
     fit, from_lift = pairs.alignment, Origin.FROM_LIFT
     is_identified = fit.is_significant("offset") or fit.errors[0] > 0.0
@@ -335,10 +336,10 @@ def alignment_numbers(pairs: MeasuredPairs) -> list[AlignmentNumber]:
 
 
 def turn_warnings(rows: Iterable[SpeedDeparture]) -> list[str]:
-    """Return a warning if the turns at one speed differ by more than noise.
+    """Return a warning if the turns of the run at one speed differ by more than noise.
 
-    It names the speed and the quantity with the largest difference. The result is empty if there is
-    none.
+    It names the speed and the quantity with the largest difference. The list is empty if there is
+    no such difference.
     """
     parts = [
         (part.noise / part.scale, row.rpm, name)

@@ -58,9 +58,10 @@ class PairedSignal:
 class PairedStep:
     """Settled turns of one cam at one speed, as pairs of measured and modelled values.
 
-    `lift` and `force` are None if not measured. `levels` are the measured and the modelled sound
-    level (dB). `exact` is True if the model was driven with exact recorded cam states, so that it
-    can be compared sample by sample.
+    Settled turns follow after the transient at the start of a speed. `lift` and `force` are None if
+    not measured. `levels` are the measured and the modelled sound level (dB). `exact` is True if
+    the model was driven with exact recorded cam states, so that it can be compared sample by
+    sample.
     """
 
     cam: str
@@ -75,11 +76,11 @@ class PairedStep:
 #: Largest systematic deviation from the model that is still accepted as agreement, as a fraction of
 #: the noise. It is not 0, because the noise is only estimated.
 SYSTEMATIC_NOISE_FRACTION = 0.5
-#: Two standard errors of the squared systematic deviation, relative to the squared noise, are this
-#: factor divided by √n for n readings.
+#: Factor f of the tolerance of the squared systematic deviation: two standard errors are f/√n,
+#: relative to the squared noise, for n readings.
 NOISE_ERROR_FACTOR = 5.4
-#: Deviation that counts as agreement on a test bench even without noise, as a fraction of the
-#: model's range.
+#: Deviation from the model that counts as agreement even without noise in a run on a test bench, as
+#: a fraction of the model's range.
 RANGE_RTOL = 2e-4
 #: Largest difference between successive turns of the model that count as equal, as a fraction of
 #: the model's range.
@@ -114,22 +115,25 @@ class Departure:
 
     @property
     def turns_differ(self) -> bool:
-        """True if the readings differ between turns by more than an instrument's noise.
+        """True if turns of the run differ by more than the noise of an instrument can explain.
 
-        The measured cam angle is wrong then, or its number of counts per turn.
+        The measured cam angle is wrong then, or the number of counts per turn of the encoder.
         """
         return not self.varies_by_turn and self.noise > self.max_noise * self.scale
 
     @property
     def systematic(self) -> float:
-        """R.m.s. deviation after the noise has been subtracted in quadrature."""
+        """R.m.s. deviation from the model without the noise.
+
+        The noise is subtracted in quadrature: √(rms² − noise²).
+        """
         return math.sqrt(max(self.rms**2 - self.noise**2, 0.0))
 
     @property
     def within(self) -> bool:
-        """True if the noise explains the deviation.
+        """True if the noise explains the deviation of the run from the model.
 
-        If the model was driven with exact cam states, rounding must explain it.
+        If the model was driven with exact recorded cam states, rounding must explain it.
         """
         if self.exact:
             return abs(self.largest) <= ROUNDING_RTOL * self.scale
@@ -189,8 +193,8 @@ def mean_over_turns(angle: FloatArray, value: FloatArray) -> tuple[FloatArray, F
 
 
 # Lift-offs and landings in the measured and the modelled values, by the same rule.
-#: Force, or gap between follower and cam, at which contact counts as lost, in standard deviations
-#: of the noise.
+#: Force, or gap between follower and cam, beyond which contact counts as lost, in standard
+#: deviations of the noise.
 FORCE_SIGMAS = 4.0
 #: Smallest force below which contact counts as lost, as a fraction of the mean force. It allows for
 #: the zero offset of a load cell.
@@ -285,9 +289,9 @@ def _contact_events(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the times (s) of lift-offs and of landings in a signal.
 
-    Contact is lost while `margin` (the force or gap relative to its limit) is not positive. With
-    noise, the mean of adjacent readings must also be `-clear` or less, because a small force on a
-    dwell may fall below the limit at random.
+    Contact is lost while `margin` is not positive: the force (or the gap) relative to its limit. If
+    the signal has noise (not `exact`), the mean of adjacent readings must also be `-clear` or less,
+    because a small force on a dwell may fall below the limit at random.
     """
     lost = margin <= 0.0
     if not exact:  # a reading follows the majority of itself and its two neighbours

@@ -77,9 +77,10 @@ def figure(comparison: RunComparison) -> Figure:
 def _block(
     panels: Any, title: str, columns: Sequence[SpeedDeparture], quantities: Sequence[str]
 ) -> None:
-    """Draw all quantities of one cam, in one column per speed.
+    """Draw lift and force of one cam, in one column per speed.
 
-    ``panels`` are the axes of the cam, two rows per quantity: curves and difference.
+    ``panels`` are the axes of the cam, two rows per quantity: the curves of run and model, and
+    below them their difference. ``columns`` are the results at the drawn speeds.
     """
     for j, row in enumerate(columns):
         panels[0, j].set_title(f"{title}\n{row.rpm:.6g} rpm")

@@ -36,8 +36,8 @@ READINGS_PER_PIECE = 6
 STILL_READINGS = 16
 #: Largest range (rad) of cam angles that count as equal when the cam is stopped.
 STILL_ANGLE = 1e-3
-#: Largest ratio of the r.m.s. distance of the readings from the spline to that from a straight line
-#: at which the spline is used.
+#: The spline is used for a cam motion if the r.m.s. distance of the readings from it is at most
+#: this multiple of that from a straight line.
 MAX_CURVE_SCATTER = 0.9
 
 
@@ -127,10 +127,10 @@ def steady_stretches(angle: Signal, min_turns: float) -> list[SteadyStretch]:
 
 
 def standstills(angle: Signal) -> FloatArray:
-    """Return the start and end times (s) of the cam's stops, shape (k, 2).
+    """Return the start and end times (s) of the cam's stops, one row each, shape (k, 2).
 
-    Stops of fewer than `STILL_READINGS` readings are left out. A longer stop can consist of several
-    rows.
+    ``angle`` is the encoder's signal. Stops of fewer than `STILL_READINGS` readings are left out. A
+    longer stop can be divided into several successive rows.
     """
     limit = max(STILL_ANGLE, 1.5 * encoder_count(angle.value))
     first = np.arange(0, angle.time.size, STILL_READINGS)
@@ -147,9 +147,10 @@ def standstills(angle: Signal) -> FloatArray:
 def _uniform_parts(
     time: FloatArray, angle: FloatArray, count: float
 ) -> Iterator[tuple[float, float]]:
-    """Yield start and end times (s) of successive turns at one steady speed.
+    """Yield start and end times (s) of times in which the cam turns at a steady speed.
 
-    ``count`` is the resolution of the encoder, rad.
+    Each of them consists of whole successive turns with equal mean speeds. ``time`` (s) and
+    ``angle`` (rad) are the readings of the encoder, and ``count`` is its resolution in rad.
     """
     rising = np.maximum.accumulate(angle)
     marks = np.arange(rising[0] + 0.5 * count, rising[-1], TURN)
@@ -223,7 +224,7 @@ def _fit_curve(time: FloatArray, angle: FloatArray, turns: int) -> SteadyStretch
 
 @dataclass(frozen=True, eq=False)
 class ModelRun:
-    """Samples of the model's follower, from the time at which it is placed on its cam.
+    """Samples of the model's follower, driven with a measured cam motion.
 
     Attributes
     ----------
@@ -234,8 +235,8 @@ class ModelRun:
     rows
         Samples of the follower, with rows as in `COLUMNS`.
     sound
-        End (s), mean square pressure (Pa²) and number of samples of each tick, shape (3, n). It is
-        empty if the rig has no sound parameters.
+        End (s), mean square pressure (Pa²) and number of samples of each tick (time between two cam
+        states), shape (3, n). It is empty if the rig has no sound parameters.
     """
 
     stretch: SteadyStretch
@@ -245,7 +246,7 @@ class ModelRun:
 
     @property
     def settled(self) -> FloatArray:
-        """Samples of the settled turns, with rows as in `COLUMNS`."""
+        """Samples of the turns after the transient at the start, with rows as in `COLUMNS`."""
         return self.rows[:, self.rows[0] >= self.start]
 
     @property
@@ -266,9 +267,10 @@ class ModelRun:
 
 
 def drive(loaded: LoadedScene, cam: str, stretch: SteadyStretch, offset: float) -> ModelRun:
-    """Drive the scene's model with the measured cam motion of a stretch.
+    """Compute the scene's model with the measured cam motion of a steady speed.
 
-    ``cam`` is the name of the cam. The cam is `offset` (rad) ahead of the angle of the stretch.
+    ``stretch`` is the time of steady speed with the encoder's angle, and ``cam`` the name of the
+    cam. The cam angle is the encoder's angle plus `offset` (rad).
     """
     follower, blocks, sound = FollowerSimulator.of(loaded), [], []
     microphone = None if loaded.missing_for_sound else MicrophoneSimulator.of(loaded)

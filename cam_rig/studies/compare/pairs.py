@@ -32,9 +32,9 @@ from cam_rig.studies.compare.model_run import (
 )
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-#: Samples of the model in one tick, their r.m.s. sound pressure (Pa) or None, and the cam state at
-#: which the model's follower was last restarted on the cam because recorded states were missing
-#: (None if never).
+#: Result of the model in one tick, the time between two cam states: its samples, their r.m.s. sound
+#: pressure (Pa) or None, and the cam state at which the model's follower was last placed on the cam
+#: again because recorded states were missing (None if never).
 ModelTick = tuple[TickSamples, float | None, CamState | None]
 
 
@@ -42,9 +42,9 @@ ModelTick = tuple[TickSamples, float | None, CamState | None]
 class _StepParts:
     """Samples of one cam at one speed, collected tick by tick.
 
-    Each array in `rows` has the rows time (s), angle (rad), lift (m), modelled lift, force (N),
-    modelled force. `speed` is the cam speed (rad/s). `turned` is the cam angle (rad) by which the
-    cam turned in the collected ticks.
+    A tick is the time between two cam states. Each array in `rows` has the rows time (s), angle
+    (rad), lift (m), modelled lift, force (N), modelled force. `speed` is the cam speed (rad/s).
+    `turned` is the cam angle (rad) by which the cam turned in the collected ticks.
     """
 
     cam: str
@@ -114,7 +114,8 @@ class RecordedPairs:
     ) -> Iterator[tuple[TickSamples, ModelTick]]:
         """Yield each recorded tick with the tick of the model that has the same start.
 
-        Ticks without a counterpart are skipped. `lost` counts those of the model.
+        A tick is the time between two successive cam states. Ticks without a counterpart are
+        skipped, and `lost` counts those of the model.
         """
         ticks = iter(ticks)
         first = next(ticks, None)
@@ -134,8 +135,8 @@ class RecordedPairs:
     def _drive_model(self, states: Iterable[CamState], rate: int) -> Iterator[ModelTick]:
         """Yield the ticks of the scene's model, driven with the recorded cam states.
 
-        If states are missing, the follower is restarted on the cam. ``rate`` is the sample rate in
-        Hz.
+        A tick is the time between two successive cam states. If states are missing, the follower is
+        placed on the cam again. ``rate`` is the sample rate in Hz.
         """
         follower = FollowerSimulator.of(self.loaded)
         microphone = None
@@ -169,7 +170,7 @@ class RecordedPairs:
         Raises
         ------
         ConfigError
-            If it is, and the scene does not have that cam.
+            If the cam is part of the comparison, but not of the scene.
         """
         if self.cam is not None and cam != self.cam:
             return False
@@ -197,8 +198,9 @@ def _add_tick(
 ) -> None:
     """Add the samples that a recorded tick and a tick of the model have in common.
 
-    `pressures` are the recorded r.m.s. pressures (Pa) by stamp (ns). A recorded tick may contain
-    only a part of the samples of the model's tick, if the message of a tick's end is lost.
+    A tick is the time between two successive cam states. `pressures` are the recorded r.m.s.
+    pressures (Pa) by stamp (ns). A recorded tick may contain only some of the samples of the
+    model's tick, if the message of a tick's end is lost.
     """
     samples, pressure, _ = model
     step = 1.0 if tick.time.size < 2 else float(np.diff(tick.time).mean())
@@ -218,14 +220,14 @@ def _add_tick(
 MIN_TURNS = 2.0
 #: Smallest number of readings of a quantity at a speed that is compared.
 MIN_READINGS = 32
-#: Change of the model's force within `JUMP_ANGLE` of a reading above which it is a jump, as a
-#: fraction of the force's range.
+#: Change of the model's force within `JUMP_ANGLE` of a reading that counts as a jump, as a fraction
+#: of the force's range.
 JUMP_FRACTION = 0.1
 #: Cam angle (rad) before and after a reading within which a jump of the model's force excludes the
 #: reading from the comparison.
 JUMP_ANGLE = np.radians(0.5)
-#: R.m.s. distance of the angle readings from the fitted motion, in encoder counts, above which they
-#: are taken as rounded to counts. Rounding alone gives 0.29.
+#: If the r.m.s. distance of the angle readings from the fitted motion exceeds this number of
+#: encoder counts, the readings are taken as rounded to whole counts. Rounding alone gives 0.29.
 MIN_ROUNDING_COUNTS = 0.1
 
 
@@ -268,7 +270,7 @@ class MeasuredPairs:
         return max(0.0, 1.0 - compared / duration)
 
     def steps(self) -> Iterator[PairedStep]:
-        """Yield the settled turns at each steady speed as pairs, the slowest first."""
+        """Yield the pairs of the settled turns at each steady speed, the slowest speed first."""
         settle = self.loaded.scene.schedule.transient_turns.si
         for stretch in sorted(self.stretches, key=lambda stretch: stretch.mean_speed):
             model = drive(self.loaded, self.cam, stretch, self.alignment.offset)

@@ -59,7 +59,8 @@ def _departure_columns(name: str, unit: str) -> tuple[Column, ...]:
     )
 
 
-#: Footnotes of the table of lift and force. Each is shown only if its condition is true for a row.
+#: Footnotes of the table of lift and force. A footnote is printed only if its condition is true for
+#: a row of the table.
 NOTES = (
     Footnote(
         "R.m.s. of all readings. Noise: scatter of the readings from turn to turn. Largest: of the "
@@ -82,8 +83,8 @@ NOTES = (
         lambda row: any(part is not None and part.varies_by_turn for part in (row.lift, row.force)),
     ),
 )
-#: Displayed unit of each quantity in tables in which every row has its own unit. Other quantities
-#: are displayed in SI units.
+#: Displayed unit of each quantity in tables whose rows have different units. Other quantities are
+#: displayed in SI units.
 DISPLAY_UNITS = {
     "lift": "µm",
     "lift_zero": "mm",

@@ -12,7 +12,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.show.command import CamsOrScene, RigOfScene, check_outputs, command, write_plot
 from cam_rig.show.result import Result
 
-#: Default speed of the cam, rpm. It is below every jump speed of the paper's laws.
+#: Default speed of the cam, rpm. It is below the jump speed of every cam of the default set.
 CONTACT_RPM = 300.0
 
 
@@ -42,10 +42,10 @@ MinRadius = Annotated[
 ]
 
 
-#: Default largest pressure angle of the nomogram, degrees.
+#: Default largest allowed pressure angle of the nomogram (radii over the span of a rise), degrees.
 MAX_PRESSURE_ANGLE = 30.0
-#: Default sum of roller radius and smallest radius of curvature of the contour in the nomogram, in
-#: lifts.
+#: Default sum of roller radius and smallest allowed radius of curvature of the cam contour in the
+#: nomogram, in units of the lift.
 MIN_RADIUS = 2.0
 
 

@@ -84,9 +84,10 @@ def _over_turn(panels: FloatArray, row: CamContact, style: dict[str, Any]) -> No
 def _over_base(
     axes: Axes, row: CamContact, style: dict[str, Any], measure: Measure, factor: float
 ) -> None:
-    """Draw the largest value of a quantity over the base radius, and mark the cam's.
+    """Draw the largest value of a quantity over the base radius of a cam.
 
-    ``measure`` returns the value in SI, ``factor`` converts it to the displayed unit.
+    ``measure`` returns the value over a turn in SI, and ``factor`` converts it to the displayed
+    unit. A mark shows the present base radius of the cam.
     """
     cam_radius = row.case.cam.follower.base_radius.si
     base = cam_radius * np.geomspace(MIN_RATIO, MAX_RATIO, RADII)
@@ -99,7 +100,10 @@ def _over_base(
 
 
 def _limit(axes: Axes, values: set[float], name: str, unit: str) -> None:
-    """Draw permissible values as dashed lines, with a legend."""
+    """Draw permissible values as dashed lines, with an entry in the legend.
+
+    ``values`` are in the displayed unit ``unit``, and ``name`` is the name of the limited quantity.
+    """
     for value in sorted(values):
         axes.axhline(value, color=web(LIMIT), ls="--", label=f"{name}, {value:g} {unit}")
     axes.legend(loc="best")
@@ -107,10 +111,10 @@ def _limit(axes: Axes, values: set[float], name: str, unit: str) -> None:
 
 @styled
 def events_figure(most: float, radius: float) -> Figure:
-    """Draw the nomogram: smallest radii in lifts over the event angle, by law.
+    """Draw the nomogram: smallest radii, in lifts, over the span of a rise, for each law.
 
-    ``most`` is the largest pressure angle in rad. ``radius`` is the sum of roller radius and
-    smallest radius of curvature of the contour, in lifts.
+    ``most`` is the largest allowed pressure angle in rad. ``radius`` is the sum of roller radius
+    and smallest allowed radius of curvature of the contour, in lifts.
     """
     event = np.radians(EVENTS)
     fig = empty(3.6)

@@ -83,7 +83,7 @@ class CamContact:
 
     @property
     def result(self) -> str:
-        """Position of the cam's base radius relative to the bounds, as text.
+        """Comparison of the cam's base radius with its bounds, as text.
 
         It is "within", "outside", or a text if no base radius satisfies all bounds.
         """
@@ -95,7 +95,7 @@ class CamContact:
 
 
 def contact_row(case: ContactCase) -> CamContact:
-    """Compute pressure, sliding, loss of contact and base radius bounds of one cam.
+    """Compute pressure, sliding and bounds on the base radius of one cam.
 
     ``case`` is the cam on a rig at a speed.
     """
@@ -119,7 +119,7 @@ def contact_row(case: ContactCase) -> CamContact:
 
 
 def _values(values: Iterable[float]) -> str:
-    """Return the distinct values in rising order as text."""
+    """Return the distinct numbers in rising order as text."""
     return ", ".join(f"{value:g}" for value in sorted(set(values)))
 
 
@@ -299,7 +299,7 @@ def compare_contacts(cam_set: CamSet, rpm: float, steepest: float | None = None)
     return ContactResult(cam_set.rig.name, rpm, tuple(rows), steepest)
 
 
-#: Default speed of the cam, rpm. It is below every jump speed of the paper's laws.
+#: Default speed of the cam, rpm. It is below the jump speed of every cam of the default set.
 SPEED = 300.0
 
 

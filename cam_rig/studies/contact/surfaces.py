@@ -126,7 +126,7 @@ class Surfaces:
 
 @dataclass(frozen=True, eq=False)
 class ContactCase:
-    """Cam with a checked profile on a rig at a speed."""
+    """Cam on a rig at one speed, with a profile that has been checked."""
 
     cam: CamConfig
     law: Law
@@ -134,7 +134,7 @@ class ContactCase:
 
     @cached_property
     def scan(self) -> Scan:
-        """Contact over the whole turn, in which extremes are searched for."""
+        """Motion and contact over the whole turn, sampled to search for extremes."""
         return Scan(self.law, self.surfaces.element)
 
     def at(self, angle: FloatArray) -> tuple[Motion, Touch]:
@@ -213,9 +213,10 @@ class BaseBounds:
 
     @property
     def governing(self) -> str:
-        """Key of the largest lower bound, or of a limit that cannot be satisfied.
+        """Key of the limit that requires the largest base radius.
 
-        It is empty if all lower bounds are 0.
+        If a limit cannot be satisfied by any base radius, it is the key of that limit. It is empty
+        if all lower bounds are 0.
         """
         lower = {key: getattr(self, key) for key in LOWER}
         worst = max(LOWER, key=lambda key: np.inf if lower[key] is None else lower[key])
@@ -257,10 +258,10 @@ def peak_sliding(surfaces: Surfaces, scan: Scan) -> float:
 
 
 def measured(case: ContactCase, measure: Measure, base: float) -> float | None:
-    """Return a measure of the cam with another base radius (m).
+    """Return the largest value of a quantity if the cam had another base radius.
 
-    ``measure`` is a function such as `peak_pressure`. Returns None if the follower does not reach
-    the cam.
+    ``measure`` computes the value, for example `peak_pressure`. ``base`` is the base radius in m.
+    Returns None if the follower does not reach the cam.
     """
     plates = discs_on(case.cam.follower, case.law, base)
     if not plates:
@@ -272,9 +273,10 @@ def measured(case: ContactCase, measure: Measure, base: float) -> float | None:
 def _excess(
     case: ContactCase, measure: Measure, limit: float, base: float, missing: float
 ) -> float:
-    """Return measure/limit − 1 at a base radius (m), clipped to ±1 for a root finder.
+    """Return the relative excess of a quantity over its limit at a base radius (m).
 
-    ``missing`` replaces measure/limit if the follower does not reach the cam.
+    It is measure/limit − 1, clipped to ±1 for a root finder. ``missing`` replaces measure/limit if
+    the follower does not reach the cam.
     """
     value = measured(case, measure, base)
     return float(np.clip((missing if value is None else value / limit) - 1.0, -1.0, 1.0))
@@ -336,8 +338,8 @@ def _scaled_rises(name: str, event: FloatArray) -> tuple[FloatArray, FloatArray,
 def _unit(name: str) -> FloatArray:
     """Return samples of s, s' and s'' of a rise of lift 1 over angle 1, shape (3, n).
 
-    They include the dwells before and after the rise. A joint of two polynomials has the values of
-    both sides.
+    ``name`` is that of the law. The dwells before and after the rise are included. At a joint
+    between two polynomial pieces the values of both sides are included.
     """
     breaks, columns = unit_rise(name)
     ordinates, spans = join_pieces(columns), np.diff(breaks)

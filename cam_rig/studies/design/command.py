@@ -148,10 +148,10 @@ def _run_design(
 def _best(
     cam: CamConfig, rig: RigConfig, request: DesignRequest, name: str | None, progress: Progress
 ) -> LawDesign:
-    """Search for the best law of a design, and report progress.
+    """Search for the best law of a design request, and report progress.
 
-    Ctrl-C ends the search and returns the best law so far. It is raised as `KeyboardInterrupt` if
-    no law was found yet. ``name`` is that of the designed cam, None for a default name.
+    Ctrl-C ends the search and returns the best law so far, or raises `KeyboardInterrupt` if no law
+    was found yet. ``name`` is the name of the designed cam, or None for a default name.
     """
     from cam_rig.studies.design import study
 

@@ -23,9 +23,10 @@ from cam_rig.errors import DesignError
 from cam_rig.extras import friendly_import_errors
 from cam_rig.units import FloatArray
 
-#: Largest absolute value of the B-spline ordinates of a law, in units of its lift.
+#: Largest absolute value of the B-spline ordinates (control values) of a law, in units of its lift.
+#: Every program has this limit, so that a bound can be proved for its unknowns.
 MAX_ORDINATE = 10.0
-#: Name of the limit `MAX_ORDINATE` in messages.
+#: Name by which messages refer to the limit `MAX_ORDINATE` of the B-spline ordinates.
 ORDINATE_LIMIT = "ordinates"
 #: Options of every run of the solver clarabel. Its default factorisation is three times slower on
 #: these programs.
@@ -71,11 +72,14 @@ class Affine:
         return Affine(self.constant * factor, self.matrix * factor)
 
     def plus(self, number: float | FloatArray) -> Affine:
-        """Return this function plus a constant: one number, or an array ``(n,)``."""
+        """Return this function plus a constant.
+
+        ``number`` is one number, or an array ``(n,)`` with one number for each of the n values.
+        """
         return Affine(self.constant + number, self.matrix)
 
     def mapped(self, matrix: Any) -> Affine:
-        """Return the function whose values are ``matrix`` @ the values of this function."""
+        """Return the function ``matrix`` @ f, where f are the n values of this function."""
         return Affine(np.asarray(matrix @ self.constant), matrix @ self.matrix)
 
     def rows(self, chosen: Any) -> Affine:
@@ -91,9 +95,9 @@ class Affine:
 
     @staticmethod
     def number(value: float, unknowns: int) -> Affine:
-        """Return a function with one constant value, for a program with many unknowns.
+        """Return a function whose only value is the constant ``value``.
 
-        ``unknowns`` is the number of unknowns, on which the value does not depend.
+        ``unknowns`` is the number of unknowns of the program. The value does not depend on them.
         """
         return Affine(np.full(1, value), sparse.csr_array((1, unknowns)))
 
@@ -108,12 +112,14 @@ class Affine:
 
 @dataclass(frozen=True)
 class RowBlock:
-    """Rows c + A x + w t of one limit of a program, with unknowns x and level t.
+    """Inequalities or equations c + A x + w t of one limit of a convex program.
 
-    ``rows`` is c + A x, and ``weight`` is w. The ``kind`` of the rows is ``nonneg`` (each row is ≥
-    0), ``zero`` (each row is 0) or ``cone``. A cone consists of ``cone`` rows in sequence, of which
-    the first is at least the Euclidean norm of the others. ``necessary`` is True if every law that
-    satisfies the limit satisfies the rows, and False if the rows are only sufficient for it.
+    Each of them is called a row, x are the unknowns of the program, and t is its level, the
+    variable that it maximises. ``rows`` is c + A x, and ``weight`` is w. The ``kind`` of the rows
+    is ``nonneg`` (each row is ≥ 0), ``zero`` (each row is 0) or ``cone``. A cone consists of
+    ``cone`` rows in sequence, of which the first is at least the Euclidean norm of the others.
+    ``necessary`` is True if every law that satisfies the limit satisfies the rows, and False if
+    they are only sufficient for the limit.
     """
 
     name: str
@@ -172,10 +178,11 @@ class ConvexProgram:
     def at_least(
         self, name: str, rows: Affine, weight: float = 0.0, necessary: bool = True
     ) -> None:
-        """Add the inequalities rows + weight · t ≥ 0 to the program, with its level t.
+        """Add inequalities to the program, each of the form rows + weight · t ≥ 0.
 
-        ``name`` is that of the limit in messages. ``necessary`` is True if every law that satisfies
-        the limit satisfies the inequalities.
+        The level t is the variable that the program maximises. ``rows`` is a function of the
+        unknowns. ``name`` is the name of the limit in messages. ``necessary`` is True if every law
+        that satisfies the limit satisfies the inequalities.
         """
         weights = np.full(rows.constant.size, weight)
         self.blocks.append(RowBlock(name, rows, weights, "nonneg", necessary=necessary))
@@ -287,7 +294,11 @@ def _join_rows(blocks: list[RowBlock]) -> tuple[Affine, FloatArray]:
 
 
 def _append_column(matrix: Any, weights: FloatArray) -> Any:
-    """Return a matrix with one more column: the weights of the program's level t."""
+    """Return a matrix with ``weights`` as an additional last column.
+
+    The columns belong to the unknowns of a program, the last to its level t, the maximised
+    variable.
+    """
     return sparse.hstack([matrix, sparse.csr_array(weights[:, None])], "csr")
 
 
@@ -300,10 +311,10 @@ def _split_by_block(blocks: list[RowBlock], of_rows: FloatArray) -> list[FloatAr
 
 
 def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> ProgramSolution:
-    """Return the solution of a program from the numbers that a solver returns.
+    """Return the solution of a program from the arrays that a solver returns.
 
-    ``x`` are the unknowns with the level t last. ``dual`` are the multipliers, one per row, which
-    are corrected and scaled here.
+    ``x`` are the unknowns, with the level t (the maximised variable) last. ``dual`` are the
+    multipliers of the inequalities and equations, which are corrected and scaled here.
     """
     y, weight = _in_cones(blocks, dual)
     multipliers = y / -weight if weight < 0.0 else np.full(y.size, np.nan)
@@ -315,7 +326,9 @@ def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> Prog
 def _slack(block: RowBlock, x: FloatArray) -> FloatArray:
     """Return the distance of each row or cone from its limit, negative if violated.
 
-    ``x`` are the unknowns with the level t last. For an equation it is minus the absolute residual.
+    A row is an inequality or equation of a program. For an equation the result is minus the
+    absolute residual. ``x`` are the unknowns of the program, with its level t (the maximised
+    variable) last.
     """
     values = np.asarray(block.rows(x[:-1]) + block.weight * x[-1])
     if block.kind == "cone":
@@ -327,10 +340,10 @@ def _slack(block: RowBlock, x: FloatArray) -> FloatArray:
 def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, float]:
     """Return multipliers with corrected signs, and their weight of the level t.
 
-    Weak duality requires multipliers that are ≥ 0, or inside the cone of their rows. ``dual`` is
-    therefore projected into these cones. The first block links the last unknowns to the others,
-    with coefficients −1. Its multipliers are set to eliminate these unknowns, by (39) of
-    docs/proofs.md.
+    The multipliers belong to the inequalities and equations (rows) of a convex program. Weak
+    duality requires them to be ≥ 0, or inside the cone of their rows, so ``dual`` is projected into
+    these cones. The first block links the last unknowns to the others, with coefficients −1. Its
+    multipliers are set to eliminate these unknowns, by (39) of docs/proofs.md.
     """
     y = dual.copy()
     rows, weights = _join_rows(blocks)
@@ -365,8 +378,8 @@ def upper_bound(blocks: list[RowBlock], multipliers: FloatArray) -> float:
 #: Feasibility tolerance of inequalities and multipliers in the simplex solver HiGHS, relative to
 #: `ScaledLimit.scale`.
 SIMPLEX_TOLERANCE = 1e-9
-#: Options of the simplex solver HiGHS. Presolve is off, because it would prevent the start from the
-#: previous solution.
+#: Options of the simplex solver HiGHS. Presolve is off, because with it the solver could not start
+#: from the previous solution.
 SIMPLEX_OPTIONS: dict[str, bool | int | str | float] = {
     "output_flag": False,
     "threads": 1,
@@ -377,20 +390,21 @@ SIMPLEX_OPTIONS: dict[str, bool | int | str | float] = {
     "dual_feasibility_tolerance": SIMPLEX_TOLERANCE,
 }
 
-#: Lower and upper bound of a row in the solver.
+#: Lower and upper bound of an inequality or equation in the simplex solver.
 Bounds = tuple[float, float]
 
 
 class GrowingProgram:
-    """Solver of successive linear programs with the same unknowns and similar rows.
+    """Solver of successive linear programs with the same unknowns.
 
-    Each program is solved by the simplex method from the solution of the previous program.
+    The inequalities differ little between the programs. Each program is therefore solved by the
+    simplex method from the solution of the previous program.
     """
 
     def __init__(self) -> None:
         self._solver: Any = None
-        #: Number of each row in the solver by the key of the row (see `_keys`), and the bounds of
-        #: the rows in use by their number.
+        #: Number of each row (inequality or equation) in the solver, by the key of the row (see
+        #: `_keys`), and the bounds of the rows in use by their number.
         self._index: dict[bytes, int] = {}
         self._bounds: dict[int, Bounds] = {}
 
@@ -435,10 +449,11 @@ class GrowingProgram:
         solver.changeColCost(size - 1, -1.0)
 
     def _drop(self, basic: Any) -> None:
-        """Delete unused rows, if the simplex basis stays valid without them.
+        """Delete unused inequalities and equations from the solver.
 
-        These are the rows whose status in the basis is ``basic``, the constant of HiGHS for a row
-        that does not restrict the solution.
+        They are deleted only if the simplex basis stays valid without them: their status in the
+        basis must be ``basic``, the constant of HiGHS for a row that does not restrict the
+        solution.
         """
         status = self._solver.getBasis().row_status
         dropped = {row for row, s in enumerate(status) if s == basic and row not in self._bounds}

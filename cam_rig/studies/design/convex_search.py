@@ -13,8 +13,8 @@ from cam_rig.studies.design.space import DesignProblem, ScaledLimit
 from cam_rig.studies.design.two_mass_search import TwoMassSearch
 from cam_rig.units import FloatArray
 
-#: Fraction of the start law's goal below which a minimised goal is solved for again, with a finer
-#: scale. The finer scale gives more digits of a small value.
+#: If a minimised goal falls below this fraction of its value for the start law, the program is
+#: solved again with a finer scale of the goal, which gives more correct digits.
 SMALL_FRACTION = 0.05
 
 
@@ -53,8 +53,8 @@ def best_convex(
 def _best(solver: Solver) -> BestLaw:
     """Return the best law, found by the search that suits the kind of goal.
 
-    For a jump speed of two masses or of one rigid mass it is a search over the speed. Any other
-    goal is maximised by a single convex program.
+    The jump speed (lowest speed with loss of contact) of two masses or of one rigid mass needs a
+    search over the speed. Any other goal is maximised by a single convex program.
     """
     run, rig = rows_of(solver.goal.term).run, solver.problem.rig
     try:

@@ -33,10 +33,9 @@ from cam_rig.studies.design.space import DesignProblem, ScaledLimit
 from cam_rig.studies.design.two_mass_contact import MARGIN, ContactRows, ResidualRows
 from cam_rig.units import RPM, FloatArray, to_rpm
 
-#: Stride of the rows in the first solution: every n-th of a program's thousands of inequalities is
-#: used.
+#: Only every n-th of a program's thousands of inequalities is used for the first solution.
 ROW_STRIDE = 24
-#: Amount by which an inequality must be violated to be added to the program, relative to
+#: Smallest violation at which an inequality is added to the program, relative to
 #: `ScaledLimit.scale`.
 VIOLATION = 1e-9
 #: Slack below which a satisfied inequality is added together with the violated inequalities,
@@ -51,11 +50,12 @@ SPEED_RTOL = 2e-5
 
 @dataclass(eq=False)
 class WorkingRows:
-    """Rows (inequalities) of a program, of which only the relevant ones are used.
+    """Inequalities of a convex program, of which only the relevant ones are used.
 
-    At first, every ``stride``-th inequality and all equations and cones are used. Rows that a
-    solution violates, or nearly violates, are added. ``in_use`` contains one mask per block of
-    ``all_rows``.
+    At first, every ``stride``-th inequality and all equations and cones are used. After each
+    solution, the inequalities that it violates or nearly violates are added. ``all_rows`` are the
+    complete blocks of the program. ``in_use`` contains one mask per block, True for the
+    inequalities in use.
     """
 
     all_rows: list[RowBlock]
@@ -89,7 +89,8 @@ class WorkingRows:
         return violated
 
 
-#: Function that is called with the unknowns of a better law and the value of its goal (SI).
+#: Function that is called for each better law that a search finds, with the unknowns of the law and
+#: the value of its goal (SI).
 OnBetterLaw = Callable[[FloatArray, float], None]
 #: Objects that provide inequalities for a program, and add those that a solution violates.
 RowSource = WorkingRows | ContactRows | ResidualRows
@@ -114,10 +115,10 @@ class BestLaw:
 
 @dataclass(eq=False)
 class Solver:
-    """Solver for one goal over one class of laws, under convex limits.
+    """Solver for the best value of one goal over a class of laws, under convex limits.
 
-    ``on_best`` is called with the unknowns and the goal's value (SI) of each better law. ``rounds``
-    counts the solved programs, each of which contains the inequalities used so far.
+    ``on_best`` is called for each better law, with its unknowns and the value of its goal (SI).
+    ``rounds`` counts the convex programs that were solved.
     """
 
     problem: DesignProblem
@@ -128,11 +129,11 @@ class Solver:
     _static: dict[bool, ConvexProgram] = field(default_factory=dict)
 
     def static_program(self, sufficient: bool) -> ConvexProgram:
-        """Return the program of the lift and of all limits with a fixed set of rows.
+        """Return the convex program of the lift limits and of all fixed inequalities.
 
-        Limits whose rows depend on the solution are not included (see `row_sources`). If
-        ``sufficient``, a law that satisfies the rows satisfies the limits at every angle. Otherwise
-        every law that satisfies the limits satisfies the rows.
+        Limits whose inequalities depend on the solution are not included (see `row_sources`). If
+        ``sufficient``, a law that satisfies the inequalities satisfies the limits at every angle.
+        Otherwise every law that satisfies the limits satisfies the inequalities.
         """
         if sufficient not in self._static:
             program = ConvexProgram(self.problem.space.unknowns, self.problem.space.link)
@@ -149,11 +150,11 @@ class Solver:
         return replace(self._static[sufficient], blocks=list(self._static[sufficient].blocks))
 
     def row_sources(self, sufficient: bool) -> list[RowSource]:
-        """Return the sources of inequalities that are added as solutions violate them.
+        """Return objects that add inequalities to a program when a solution violates them.
 
-        They belong to limits of the residual vibration and of jump speeds. If ``sufficient``, the
-        inequalities keep a margin from the limits, so that a law that satisfies them satisfies the
-        limits.
+        The inequalities belong to limits of the residual vibration and of jump speeds. If
+        ``sufficient``, they keep a margin from the limits, so that a law that satisfies them
+        satisfies the limits.
         """
         sources: list[RowSource] = []
         for limit in self.limits:
@@ -179,8 +180,8 @@ class Solver:
     ) -> ProgramSolution:
         """Solve the convex program of all inequalities that the sources contain so far.
 
-        ``growing`` is a solver that continues from its previous solution. If it is None, the
-        program is solved from scratch.
+        ``sources`` are objects that collect the inequalities. ``growing`` is a solver that
+        continues from its previous solution, or None to solve the program from scratch.
         """
         self.rounds += 1
         blocks = [block for source in sources for block in source.blocks]
@@ -191,8 +192,8 @@ class Solver:
     def solve_in_rounds(self, program: ConvexProgram, sources: list[RowSource]) -> ProgramSolution:
         """Solve a program repeatedly, adding inequalities until none is violated.
 
-        The inequalities of ``program`` are used only as needed, like those of the ``sources``.
-        Returns the last solution.
+        Of the inequalities of ``program`` and ``sources``, only those are used that a solution has
+        violated. Returns the last solution.
         """
         rounds = [WorkingRows(program.blocks), *sources]
         for _ in range(MAX_ROUNDS):
@@ -222,10 +223,11 @@ class Solver:
         return True
 
     def level(self) -> BestLaw:
-        """Return the best law for a goal that a single convex program maximises.
+        """Return the best law for a goal that is the level of a single convex program.
 
-        The program is solved twice: with sufficient inequalities for the law, and with necessary
-        inequalities for its bound.
+        The level is the variable that a program maximises. The program is solved twice: with
+        inequalities that are sufficient for the limits, which gives the law, and with necessary
+        inequalities, which gives the bound of the goal.
         """
         scale = -sign_of(self.goal.sense) * self.goal.scale
         solutions = {}

@@ -31,7 +31,8 @@ from cam_rig.units import FloatArray
 
 #: Largest number of steps of one local search. A step solves a linearised program.
 MAX_STEPS = 60
-#: Largest number of times that a rejected step is repeated with corrected rows.
+#: Largest number of times that a rejected step is repeated with a corrected linearisation of the
+#: goal and the limits.
 MAX_CORRECTIONS = 2
 #: Initial trust region: largest change of a B-spline ordinate in one step, relative to the lift.
 FIRST_REACH = 0.1
@@ -47,11 +48,13 @@ GAIN_RTOL = 2e-5
 #: Predicted improvement of the goal below which a local search ends, relative to the goal. It is
 #: the prediction of a linearised program within a trust region of `FIRST_REACH`.
 PROMISE_RTOL = 1e-5
-#: Ratio of the actual to the predicted improvement below which the trust region is halved.
+#: Ratio of the actual to the predicted improvement of a step below which the trust region is
+#: halved.
 POOR_GAIN = 0.25
-#: Ratio of the actual to the predicted improvement above which the trust region may be doubled.
+#: Ratio of the actual to the predicted improvement of a step above which the trust region may be
+#: doubled.
 GOOD_GAIN = 0.7
-#: Initial margin by which a program tightens the linearised limits, relative to their scales.
+#: Initial amount by which a program tightens the linearised limits, relative to their scales.
 MARGIN = 1e-7
 #: Largest increase of the margin of the linearised limits after a rejected step, relative to the
 #: scales of the limits.
@@ -59,21 +62,22 @@ MAX_MARGIN_STEP = 1e-3
 #: Largest violation of a limit at which a law counts as feasible, relative to the scale of the
 #: limit.
 FEASIBLE_RTOL = 1e-9
-#: Largest margin of a linearised limit, as a fraction of the distance of the present law from it.
+#: Largest amount by which a linearised limit is tightened, as a fraction of the distance of the
+#: present law from the limit.
 MARGIN_FRACTION = 0.5
 #: Step of the central differences of a function of s, s' and s'', as a fraction of the largest
 #: value of the argument. See `PointwiseTerm`.
 BRANCH_STEP = 1e-5
-#: Step of the central differences of a goal or limit by a B-spline ordinate, relative to the lift.
-#: It is so large that the differences include flights of the follower that appear or end within it.
+#: Step of a B-spline ordinate in the central differences of a goal or limit, relative to the lift.
+#: It is large enough for the differences to include flights of the follower that appear or vanish.
 VALUE_STEP = 1e-3
-#: Distance from a joint at which a quantity is evaluated on both sides, as a fraction of the length
-#: of a polynomial piece.
+#: Distance from a joint between two polynomial pieces of the law at which a quantity is evaluated
+#: on both sides, as a fraction of the length of a piece.
 JOINT_OFFSET = 1e-6
 #: Scale by which inequalities for a sound level are divided, in dB.
 LEVEL_SCALE = 10.0
-#: Margin from all limits at which the search for a first feasible law aims, relative to the scales
-#: of the limits.
+#: Distance from all limits at which the search for a first law that satisfies them aims, relative
+#: to the scales of the limits.
 FEASIBILITY_MARGIN = 0.02
 
 
@@ -110,7 +114,7 @@ class PointwiseTerm:
 
     @property
     def dwell_value(self) -> float:
-        """Maximum of the limited functions (branches) in the dwells.
+        """Maximum of the limited functions of s, s' and s'' in the dwells.
 
         It is the same for all laws of the class, because they share the dwells. It is −∞ if the law
         has no dwell.
@@ -123,10 +127,10 @@ class PointwiseTerm:
 
     @cached_property
     def _grid(self) -> FloatArray:
-        """Cam angles (rad) at which the quantity is linearised.
+        """Cam angles (rad) at which the limited functions are linearised.
 
-        They lie in all polynomial pieces of the events, and on both sides of the joints between
-        them.
+        They lie in all polynomial pieces of the events (motions between two dwells), and on both
+        sides of the joints between the pieces.
         """
         space = self.problem.space
         pieces = space.law_class.pieces
@@ -136,9 +140,10 @@ class PointwiseTerm:
         return np.concatenate([e.start + e.span / pieces * positions for e in space.events])
 
     def _inside(self, angles: FloatArray) -> FloatArray:
-        """Return those of the angles (rad) that are inside events and not close to an end.
+        """Return those of the cam angles (rad) that are inside events, away from their ends.
 
-        Near the ends of an event no ordinate is free, so a change of the law has no effect there.
+        An event is the motion between two dwells. Near its ends the law is fixed by the dwells, so
+        a linearisation there has no effect.
         """
         space = self.problem.space
         edge = 0.25 / (space.law_class.pieces * space.parts)
@@ -189,8 +194,8 @@ class PointwiseTerm:
 class ValueTerm:
     """Goal or limit with one value per law, linearised by finite differences.
 
-    ``allowed`` is the limit, NaN for a goal. All values have the sign with which they are
-    minimised.
+    Such a quantity is, for example, the peak contact force with flights. ``allowed`` is the limit,
+    NaN for a goal. A quantity to be maximised is negated, so that every value is minimised.
     """
 
     problem: DesignProblem
@@ -276,11 +281,11 @@ class Descent:
         self.problem, self._free = self.solver.problem, self.solver.problem.space.free
         assert not any(math.isnan(limit.allowed) for limit in self.limits)
         goal = self.goal
-        #: True if the goal is the jump speed of one rigid mass.
+        #: True if the goal is the jump speed (lowest speed with loss of contact) of one rigid mass.
         self._speed = isinstance(goal, ScaledLimit) and rows_of(goal.term).run is not None
 
     def evaluate(self, unknowns: FloatArray) -> Iterate:
-        """Evaluate a law exactly: its goal and its largest violation of a limit.
+        """Return the exact goal of a law, and its largest violation of a limit.
 
         ``unknowns`` describe the law.
         """
@@ -323,9 +328,9 @@ class Descent:
     def _step(self, current: Iterate) -> Iterate | None:
         """Return a better law in the trust region, or None if no better law was found.
 
-        The law is the solution of a program that is linearised at the present law. If it is not
-        better or violates a limit, the program is repeated. It is then corrected by the exact
-        values of the rejected law, and its limits are tightened by the violation.
+        ``current`` is the present law. A program that is linearised at this law gives a candidate.
+        If the candidate is not better or violates a limit, the program is repeated, corrected by
+        the exact values of the rejected candidate and with limits tightened by its violation.
         """
         tried: list[FloatArray] = []
         margin = MARGIN
@@ -366,8 +371,9 @@ class Descent:
     def _adapt(self, current: Iterate, candidate: Iterate, level: float) -> None:
         """Adapt the trust region to the ratio of the actual to the predicted improvement.
 
-        ``level`` is the level (maximised variable) of the program that gave the candidate. The
-        prediction follows from it.
+        ``current`` is the law before the step, ``candidate`` the law after it. ``level`` is the
+        maximised variable of the program that gave the candidate, from which the prediction
+        follows.
         """
         gain, promised = current.goal - candidate.goal, current.goal + level
         # for a jump speed the level of the program is a force and predicts no speed

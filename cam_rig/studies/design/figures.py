@@ -23,9 +23,9 @@ from cam_rig.units import TURN, to_rpm
 HEIGHT = 8.6
 #: Number of points per turn of the drawn curves.
 SAMPLES = 1441
-#: Line style of the start law, and of bounds.
+#: Line style of curves of the start law (the law that the design starts from), and of bounds.
 START: dict[str, Any] = {"color": "0.45", "ls": "--", "lw": 1.2}
-#: Line style of the designed law.
+#: Line style of curves of the designed law.
 DESIGNED: dict[str, Any] = {"color": series(0)["color"], "lw": 1.4}
 
 
@@ -57,9 +57,9 @@ def figure(design: LawDesign) -> Figure:
 
 @styled
 def front_figure(front: Front) -> Figure:
-    """Draw a Pareto front: the best goal over the other quantity.
+    """Draw a Pareto front: the best goal over the limited other quantity.
 
-    The bound of the class of laws is included if the goal is convex.
+    If the goal is convex, the proved bound of the class of laws is drawn too.
     """
     out = empty(4.0)
     axes = out.subplots()
@@ -77,10 +77,10 @@ def front_figure(front: Front) -> Figure:
 
 
 def _force(axes: Axes, design: LawDesign, laws: tuple[tuple[Law, str, Any], ...]) -> None:
-    """Draw the contact force of a rigid follower (N) for the start and designed laws.
+    """Draw the contact force (N) of one rigid mass for the start and the designed law.
 
-    The speed is the jump speed of the designed law, or that of the start law if the former is
-    infinite.
+    The speed is the jump speed (lowest speed with loss of contact) of the designed law, or that of
+    the start law if the former is infinite. ``laws`` contains law, label and line style.
     """
     follower = FollowerParameters.from_rig(design.rig)
     speed = rigid_jump_speed(design.law, follower)

@@ -36,24 +36,25 @@ from cam_rig.studies.design.rows import add, rows_of
 from cam_rig.studies.design.space import DesignProblem, ScaledLimit, Space, measured
 from cam_rig.units import TURN, FloatArray
 
-#: Default lower bound of the span of an event that the search changes, as a multiple of its span in
-#: the start law.
+#: Default lower limit of the span of an event (motion between two dwells), if the design may change
+#: spans. It is a multiple of the span in the start law.
 SHORTEST = 0.5
-#: Default upper bound of the span of an event that the search changes, as a multiple of its span in
-#: the start law.
+#: Default upper limit of the span of an event (motion between two dwells), if the design may change
+#: spans. It is a multiple of the span in the start law.
 LONGEST = 2.0
 #: Shortest length (rad) to which a dwell may shrink when the events become longer.
 MIN_DWELL = 1e-3
-#: Tolerance of the spans at which the Nelder-Mead search ends, rad.
+#: Absolute tolerance of the event spans at which the Nelder-Mead search over the spans ends, rad.
 SPAN_ATOL = 5e-4
-#: Tolerance of the goal at which the Nelder-Mead search ends, relative to its first value.
+#: Tolerance of the goal at which the Nelder-Mead search over the event spans ends, relative to the
+#: first value of the goal.
 GOAL_RTOL = 1e-5
-#: Resolution of the spans in degrees: every span is a whole multiple of it.
+#: Resolution of event spans in degrees: every span in a cam file is a whole multiple of it.
 STEP_DEG = 1e-4
 #: Largest number of designs that one Nelder-Mead search computes, per span that it varies.
 MAX_DESIGNS = 30
-#: Largest number of times that random spans without a law are moved halfway to the base spans,
-#: which are those nearest to the start law's.
+#: If no law exists for randomly chosen event spans, the spans are moved halfway to the allowed
+#: spans nearest to those of the start law. This is the largest number of such moves.
 MAX_HALVINGS = 4
 
 
@@ -95,12 +96,12 @@ class EventSpans:
             bounds = self.low if limit.sense == ">=" else self.high
             bounds[limit.term.event - 1] = limit.value
         self.base = self._base()
-        #: Number of spans that are searched for. If the dwells are kept, the last span follows from
-        #: the others.
+        #: Number of event spans that are searched for. If the dwells keep their lengths, the last
+        #: span follows from the others.
         self.size = self.start.size - self.keep_dwells
 
     def _base(self) -> FloatArray:
-        """Return the spans (rad) within their limits that are nearest to the start law's.
+        """Return the allowed event spans (rad) that are nearest to those of the start law.
 
         The random start points of the search are chosen around them.
         """
@@ -179,10 +180,10 @@ class EventSpans:
         return self._rounded(np.append(unknowns, 0.0) if self.keep_dwells else unknowns)
 
     def _value(self, unknowns: FloatArray) -> float:
-        """Return the goal of the best law, with the sign with which it is minimised.
+        """Return the goal of the best law for given event spans, or ∞ if there is no law.
 
-        It is infinite if no law was found. ``unknowns`` are the spans of the events in rad, without
-        the last if the dwells are kept.
+        The goal has the sign with which it is minimised. ``unknowns`` are the spans (rad) of the
+        events, without the last if the dwells keep their lengths.
         """
         spans = self._spans(unknowns)
         key = tuple(spans.tolist())
@@ -197,10 +198,10 @@ class EventSpans:
         return self._values[key]
 
     def best(self, search: Multistart) -> tuple[DesignProblem, Multistart]:
-        """Return the problem with the best spans, and the completed search options.
+        """Return the design problem with the best event spans, and the search options.
 
-        The latter contain the number of start points from which the search found the best goal,
-        within the tolerance `MULTISTART_RTOL`.
+        The options are those of ``search``, completed with the number of start points from which
+        the search reached the best goal within the relative tolerance `MULTISTART_RTOL`.
         """
         size = self.size
         bounds = list(zip(self.low[:size], self.high[:size], strict=True))
@@ -258,8 +259,8 @@ GOALS = ("rms_acceleration", "peak_velocity")
 #: Smallest distance of a random start law from the start law of least RMS acceleration, as a
 #: fraction of the way to a random extreme law of the class.
 MIN_FRACTION = 0.2
-#: Largest distance of a random start law on that way: its change of s'' is at most this multiple of
-#: the largest |s''| of the law of least RMS acceleration.
+#: Largest distance of a random start law from the start law of least RMS acceleration: s'' may
+#: change by at most this multiple of the largest |s''| of the latter.
 MAX_GROWTH = 3.0
 
 
@@ -279,7 +280,7 @@ def _starts(solver: Solver, sources: list[RowSource], search: Multistart) -> Ite
         return solver.solve_in_rounds(program, sources).unknowns
 
     def nearest(program: ConvexProgram) -> None:
-        """Set the goal of a program: the smallest distance from the start law.
+        """Set the goal of a program: the law nearest to the start law of the design.
 
         The distance is the root of the summed squared differences of the lift.
         """
@@ -290,9 +291,9 @@ def _starts(solver: Solver, sources: list[RowSource], search: Multistart) -> Ite
         program.within("start", distance * (1.0 / lift), weight=-1.0)
 
     def farthest(program: ConvexProgram) -> None:
-        """Set the goal of a program: the extreme law of the class in a random direction.
+        """Set the goal of a program: the law farthest in a random direction.
 
-        The direction is a random vector of the free ordinates.
+        The direction is a random vector in the space of the free B-spline ordinates.
         """
         direction = np.zeros((1, space.unknowns))
         direction[0, : space.free] = random.normal(size=space.free) / np.sqrt(space.free)

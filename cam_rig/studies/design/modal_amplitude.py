@@ -25,26 +25,29 @@ from cam_rig.studies.design.convex_program import Affine
 from cam_rig.studies.design.space import Space
 from cam_rig.units import TURN, ComplexArray, FloatArray, to_rpm
 
-#: Number of Gauss points per cell, where each event is divided into cells.
+#: Number of Gauss points per cell. Each event (motion between two dwells) is divided into equal
+#: cells.
 GAUSS = 5
-#: Largest change of phase (rad) of the stem's vibration within a cell.
+#: Largest phase change (rad) of the stem's vibration within a cell, an interval of numerical
+#: integration over the cam angle.
 CELL_PHASE = 0.3
-#: Largest number of cells per event. It limits time and memory.
+#: Largest number of cells (intervals of integration) per event. It limits time and memory.
 MAX_CELLS = 8000
 #: Number of points per period of the stem's vibration at which the force in a dwell is evaluated.
 PER_PERIOD = 32
-#: Length of the first part of a dwell in which the force is evaluated, in periods of the stem's
-#: vibration.
+#: Number of periods of the stem's vibration after the start of a dwell in which the contact force
+#: is evaluated. Later the vibration only decays.
 PERIODS = 1.25
 
 
 @dataclass(eq=False)
 class Cells:
-    """Division of the events into cells for the integration of the vibration.
+    """Division of the events of a law into cells for the integration of the vibration.
 
-    The cells are so small that the phase of the vibration changes little within each, at all speeds
-    from ``slowest`` (rad/s) up. Each event has ``count`` cells of equal width. ``gauss`` are the
-    Gauss points of the interval [0, 1] and their weights.
+    An event is the motion between two dwells. It is divided into ``count`` cells of equal width,
+    which are so small that the phase of the vibration changes little within a cell at all speeds
+    from ``slowest`` (rad/s) up. ``gauss`` are the Gauss points of the interval [0, 1] and their
+    weights.
     """
 
     space: Space
@@ -74,10 +77,11 @@ class Cells:
 
     @cached_property
     def driving(self) -> list[tuple[Affine, Affine, NDArray[np.intp]]]:
-        """Values of s' and s'' at the Gauss points of each event.
+        """Values of s' and s'' at the Gauss points of each event, as functions.
 
-        Each entry contains two functions of the unknowns, for s' and s'', and the indices of the
-        unknowns that they depend on. The columns of the functions are these unknowns only.
+        There is one entry per event (motion between two dwells). It contains two functions, for s'
+        and s'', and the indices of the unknowns that they depend on. The columns of the functions
+        are these unknowns only.
         """
         u = ((np.arange(self.per_piece)[:, None] + self.gauss[0]) / self.per_piece).ravel()
         driving = []
@@ -90,19 +94,20 @@ class Cells:
 
     @cached_property
     def motion(self) -> list[list[Affine]]:
-        """Values of s, s' and s'' of each event at the ends of its cells.
+        """Values of s, s' and s'' at the ends of the cells of each event, as functions.
 
-        They are functions of the unknowns. At a joint they are left-hand limits.
+        An event is the motion between two dwells. The functions are those of the design's unknowns.
+        At a joint between two polynomial pieces they are left-hand limits.
         """
         u = np.arange(1, self.per_piece + 1) / self.per_piece
         events = range(len(self.space.events))
         return [[self._derivative_at(index, order, u) for order in range(3)] for index in events]
 
     def _derivative_at(self, event: int, order: int, u: FloatArray) -> Affine:
-        """Return a derivative of s at the same positions of every piece of an event.
+        """Return a derivative of s at the same positions of each piece of an event.
 
-        ``event`` is the number of the event, and ``order`` the order of the derivative. ``u`` are
-        the positions in each polynomial piece, from 0 to 1.
+        ``event`` is the number of the event, from 0, and ``order`` the order of the derivative.
+        ``u`` are the positions in a piece, from 0 to 1.
         """
         degree, count = self.space.degree - order, self.space.law_class.pieces
         first = int(np.searchsorted(self.space.breaks, self.space.events[event].start))
@@ -189,10 +194,11 @@ class ForceAtSpeed:
         return FirstTurn(np.concatenate(angles), np.concatenate(moving), Affine.stacked(force), end)
 
     def _amplitude_of_event(self, event: int) -> Affine:
-        """Return the vibration amplitude that an event excites by itself.
+        """Return the complex vibration amplitude that an event excites by itself.
 
-        It is given at the ends of the event's cells, complex, as a function of the unknowns.
-        Vibration from before the event is not included.
+        ``event`` is the number of the event (motion between two dwells). The result is a function
+        of the unknowns, with one value per end of the event's cells. Vibration from before the
+        event is not included.
         """
         cells, mode = self.cells, self.cells.mode
         points, weights = cells.gauss
@@ -228,20 +234,21 @@ class ForceAtSpeed:
 
     @cached_property
     def _before(self) -> ComplexArray:
-        """Contact force (N) due to a unit vibration amplitude at the start of a turn.
+        """Contact force (N) due to vibration that is left from before the turn.
 
-        It is complex with shape ``(n,)``, one value per evaluated angle. For an amplitude a the
-        force is the real part of a times this value.
+        The values are for a unit amplitude at the start of the turn, complex with shape ``(n,)``,
+        one per evaluated angle. For an amplitude a the force is the real part of a times this
+        value.
         """
         return np.asarray(
             2.0 * self.cells.mode.force_factor * np.exp(self.rate * self.first.angles)
         )
 
     def _turns_before(self, turns: FloatArray) -> ComplexArray:
-        """Return the vibration amplitude at the start of each turn due to earlier turns.
+        """Return the vibration amplitude that earlier turns leave at the start of a turn.
 
-        It is relative to the amplitude at the end of the first turn. ``turns`` are numbers of turns
-        from 1, ∞ for the steady state.
+        It is relative to the amplitude at the end of the first turn. ``turns`` are the numbers of
+        the turns from 1, ∞ for the steady state. The result is complex, one value per number.
         """
         flow = np.exp(self.rate * TURN)
         decay = np.where(np.isinf(turns), 0.0, flow ** np.where(np.isinf(turns), 0.0, turns - 1.0))
@@ -271,8 +278,9 @@ class ForceAtSpeed:
 
 
 def _scale_last(last: Affine, factor: ComplexArray) -> Affine:
-    """Return the last value of an affine function, times each of n complex factors.
+    """Return the last value of ``last`` times each of n complex factors.
 
-    The result has n values. It describes how an amplitude at one angle decays to n later angles.
+    The result is an affine function with n values. It describes how a vibration amplitude at one
+    angle decays to n later angles.
     """
     return Affine(factor * last.constant[-1], factor[:, None] * last.matrix[-1])

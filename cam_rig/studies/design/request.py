@@ -23,9 +23,9 @@ from cam_rig.units import FloatArray
 class ClassConfig(Strict):
     """Section ``class`` of a design file: the class of laws to search.
 
-    The laws are B-splines. Each event (the stretch of the turn between two dwells) is cut into
-    ``pieces`` polynomial pieces of equal span. ``joints`` is the continuity between the pieces,
-    such as C3. ``degree`` is the degree of the splines, or None for the order of ``joints`` + 2.
+    The laws are B-splines. Each event (motion between two dwells) is cut into ``pieces`` polynomial
+    pieces of equal span. ``joints`` is the continuity between the pieces, such as C3. ``degree`` is
+    the degree of the splines, or None for k + 2 if ``joints`` is Cᵏ.
     """
 
     pieces: int = Field(default=16, strict=True)
@@ -128,10 +128,10 @@ class LawClass:
 
     @property
     def knots(self) -> FloatArray:
-        """Knot vector of one event scaled to unit length.
+        """Knot vector of the B-spline of one event, scaled to the interval [0, 1].
 
-        Both ends have ``degree + 1`` equal knots. Each inner joint has ``degree - joints`` equal
-        knots, which gives the continuity Cᵏ with k = ``joints``.
+        Both ends have ``degree + 1`` equal knots. Each inner joint between two pieces has ``degree
+        - joints`` equal knots, which gives the continuity Cᵏ with k = ``joints``.
         """
         inner = np.repeat(np.arange(1.0, self.pieces) / self.pieces, self.power - self.joints)
         ends = self.power + 1
@@ -146,14 +146,14 @@ class LawClass:
     def free(self) -> int:
         """Number of B-spline ordinates per event that a design can choose.
 
-        The first and last ``joints`` + 1 ordinates of an event are fixed, because the law must join
-        the neighbouring dwells.
+        The first and last ``joints`` + 1 ordinates of an event are fixed, because the law must
+        continue the neighbouring dwells.
         """
         return self.count - 2 * (self.joints + 1)
 
     @property
     def words(self) -> str:
-        """Description of the class for tables.
+        """Description of the class of laws as text for tables.
 
         An example is ``B-splines of degree 5 in 16 pieces, C3 joints``.
         """
@@ -192,7 +192,7 @@ class Multistart:
 
     @property
     def words(self) -> str:
-        """Description of the local searches for tables.
+        """Description of the local searches and their outcome as text for tables.
 
         An example is ``local (8 starts, 5 ended within 0.1 % of the best)``.
         """
@@ -200,8 +200,9 @@ class Multistart:
         return f"local ({starts}, {self.starts_agreeing} ended within 0.1 % of the best)"
 
 
-#: Allowed sets of properties that a design takes over from its start law: spans of the events,
-#: dwells and lift (default), dwells and lift, or only the lift.
+#: Allowed sets of properties that a designed law takes over from the start law: the spans of the
+#: events (motions between two dwells), the dwells and the lift (default), the dwells and the lift,
+#: or only the lift.
 KEEP = (("events", "dwells", "lift"), ("dwells", "lift"), ("lift",))
 
 

@@ -18,9 +18,11 @@ from cam_rig.studies.design.request import DesignRequest, Multistart
 from cam_rig.studies.design.space import DesignProblem, LawEvent, ScaledLimit
 from cam_rig.units import TURN, FloatArray
 
-#: Largest relative gap between the goal of a law and its bound at which the design is certified.
+#: Largest relative gap between the goal of a law and the proved bound of its class at which the
+#: design is reported as certified.
 CERTIFIED_RTOL = 2e-3
-#: Relative excess over a limit above which the start law is reported to break the limit.
+#: Relative excess of the start law over a limit above which a note reports that it violates the
+#: limit.
 EXCESS_RTOL = 1e-6
 
 
@@ -42,12 +44,12 @@ class Measure:
     active: bool = False
 
     def in_table_unit(self, value: float | None) -> float | None:
-        """Convert a value from SI to the unit of tables, None for None."""
+        """Convert a value from SI to the unit that tables use, or return None for None."""
         return None if value is None else value / self.term.quantity.factor
 
     @property
     def limit_text(self) -> str:
-        """Limit as text for tables, empty for a goal."""
+        """Value of the limit as text for tables, empty for a goal."""
         sign = "≤" if self.sense == "<=" else "≥"
         return "" if self.limit is None else f"{sign} {self.in_table_unit(self.limit):.5g}"
 
@@ -147,9 +149,10 @@ class LawDesign(Result):
 
     @property
     def gap(self) -> float:
-        """Relative distance between the goal of the designed law and its bound.
+        """Relative distance between the goal of the designed law and its proved bound.
 
-        It is infinite without a bound. For a sound level it is the distance of the sound pressures.
+        It is infinite without a bound. For a sound level (dB) it is the relative distance of the
+        sound pressures.
         """
         goal = self.goal
         if goal.bound is None:
@@ -164,9 +167,11 @@ class LawDesign(Result):
         return self.gap <= CERTIFIED_RTOL
 
     def tables(self) -> list[Records]:
-        """Return the tables ``measures`` (goal first), ``events`` and ``design``.
+        """Return the tables ``measures``, ``events`` and ``design`` of the result.
 
-        The last two appear in files only. ``design`` has one row with the options and the outcome.
+        ``measures`` has one row per goal and limit, with the goal first. ``events`` has one row per
+        event (motion between two dwells), and ``design`` a single row with the options and the
+        outcome. The last two are written to files only.
         """
         angles = " and ".join(f"{math.degrees(angle):.4g}°" for angle in self.tops)
         kept_parts = " and ".join(what for what in self.request.keep if what != "events")

@@ -30,27 +30,28 @@ from cam_rig.studies.design.convex_program import Affine, ConvexProgram
 from cam_rig.studies.design.space import SPARE, DesignProblem, ScaledLimit, measured
 from cam_rig.units import TURN, FloatArray
 
-#: Number of parts into which a polynomial piece is cut to bound the lift, if the lift has no
-#: extremes within an event.
+#: Number of parts into which each polynomial piece of the law is cut to bound the lift. It applies
+#: if the lift has no extremes within an event.
 LIFT_PARTS = 2
-#: Number of parts into which a polynomial piece is cut for a limit over a range of angles.
+#: Number of parts into which each polynomial piece of the law is cut for a limit over a range of
+#: cam angles.
 RANGE_PARTS = 16
-#: Relative excess over the start's lift that is allowed if the lift has its maximum within an
-#: event. The Bernstein ordinates that are limited lie above the curve there.
+#: Relative excess over the start law's lift that the limited Bernstein ordinates may have, if the
+#: lift has its maximum within an event. The ordinates (control values) lie above the curve there.
 TURNING_RTOL = 1e-4
-#: Number of harmonics of the turn that are included in a sound level.
+#: Number of harmonics per turn from which a sound level is computed.
 HARMONICS = 96
 #: Upper bound of the contribution of the omitted higher harmonics to a sound level, relative to it.
 LEFT_OUT = 2e-4
-#: Largest change of phase (rad) of the highest harmonic over a cell of the Gauss integration.
+#: Largest phase change (rad) of the highest harmonic over an interval of the Gauss integration.
 CELL_PHASE = 6.0
 
 
 def force_parts(problem: DesignProblem, speed: float, sufficient: bool) -> Affine:
-    """Return the contact force of one rigid mass at a speed (rad/s).
+    """Return values that bound the contact force of one rigid mass at a speed (rad/s).
 
-    The values bound the force over the turn, in units of ``problem.force_scale``. If
-    ``sufficient``, values ≥ 0 imply contact at every angle. Otherwise they are forces at single
+    They are functions of the design's unknowns, in units of ``problem.force_scale``. If
+    ``sufficient``, values ≥ 0 imply contact at every angle. Otherwise they are the forces at single
     angles.
     """
     return _force(problem, speed, sufficient) * (1.0 / problem.force_scale)
@@ -93,9 +94,12 @@ def _peak(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> list
 
 
 def _at_angles(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> list[Affine]:
-    """Return values of a derivative of the lift at an angle or over a range.
+    """Return a derivative of the lift at a cam angle or over a range, as functions.
 
-    The term of ``target`` has the order of the derivative and the range, rad.
+    The functions depend on the unknowns of the design, and a program limits each of their values.
+    The order of the derivative and the range (rad) are those of the term of ``target``, the goal or
+    limit. If ``sufficient``, the values bound the derivative over the whole range. Otherwise they
+    are its values at single angles.
     """
     space, term, order = problem.space, target.term, target.term.quantity.order
     if term.low == term.high:
@@ -114,11 +118,12 @@ def _forces(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> li
 
 
 def _pressure(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> list[Affine]:
-    """Return values for a limit on the pressure angle of a guided roller or point.
+    """Return functions for a limit on the pressure angle of a guided roller or point.
 
-    The angle is at most α if tan α (d + s) ∓ (s' − e) ≥ 0, where d is the height of the centre at
-    zero lift and e its eccentricity. The values are α minus the left-hand sides, so that they are
-    at most α.
+    The angle is at most α, the value of ``target``, if tan α (d + s) ∓ (s' − e) ≥ 0, where d is the
+    height of the centre at zero lift and e its eccentricity. The functions are α minus these
+    left-hand sides, so they are at most α if the limit is satisfied. If ``sufficient``, this is
+    true at every cam angle, otherwise at single angles.
     """
     element, max_angle = problem.element, target.value
     assert isinstance(element, GuidedCentre) and max_angle is not None
@@ -132,9 +137,10 @@ def _pressure(problem: DesignProblem, target: ScaledLimit, sufficient: bool) -> 
 
 
 def _radius(problem: DesignProblem, _: ScaledLimit, sufficient: bool) -> list[Affine]:
-    """Return values that bound the radius of curvature (m) of a flat face.
+    """Return functions that bound the cam's radius of curvature (m) for a flat face.
 
-    The radius is R_b + s + s'', which is linear in the law for this follower only.
+    The radius is R_b + s + s'', which is linear in the law for a flat face only. If ``sufficient``,
+    limits on the values of the functions apply at every cam angle, otherwise at single angles.
     """
     element, space = problem.element, problem.space
     assert isinstance(element, GuidedFace)
@@ -146,9 +152,9 @@ def _radius(problem: DesignProblem, _: ScaledLimit, sufficient: bool) -> list[Af
 
 
 def _rms_acceleration(problem: DesignProblem, _: Term) -> Affine:
-    """Return weighted values of s'' whose squares add up to the mean square of s''.
+    """Return functions of the unknowns whose squares add up to the mean square of s''.
 
-    The values are at Gauss points, so the sum is exact for polynomials.
+    They are weighted values of s'' at Gauss points, so the sum is exact for polynomials.
     """
     space = problem.space
     degree = space.degree - 2
@@ -160,10 +166,11 @@ def _rms_acceleration(problem: DesignProblem, _: Term) -> Affine:
 
 
 def _sound(problem: DesignProblem, term: Term) -> Affine:
-    """Return weighted harmonics of s'' whose squares add up to a sound's power.
+    """Return functions of the unknowns whose squares add up to the power of a sound.
 
-    The follower is one rigid mass that stays on the cam. The sound pressure is the rate of change
-    of the contact force, low-pass filtered by the corner frequency of the structure.
+    They are weighted harmonics of s''. The follower is one rigid mass that stays on the cam. The
+    sound pressure is the rate of change of the contact force, low-pass filtered with the corner
+    frequency of the structure.
     """
     rigid = problem.rigid
     corner = TURN * problem.rig.need_radiation(f"the goal or limit {term.key}").corner_frequency.si
@@ -199,9 +206,10 @@ def _fourier(problem: DesignProblem, order: FloatArray) -> Affine:
 
 
 def _angle(problem: DesignProblem, term: Term) -> Branches:
-    """Return the function that computes ± the pressure angle (rad) on each disc.
+    """Return the function that computes ± the pressure angle on each disc.
 
-    The largest of these branches is the absolute pressure angle.
+    The function has the arguments s, s' and s'' at one cam angle, and its results are in rad. The
+    largest of them is the absolute pressure angle.
     """
     if isinstance(problem.element, GuidedFace):
         raise ConfigError(
@@ -212,10 +220,10 @@ def _angle(problem: DesignProblem, term: Term) -> Branches:
 
 
 def _curvature(problem: DesignProblem, _: Term) -> Branches:
-    """Return the function whose maximum limits the radius of curvature.
+    """Return the function whose maximum over the turn limits the radius of curvature.
 
-    Its branches are the curvature of the pitch curve (1/m) on each disc. For a flat face they are
-    minus the radius of curvature (m).
+    Its results at one cam angle, from s, s' and s'', are the curvature of the pitch curve (1/m) on
+    each disc. For a flat face they are minus the radius of curvature (m).
     """
     return _on_discs(
         problem,
@@ -233,10 +241,9 @@ def _on_discs(problem: DesignProblem, quantity: Callable[[Touch], list[FloatArra
 
 
 def _as_curvature(problem: DesignProblem, _: Term, radius: float) -> float:
-    """Convert a limit on the radius of curvature (m) to one on the branches.
+    """Convert a limit on the radius of curvature (m) to a limit on `_curvature`.
 
-    The branches are those of `_curvature`: the result is a pitch curvature (1/m), or minus a radius
-    (m) for a flat face.
+    The result is a curvature of the pitch curve (1/m), or minus a radius (m) for a flat face.
     """
     motion = Motion.on_pieces(problem.start, np.zeros(1))
     element = discs(problem.cam.follower, problem.start)[0].element
@@ -278,20 +285,21 @@ class QuantityRows:
     ``convex`` returns True. Otherwise a local search uses its ``branches``, or finite differences.
     """
 
-    #: Function that returns values that are linear in the unknowns, each of which is limited.
+    #: Function that returns affine functions of the unknowns, the values of which are limited.
     linear: Callable[[DesignProblem, ScaledLimit, bool], list[Affine]] | None = None
-    #: Function that returns values whose squares add up to the square of the quantity.
+    #: Function that returns affine functions of the unknowns whose squares add up to the square of
+    #: the quantity.
     squares: Callable[[DesignProblem, Term], Affine] | None = None
-    #: True if the inequalities of the quantity are added as solutions violate them, as for the
-    #: residual vibration.
+    #: True if inequalities of the quantity are added to a program after each solution that violates
+    #: them, as for the residual vibration.
     in_rounds: bool = False
-    #: Kind of run that a jump speed is defined for. At a fixed speed, its contact force is linear
-    #: in the unknowns of a law.
+    #: Kind of run for which the jump speed (lowest speed with loss of contact) is defined, None for
+    #: other quantities. At a fixed speed, the contact force is linear in the unknowns of a law.
     run: JumpRun | None = None
-    #: Function that returns functions of s, s' and s'', whose maximum over the turn is the
-    #: quantity.
+    #: Function that returns functions of s, s' and s'' at one cam angle (branches). Their maximum
+    #: over the turn is the quantity.
     branches: Callable[[DesignProblem, Term], Branches] | None = None
-    #: Conversion of a limit (SI) to a limit on the maximum of the branches.
+    #: Conversion of a limit (SI) on the quantity to a limit on the maximum of `branches`.
     on_branches: Conversion = _unchanged
     #: Function that returns True if the inequalities of the quantity apply to a problem. Its second
     #: argument is True for a goal and False for a limit.
@@ -300,7 +308,7 @@ class QuantityRows:
     #: start law).
     scale: Callable[[DesignProblem, Term, Sense], float] = _value_of_start
     #: Conversion of a value (SI, levels in dB) to the unit in which the inequalities state it.
-    #: `from_rows` is the inverse conversion.
+    #: `from_rows` is the inverse.
     to_rows: Conversion = _unchanged
     from_rows: Conversion = _unchanged
 
@@ -354,9 +362,10 @@ ROWS = {
 
 
 def rows_of(term: Term) -> QuantityRows:
-    """Return the representation of a term's quantity as inequalities or functions.
+    """Return how a design represents a quantity: as inequalities or as functions.
 
-    It is empty if the table `ROWS` has no entry for the quantity.
+    A term is a quantity with its speeds or angles. The result is empty if the table `ROWS` has no
+    entry for the quantity.
     """
     return ROWS.get(term.name, QuantityRows())
 
@@ -366,6 +375,7 @@ def scale_limit(
 ) -> ScaledLimit:
     """Return a goal or limit with its value in the unit of its inequalities.
 
+    ``term`` is the quantity with its speeds or angles, and ``sense`` the direction of the limit.
     ``value`` is in SI (levels in dB), or None for a goal. The result also contains the scale by
     which the inequalities are divided.
     """
@@ -388,8 +398,9 @@ def add(
 ) -> None:
     """Add the inequalities of a convex goal or limit to a program.
 
-    If ``sufficient``, a law that satisfies them satisfies the limit at every angle. Otherwise they
-    are only necessary.
+    ``target`` is the goal or limit. If ``sufficient``, a law that satisfies the inequalities
+    satisfies the limit at every angle. Otherwise every law that satisfies the limit satisfies the
+    inequalities.
     """
     rows = rows_of(target.term)
     if rows.squares is not None:

@@ -41,8 +41,8 @@ from cam_rig.units import TURN, FloatArray
 #: Largest difference between the Bernstein ordinates of a polynomial piece that counts as a dwell,
 #: as a fraction of the lift.
 FLAT_RTOL = 1e-12
-#: Largest step of a derivative between two turns that counts as continuous, relative to the largest
-#: ordinate of the derivative.
+#: Largest difference between a derivative of the lift at 0 and at 2π that counts as continuous,
+#: relative to the largest Bernstein ordinate of the derivative.
 CLOSURE_RTOL = 1e-9
 
 
@@ -76,10 +76,10 @@ def dwells(law: Law) -> list[tuple[float, float]]:
 
 
 def events(law: Law, joints: int) -> list[LawEvent]:
-    """Return the events of a law, which are the stretches between its dwells.
+    """Return the events of a law, which are the motions between its dwells.
 
-    ``joints`` is the highest order of the derivatives that are stored for the ends of an event.
-    They are the derivatives of the neighbouring pieces outside the event.
+    ``joints`` is the highest order of the derivatives of s that are stored for the two ends of each
+    event. At an end they are the derivatives of the polynomial piece outside the event.
     """
 
     def ends(piece: int, row: int) -> tuple[float, ...]:
@@ -102,9 +102,9 @@ def events(law: Law, joints: int) -> list[LawEvent]:
 
 
 def _require_joined(law: Law, joints: int) -> None:
-    """Raise a `ConfigError` if a law without dwells is not smooth between two turns.
+    """Raise a `ConfigError` if a law without dwells is not smooth from turn to turn.
 
-    The lift and its derivatives up to the order ``joints`` must be equal at 0 and 2π.
+    The lift and its derivatives up to the order ``joints`` must have the same values at 0 and 2π.
     """
     for order in range(joints + 1):
         ordinates = law.derivative_ordinates(order)
@@ -119,8 +119,9 @@ def _require_joined(law: Law, joints: int) -> None:
 def _to_bezier(law_class: LawClass, order: int = 0) -> Any:
     """Return the sparse matrix from B-spline ordinates to Bernstein ordinates.
 
-    The B-spline is the derivative of the law of the given order over one event. The Bernstein
-    ordinates are those of the pieces of the event, piece by piece.
+    It applies to one event, the motion between two dwells. The B-spline is the derivative of s of
+    the given ``order``. The Bernstein ordinates (control values) are those of the event's
+    polynomial pieces, piece by piece.
     """
     knots, degree = law_class.knots, law_class.power - order
     knots = knots[order : knots.size - order]
@@ -181,17 +182,20 @@ class Space:
         self.spans = np.diff(self.breaks)
 
     def _offset(self, index: int) -> int:
-        """Return the position of the first s'' ordinate of an event in the unknowns.
+        """Return where the s'' ordinates of an event start in the vector of unknowns.
 
-        ``index`` is the number of the event, from 0.
+        The vector contains the free B-spline ordinates of s of all events, then the B-spline
+        ordinates of s'' of each event. The result is the index of the first s'' ordinate of event
+        number ``index``, counted from 0. An event is the motion between two dwells.
         """
         return self.free + (self.law_class.count - 2) * index
 
     @cached_property
     def link(self) -> Affine:
-        """Condition that the unknown ordinates of s and of s'' belong to the same law.
+        """Condition that the unknown B-spline ordinates of s and of s'' fit together.
 
-        It is a function of the unknowns, and its values are zero if the condition is satisfied.
+        Both are unknowns of the design. The condition is a function of the unknowns, whose values
+        are zero if the ordinates of s'' are those of the second derivative of s.
         """
         rows = []
         for index in range(len(self.events)):
@@ -213,8 +217,9 @@ class Space:
     def turning_points(self) -> list[tuple[float, float]]:
         """Lowest and highest point of the start law, if they lie inside an event.
 
-        Each point is a pair of lift (m) and cam angle (rad). An extreme lift that is also the lift
-        at an end of an event is omitted, because it is fixed already.
+        The start law is the law that the design starts from. Each point is a pair of lift (m) and
+        cam angle (rad). An extreme lift that is also the lift at an end of an event is omitted,
+        because it is fixed already.
         """
         ends = {level for event in self.events for level in (event.first[0], event.last[0])}
         tolerance = FLAT_RTOL * self.start.lift
@@ -247,8 +252,9 @@ class Space:
     ) -> FloatArray:
         """Return the B-spline ordinates (m) that are fixed at one end of an event.
 
-        They are ordered from the end inwards, shape ``(joints + 1,)``. ``derivatives`` are s and
-        its derivatives at this end. ``end`` is 0 for the start of the event and −1 for its end.
+        They follow from the values of s and its derivatives at this end, ``derivatives``. They are
+        ordered from the end inwards, shape ``(joints + 1,)``. ``end`` is 0 for the start of the
+        event and −1 for its end.
         """
         law_class = self.law_class
         if not any(derivatives[1:]):
@@ -302,9 +308,10 @@ class Space:
         return below.mapped(blocks)
 
     def joined(self, free: FloatArray) -> FloatArray:
-        """Return all unknowns of a law from its free B-spline ordinates (in lifts).
+        """Return all unknowns of a law from its free B-spline ordinates of s.
 
-        The unknown ordinates of s'' are computed from the condition `link`.
+        ``free`` are these ordinates in units of the lift. The other unknowns, the B-spline
+        ordinates of s'', are computed from the condition `link`.
         """
         unknowns = np.zeros(self.unknowns)
         unknowns[: free.size] = free
@@ -373,9 +380,9 @@ class Space:
     def hull_over(self, order: int, low: float, high: float, parts: int) -> Affine:
         """Return Bernstein ordinates that bound a derivative over a range of cam angles.
 
-        The range extends from ``low`` to ``high`` (rad). The pieces in it are each cut into
-        ``parts`` parts, and at the ends of the range. The derivative of the given order lies in the
-        convex hull of the returned ordinates.
+        The range extends from ``low`` to ``high`` (rad). It is cut at the joints of the polynomial
+        pieces, and each piece into ``parts`` equal parts. The derivative of s of the given
+        ``order`` lies in the convex hull of the returned ordinates.
         """
         count = self.degree - order + 1
         blocks = []
@@ -497,11 +504,12 @@ class ScaledLimit(Limit):
         return -1.0 if self.value is None else 0.0
 
     def room(self, quantity: Affine, spare: float) -> Affine:
-        """Return values that are ≥ 0 if the limit is satisfied by more than ``spare``.
+        """Return the distance of a quantity from its limit, which must not be negative.
 
-        ``quantity`` is the limited quantity as a function of the unknowns. The values and ``spare``
-        are relative to the scale. For a goal the values are the quantity itself, with a sign such
-        that larger is better.
+        ``quantity`` is the limited quantity as a function of the unknowns, in the unit of the
+        limit. The result is relative to the scale of the limit, and is ≥ 0 if the limit is
+        satisfied by more than ``spare`` scales. For a goal it is the quantity itself, with a sign
+        such that larger is better.
         """
         rows = quantity * (-sign_of(self.sense) / self.scale)
         if self.value is None:

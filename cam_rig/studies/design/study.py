@@ -38,16 +38,17 @@ from cam_rig.units import FloatArray
 #: the start law's goal. It is due to cancellation in the integrals of a goal far below that of the
 #: start law. If the law exceeds its bound by less than this, the bound is set to the law's value.
 ROUNDING_RTOL = 1e-6
-#: Excess of the designed law over a limit above which the limit is broken, relative to the larger
-#: of the limit and the start law's value.
+#: Excess of the designed law over a limit above which the limit counts as violated, relative to the
+#: larger of the limit and the start law's value.
 BROKEN_RTOL = 1e-6
-#: Types of followers between two faces or rollers of one disc. Their fall depends on their rise, so
-#: they cannot be designed.
+#: Follower types between two faces or rollers of a single disc. With them the fall of the cam
+#: depends on its rise, so such cams cannot be designed.
 CLOSED_TYPES = ("constant_breadth", "constant_diameter")
-#: Largest relative distance of an event's span from its limit at which the limit counts as active.
+#: Largest relative distance between the span of an event (motion between two dwells) and its limit
+#: at which the limit counts as active.
 SPAN_RTOL = 1e-3
-#: Callback for each better law: it receives a function that creates the design of the law, and the
-#: value of its goal (SI).
+#: Callback for each better law that a design search finds. Its arguments are a function that
+#: creates the `LawDesign` of the law, and the value of the goal (SI).
 OnBest = Callable[[Callable[[], LawDesign], float], None]
 
 
@@ -60,16 +61,16 @@ def search_design(
 ) -> LawDesign:
     """Search for the best law of a class between the dwells of a cam.
 
-    ``name`` is that of the designed cam (default: the name of the cam with ``_designed``).
-    ``on_best`` is called for each better law, with a function that creates its design and with its
-    goal (SI).
+    ``request`` contains the goal, the limits and the class of laws. ``name`` is that of the
+    designed cam (default: the name of the cam with ``_designed``). ``on_best`` is called for each
+    better law, with a function that creates its `LawDesign` and with the value of the goal (SI).
 
     Raises
     ------
     ConfigError
         If the request does not apply to the cam or the rig.
     DesignError
-        If the class has no law that satisfies the limits, or the search found no law.
+        If the class has no law that satisfies the limits, or the search finds no law.
     """
     if cam.follower.type in CLOSED_TYPES:
         raise ConfigError(
@@ -102,10 +103,11 @@ class DesignSearch:
     spans: Multistart | None = None
 
     def best_of_spans(self) -> LawDesign:
-        """Return the best law over all possible spans of the events.
+        """Return the best law over all allowed spans of the events.
 
-        The spans are searched for with one start law each. The design at the best spans then uses
-        all start laws.
+        An event is the motion between two dwells. During the search for the spans, each local
+        search for a law has a single start law. The design at the best spans then uses all start
+        laws.
         """
         limits = self.with_values().limits
         spans = [limit for limit in limits if limit.term.quantity.where == "event"]
@@ -135,7 +137,8 @@ class DesignSearch:
     ) -> LawDesign:
         """Return a design with the values of the original start law for comparison.
 
-        ``moved`` is the problem with the spans of ``design``. Values for limits on spans are added.
+        ``moved`` is the design problem with the event spans of ``design``. Values for the
+        ``limits`` on spans are added.
         """
         goal, *others = design.measures
         other_limits, measures = iter(others), [replace(goal, bound=None)]
@@ -426,10 +429,10 @@ def _compute_front(
 def _over_spans(
     problem: DesignProblem, request: DesignRequest, other: Term, points: int, progress: Progress
 ) -> Front:
-    """Return a Pareto front over the span of one event.
+    """Return a Pareto front over the span of one event (motion between two dwells).
 
-    For each point the spans of all events are scaled by the same factor. Each event keeps its
-    middle.
+    ``other`` is this span, and ``points`` the number of designs. For each design the spans of all
+    events are scaled by the same factor, and each event keeps its middle.
     """
     if "events" not in request.keep:
         raise ConfigError(
@@ -464,7 +467,8 @@ def _over_spans(
 def _last_factor(condition: Callable[[float], bool], inside: float, outside: float) -> float:
     """Return the factor nearest to ``outside`` at which a condition is satisfied.
 
-    The condition must be satisfied at ``inside``. The tolerance is `EDGE_TOLERANCE`.
+    The factor scales the spans of the events. ``condition`` must be True at the factor ``inside``.
+    The tolerance is `EDGE_TOLERANCE`.
     """
     if condition(outside):
         return outside

@@ -37,14 +37,14 @@ MAX_SPEEDS = 400
 EXTENSION_RATIO = 0.7
 #: Lowest cam speed at which contact forces are evaluated, rad/s.
 MIN_SPEED = 10.0 * RPM
-#: Stride of the cam speeds that get inequalities in any case: every n-th speed of the grid, counted
-#: from the highest.
+#: Every n-th evaluated speed, counted from the highest, gets inequalities where the contact force
+#: is too low. The speeds between them get inequalities only at minima of the force over the speed.
 SPEED_STRIDE = 6
-#: Largest number of inequalities that one law adds per speed: those at the lowest minima of its
-#: contact force.
+#: Largest number of inequalities that are added per speed after one solution of the program: those
+#: at the lowest minima of the contact force.
 MAX_ROWS = 4
-#: Distance of the contact force from the required force below which a speed is evaluated first in
-#: the next round, relative to `DesignProblem.force_scale`.
+#: If the contact force at a speed was within this distance of the required force, the speed is
+#: evaluated first in the next round. The distance is relative to `DesignProblem.force_scale`.
 CLOSE_DISTANCE = 0.1
 #: Distance of the contact force above the required force at which an inequality is removed from the
 #: program, relative to `DesignProblem.force_scale`.
@@ -64,11 +64,11 @@ MIN_LEVEL_FALL = 1e-3
 #: Initial required contact force, relative to `DesignProblem.force_scale`. It is above 0, because
 #: the force is lower between the evaluated angles and speeds.
 MARGIN = 0.01
-#: Factor by which the required contact force is increased if the exact search finds a loss of
-#: contact that gives no new inequality.
+#: Factor by which the required contact force is increased. It is applied if the exact jump search
+#: finds a loss of contact of the program's law, and no new inequality of the program excludes it.
 MARGIN_FACTOR = 1.6
-#: Numbers of the turns of a run from rest at which the contact force is evaluated, as far as the
-#: run lasts. The last turn of the run is added.
+#: Turns of a run from rest in which the contact force is evaluated, by their number from 1. Turns
+#: after the end of the run are left out, and the last turn of the run is added.
 TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
 
 
@@ -109,9 +109,9 @@ class ContactRows:
         self.anchor = self.fastest
 
     def _start_grid(self, slowest: float) -> None:
-        """Create the grid of speeds from its lowest speed (rad/s).
+        """Create the grid of cam speeds, from the lowest speed ``slowest`` (rad/s).
 
-        Forces that were computed on an earlier grid are discarded.
+        Contact forces that were computed for an earlier grid are discarded.
         """
         self.slowest = slowest
         self.cells = Cells(self.problem.space, self.problem.mode, slowest)
@@ -134,9 +134,9 @@ class ContactRows:
 
     @property
     def _grid_position(self) -> float:
-        """Number of steps of the speed grid from its anchor to the highest speed.
+        """Position of the highest speed on the grid of cam speeds, in grid steps.
 
-        The anchor is the highest speed at the start of the search.
+        It is counted from the highest speed at which the search started.
         """
         return math.log(self.fastest / self.anchor) / math.log(1.0 + self.step)
 
@@ -152,9 +152,10 @@ class ContactRows:
         self._lowest_level = np.inf  # at another speed the level may be higher again
 
     def _turns(self, speed: float) -> list[float]:
-        """Return the numbers of the turns whose force is evaluated at a speed (rad/s).
+        """Return the numbers of the turns whose contact force is evaluated at a speed.
 
-        They are turns that the run completes, or only ∞ for the steady state.
+        Turns of a run from rest are counted from 1, and only turns that the run completes are
+        included. In the steady state the only number is ∞. ``speed`` is in rad/s.
         """
         if self.duration is None:
             return [math.inf]
@@ -165,8 +166,9 @@ class ContactRows:
     def refine(self, jump: Jump, solution: ProgramSolution) -> None:
         """Add the speed of a loss of contact to the grid of speeds.
 
-        ``jump`` is the loss of contact that the exact search found for the law of ``solution``. If
-        no inequality results, the required contact force (margin) is increased.
+        ``jump`` is the loss of contact that the exact jump search found for the law of
+        ``solution``. If the program gets no new inequality at this speed, the required contact
+        force (``margin``) is increased.
         """
         if jump.speed < self.slowest:
             self._start_grid(max(EXTENSION_RATIO * jump.speed, MIN_SPEED))
@@ -275,7 +277,7 @@ class ContactRows:
 # Limits and goals on the residual vibration, which remains after each event, over a range of
 # speeds.
 
-#: Stride of the speeds in the first program: every n-th speed of the range has an inequality.
+#: Only every n-th speed of the range has an inequality in the first program.
 FIRST_STRIDE = 8
 #: Relative excess of the vibration amplitude over its limit above which an inequality is added.
 #: Sufficient inequalities tighten the limit by the same fraction.
@@ -287,9 +289,10 @@ MAX_TABLE = 2_000_000
 
 @lru_cache(maxsize=4)
 def _amplitudes(problem: DesignProblem, low: float, high: float) -> tuple[FloatArray, list[Affine]]:
-    """Return the speeds (rad/s) of a range, and the vibration amplitudes at them.
+    """Return cam speeds (rad/s) from ``low`` to ``high``, and the vibration at them.
 
-    There is one function of the unknowns per event: the complex amplitude at its end, in m.
+    The vibration after each event (motion between two dwells) is a complex amplitude in m. It is
+    given as one function of the unknowns per event, with one value per speed.
     """
     events = problem.space.events
     cells = Cells(problem.space, problem.mode, low)
@@ -300,9 +303,9 @@ def _amplitudes(problem: DesignProblem, low: float, high: float) -> tuple[FloatA
 def final_amplitude(cells: Cells, event: int, speeds: FloatArray) -> Affine:
     """Return the complex vibration amplitude (m) at the end of an event.
 
-    It is a linear function of the unknowns, with one value per speed of ``speeds`` (rad/s).
-    Vibration from before the event is not included. Gauss points in the cells of the event compute
-    it up to rounding.
+    An event is the motion between two dwells, with the number ``event`` from 0. The result is a
+    linear function of the unknowns, with one value per speed of ``speeds`` (rad/s). Vibration from
+    before the event is not included. It is integrated with Gauss points, exact to rounding.
     """
     mode, (slope, curvature, columns) = cells.mode, cells.driving[event]
     points, weights = cells.gauss
@@ -326,9 +329,9 @@ def final_amplitude(cells: Cells, event: int, speeds: FloatArray) -> Affine:
 class ResidualRows:
     """Inequalities that limit the residual vibration after every event of a law.
 
-    They are |2a| ≤ limit for the complex amplitude a, at some speeds of a range. For a goal, minus
-    the level t of the program replaces the limit. If ``sufficient``, the limit is tightened by a
-    margin.
+    An event is the motion between two dwells. The inequalities are |2a| ≤ limit for the complex
+    amplitude a, at some speeds of a range. For a goal, minus the level t (the variable that a
+    program maximises) replaces the limit. If ``sufficient``, the limit is tightened by a margin.
     """
 
     problem: DesignProblem

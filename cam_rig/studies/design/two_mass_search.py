@@ -29,8 +29,8 @@ from cam_rig.units import FloatArray, to_rpm
 
 #: Cam speed at which the search starts, as a fraction of the bound for one rigid mass.
 FIRST_SPEED_FRACTION = 0.95
-#: Contact force below which minima of the force give the first inequalities, relative to
-#: `DesignProblem.force_scale`. They are minima for the best law of one rigid mass.
+#: Minima of the contact force below this value give the first inequalities of the program. They are
+#: those of the best law of one rigid mass. Relative to `DesignProblem.force_scale`.
 FIRST_LEVEL = 0.5
 #: Largest number of programs that one search for a law, or for a bound at one speed, solves.
 MAX_SPEED_ROUNDS = 120
@@ -43,7 +43,8 @@ LEVEL_ATOL = 4e-3
 #: Largest relative amount by which the exact jump speed of a law may be below the speed at which
 #: its program keeps contact.
 JUMP_RTOL = 5e-4
-#: Largest number of times that the search for a law and the search for a bound are repeated.
+#: Largest number of times that the search for a law and the search for a bound of the jump speed
+#: are repeated in turn.
 MAX_SEARCHES = 6
 #: Relative gap between the jump speed of the best law and its bound at which the search ends.
 GAP_RTOL = 2e-3
@@ -60,20 +61,22 @@ MAX_STEP = 0.06
 #: searched for just above that jump speed. Below this ratio the law is far from optimal, and the
 #: bound is searched for just above the highest speed.
 MIN_SPEED_FRACTION = 0.95
-#: Multiples of a speed that are tried in rising order as a bound of all jump speeds.
+#: Multiples of a speed that are tried in rising order as an upper bound of the jump speeds of all
+#: laws.
 BOUND_FACTORS = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 1.15, 1.3)
 
 
 class SearchPhase(Enum):
     """Next action of the search for the highest jump speed, after solving a program."""
 
-    #: The law of the program violates inequalities that were not in use. They were added, and a new
-    #: program is solved.
+    #: The law of the program violates inequalities that were not in use. They are in use now, and a
+    #: new program is solved.
     CUT = auto()
     #: The law keeps contact at the evaluated speeds, but its exact jump speed is lower. This speed
     #: was added, and a new program is solved.
     REFINE = auto()
-    #: The least contact force differs from the required force. The speed is changed.
+    #: The least contact force differs from the required force. The speed is changed, and a new
+    #: program is solved.
     MOVE = auto()
     #: The least contact force equals the required force, or the highest allowed speed is reached.
     #: The search ends.
@@ -131,9 +134,10 @@ class TwoMassSearch:
         return replace(self.best_law, bound=bound, rounds=solver.rounds)
 
     def _raise_speed(self, contact: ContactRows, sources: list[RowSource], limit: float) -> None:
-        """Raise the speed to the highest at which a law keeps contact.
+        """Raise the speed to the highest speed at which a law keeps contact.
 
-        The search ends at the speed ``limit`` (rad/s). The laws found are kept in ``best_law``.
+        The search ends at the latest at the speed ``limit`` (rad/s). ``contact`` and ``sources``
+        provide the inequalities of the programs. The best law is stored in ``best_law``.
         """
         self._slope, self._converged, solution = FIRST_SLOPE, None, None
         program = GrowingProgram()
@@ -185,9 +189,11 @@ class TwoMassSearch:
         return SearchPhase.MOVE
 
     def _reaches(self, contact: ContactRows, solution: ProgramSolution) -> bool:
-        """Return True if the exact jump speed of a law confirms that of its program.
+        """Return True if the exact jump speed of a law confirms the result of its program.
 
-        Otherwise the grid of speeds is refined, and the law counts as rejected.
+        ``solution`` is the solution of the program, which evaluates the contact force at a grid of
+        speeds only. If the exact jump speed is lower, the grid ``contact`` is refined, and the law
+        counts as rejected.
         """
         active = self.solver.other_than_goal(solution.active, contact.name)
         jump = self._evaluate(solution.unknowns, active)

@@ -19,9 +19,10 @@ Edit = tuple[int, int, str]
 def set_identified(
     path: Path, numbers: dict[tuple[str | int, ...], float], source: str, residual: str
 ) -> None:
-    """Write numbers as `identified`, with source and residual, into a YAML file.
+    """Write numbers with the origin `identified`, a source and a residual into a YAML file.
 
-    The rest of the text does not change. The file is replaced atomically.
+    Numbers with this origin are fitted to measurements. The rest of the text does not change. The
+    file is replaced atomically.
 
     Parameters
     ----------

@@ -29,9 +29,9 @@ SPEEDS = (1.0, 1e5)
 #: Smallest and largest measured sound level, dB. The largest is that of a sine with an amplitude of
 #: one atmosphere.
 LEVELS = (-20.0, 191.0)
-#: Smallest and largest fitted corner frequency, Hz. The force of a cam has most of its spectrum
-#: between some Hz and some hundred Hz, so levels do not distinguish a corner near these limits from
-#: one beyond them.
+#: Smallest and largest corner frequency that can be fitted, Hz. The force of a cam has most of its
+#: spectrum between some Hz and some hundred Hz, so sound levels do not distinguish a corner near
+#: these limits from one beyond them.
 CORNERS = 0.5, 2000.0
 #: Relative distance from a limit of `CORNERS` within which a fitted corner frequency is rejected,
 #: because the levels do not determine it.

@@ -254,9 +254,11 @@ def _has_backlash(fit: FitSolution) -> bool:
 
 
 def _in_contact_if_patterned(one_mass: AnyCandidate) -> AnyCandidate | FitSolution:
-    """Return the fit to the speeds in contact if its force residuals have a pattern.
+    """Return a refit to the speeds without flights, if its force residuals vibrate.
 
-    See `has_residual_pattern`. If there is no such fit or pattern, ``one_mass`` is returned.
+    The rigid mass of ``one_mass`` is fitted to the steady-speed segments in which the follower
+    keeps contact. If this is not possible, or `has_residual_pattern` finds no vibration in the
+    residuals of the force, ``one_mass`` is returned.
     """
     in_contact = _fit_in_contact(one_mass, one_mass.smooth, one_mass.values)
     return one_mass if in_contact is None or not has_residual_pattern(in_contact) else in_contact
@@ -377,11 +379,12 @@ def _search_resonance(one_mass: FitSolution, stem: dict[str, float]) -> FitSolut
 
 
 def _fit_ringing(one_mass: FitSolution) -> FitSolution:
-    """Fit one mass if the force sensor vibrates, as its negative forces show.
+    """Return the fit of one rigid mass to a run whose force sensor vibrates.
 
-    A cam cannot pull the follower, so the vibration is that of the sensor, and no stem is fitted.
-    Only the speeds in contact are used, because a landing excites the sensor for the rest of the
-    turn (``test_a_ringing_sensor_is_no_stem``).
+    The sensor shows its vibration by negative forces: a cam cannot pull the follower. No elastic
+    stem is fitted. Only the speeds without flights are used, because a landing excites the sensor
+    for the rest of the turn. The resonance of the sensor is added if it improves the fit
+    (``test_a_ringing_sensor_is_no_stem``).
     """
     likelier = in_contact = _fit_in_contact(one_mass, one_mass.smooth, one_mass.values) or one_mass
     if has_residual_pattern(in_contact):

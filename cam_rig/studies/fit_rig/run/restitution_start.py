@@ -59,14 +59,14 @@ def search_restitution(fit: Candidate, fixed: dict[str, float]) -> FitSolution:
 
 
 def free_restitution(fixed: FitSolution, free: tuple[str, ...]) -> FitSolution:
-    """Repeat a fit with the restitution as an additional free parameter.
+    """Return a fit with the coefficient of restitution as one more free parameter.
 
-    ``fixed`` is the fit without it, ``free`` the names of all free parameters. The new fit is
-    returned if its log likelihood is higher by `MIN_LOG_RATIO` and it keeps all steady-speed
-    segments. Otherwise the old fit is returned, with the restitution free at its old value, and
-    with the derivatives by it. This happens if bounces are lower than the noise of the lift: no
-    derivative then identifies the restitution, and the search drifts
-    (``test_error_of_restitution``, seeds 27, 61 and 151).
+    ``fixed`` is the fit without it, and ``free`` the names of all free parameters of the new fit. A
+    search starts from ``fixed``. Its result is returned if its log likelihood is higher by
+    `MIN_LOG_RATIO` and it can predict every steady-speed segment that ``fixed`` predicts. Otherwise
+    the parameters of ``fixed`` are returned, with the derivatives by the restitution added. This
+    happens if bounces are lower than the noise of the lift, because the data then do not determine
+    the restitution and the search drifts (``test_error_of_restitution``, seeds 27, 61 and 151).
     """
     released = search(continue_from(fixed, free, fixed.values))
     if (
@@ -102,8 +102,9 @@ def _likely_restitutions(
 ) -> tuple[list[RestitutionTrial], list[RestitutionTrial], float]:
     """Return trials of the likely and of the possible restitutions, and their step.
 
-    A trial is likely if its sum of squares exceeds the smallest by at most `CHI_SQUARED_95`, and
-    possible up to `MAX_SQUARE`. The step is the difference between neighbouring restitutions.
+    A trial is a fit with a fixed restitution. It is likely if its sum of squared residuals exceeds
+    the smallest by at most `CHI_SQUARED_95`, and possible up to `MAX_SQUARE`. The step is the
+    difference between neighbouring restitutions.
     """
     coarse = [_try_restitution(fit, bounce) for bounce in COARSE_RESTITUTIONS]
     min_sse = min(trial.sse for trial in coarse)
@@ -139,11 +140,11 @@ class RestitutionTrial(NamedTuple):
 
 
 def _try_restitution(fit: Candidate, bounce: float) -> RestitutionTrial:
-    """Fit the phases at a fixed restitution, and return the trial.
+    """Fit the phase of each segment at a fixed restitution, and return the trial.
 
-    There is one phase (cam angle minus encoder angle) per steady-speed segment. The other
-    parameters are those of ``fit``. The sum of squares covers the segments with lift-offs or
-    landings, and those without a periodic turn.
+    The phase of a steady-speed segment is the cam angle minus the encoder angle. ``bounce`` is the
+    restitution, and the other parameters are those of ``fit``. The sum of squared residuals covers
+    the segments with lift-offs or landings, and those for which no periodic turn exists.
     """
     start = continue_from(fit, fit.smooth, fit.values | {"restitution": bounce})
     new, x = start.likelihood, start.x
