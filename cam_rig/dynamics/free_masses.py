@@ -23,9 +23,9 @@ from cam_rig.units import FloatArray
 #: Keys of the numbers in a rig file that the two-mass model needs and the one-mass model does not
 #: need.
 TWO_MASS_KEYS = ("roller_share", "stem_stiffness", "stem_damping")
-#: Name of the two-mass model in the error message for a missing number.
+#: Name of the two-mass model in the error message for a number that the rig file lacks.
 NEEDED_BY = "two masses (the model two_mass)"
-#: Remedy in the error message for a missing number.
+#: Remedy in the error message for a number that the two-mass model needs and the rig file lacks.
 ONE_MASS = "take one mass (the model one_mass)"
 
 
@@ -186,7 +186,8 @@ def force_output(parameters: TwoMassParameters) -> Outputs:
 MAX_CONDITION = 1e3
 #: Largest number of steps of Newton's method for the factors of the characteristic polynomial.
 MAX_NEWTON_STEPS = 12
-#: Relative correction at which Newton's method for these factors has converged.
+#: Relative correction at which Newton's method for the factors of the characteristic polynomial has
+#: converged.
 NEWTON_RTOL = 1e-15
 
 
@@ -257,7 +258,10 @@ def _pairs(p: TwoMassParameters) -> Pairs | None:
 
 
 def _condition(shapes: FloatArray) -> float:
-    """Return the condition number of a matrix after scaling its rows and columns."""
+    """Return the condition number of a matrix of mode shapes.
+
+    Its rows and columns are scaled before, because the states have different units.
+    """
     rows = np.array(shapes)
     for axis in (0, 1, 0, 1):
         rows = rows / np.linalg.norm(rows, axis=axis, keepdims=True)
@@ -372,10 +376,10 @@ def _inverse(shapes: FloatArray) -> FloatArray | None:
 def _follower_weights(row: FloatArray, first: int, other: int, pair: Factor) -> Factor | None:
     """Return the weights of q and q̇ in the dependent coordinate of a mode shape.
 
-    In a pair (q, q̇) one coordinate, the stem stretch or the centre of mass, is q. The other one
-    follows from its equation of motion, ``row``. The weights are f = (c + d B)(a + b B)⁻¹ with the
-    matrix B of the pair, B² = −κ − 2δ B. They are written out, so that each is accurate to its last
-    digit. Returns None if a + b B is singular.
+    In a pair (q, q̇) of the two masses in flight, one coordinate (the stretch of the stem or the
+    centre of mass) is q. The other coordinate follows from its equation of motion, ``row``. Its
+    weights are f = (c + d B)(a + b B)⁻¹ with the matrix B of the pair, B² = −κ − 2δ B. They are
+    written out, so that each is accurate to its last digit. Returns None if a + b B is singular.
     """
     damping, stiffness = pair
     a, b = -stiffness - row[other], -damping - row[other + 1]

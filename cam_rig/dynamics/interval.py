@@ -92,7 +92,8 @@ class Samples(NamedRows):
     rows: FloatArray
 
 
-#: Number of sample times that are computed together. They fit in the cache of a core.
+#: Number of sample times that are computed together. Their data fit in the cache of a processor
+#: core.
 BATCH_SIZE = 8192
 
 #: Indices 0, 1, … of the samples of a batch, as floats, ``(BATCH_SIZE,)``.
@@ -420,19 +421,17 @@ class Block(NamedRows):
 
 
 def add_cam_state(state: FollowerState, interval: Interval) -> FollowerState:
-    """Return a state of the follower with the cam's angle and speed added.
-
-    They are those at the end of ``interval``.
-    """
+    """Return a follower state with the cam's angle and speed at the end of an interval."""
     _, angle = wrap(interval.angle_at(interval.duration))
     speed = interval.speed_at(interval.duration)
     return replace(state, cam_angle=angle, cam_speed=speed)
 
 
 def require_continuation(state: FollowerState | None, interval: Interval) -> None:
-    """Raise a `DynamicsError` if an interval does not start at the state's cam angle.
+    """Raise a `DynamicsError` if an interval does not continue a state of the follower.
 
-    A state without a cam angle, or None, is always accepted.
+    It must start at the cam angle of ``state``. A state without a cam angle, or None, is always
+    accepted.
     """
     if state is None or state.cam_angle is None:
         return

@@ -86,7 +86,7 @@ def loss_intervals(
 
 
 def state_at(law: Law, parameters: FollowerParameters, angle: float, speed: float) -> FollowerState:
-    """Return the state of a rigid follower on the cam at a cam angle.
+    """Return the state of a rigid follower that is on the cam at a cam angle.
 
     ``angle`` is in rad, and ``speed`` is the constant cam speed in rad/s.
     """

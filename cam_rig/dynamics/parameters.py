@@ -30,8 +30,8 @@ MAX_SPEED = 1e9
 #: Largest accepted damping ratio of a rig's stem or shaft (assumed). A stem or shaft with a larger
 #: ratio is practically rigid, and its motion would need ever shorter intervals of the solution.
 MAX_DAMPING_RATIO = 10.0
-#: Smallest and largest accepted number (SI) of each rule for an input. The key, for example "> 0",
-#: is the name of the rule and part of the error message.
+#: Smallest and largest accepted number (SI) of each rule for a model input. The key, for example ">
+#: 0", is the name of the rule and part of the error message.
 LIMITS = {
     "> 0": (MIN_POSITIVE, MAX_NUMBER),
     "≥ 0": (0.0, MAX_NUMBER),
@@ -54,8 +54,8 @@ def require_number(name: str, value: object, rule: str) -> None:
         raise DynamicsError(f"{name} is {value!r}; allowed: finite and {rule}{limits}")
 
 
-#: Rule of `LIMITS` for each number of a follower or a shaft that may be 0. All other numbers must
-#: be > 0.
+#: Rule of `LIMITS` for the numbers of a follower or a shaft that may be 0, by name. All other
+#: numbers must be > 0.
 RULES = dict.fromkeys(("damping", "stem_damping", "shaft_damping", "preload"), "≥ 0")
 RULES |= {"restitution": "in [0, 1)", "motor_torque": "of either sign"}
 
@@ -100,14 +100,14 @@ def require_turning(speed: object) -> None:
 
 
 def check_row(name: str, values: object) -> FloatArray:
-    """Return a one-dimensional input as an array of finite numbers, ``(n,)``.
+    """Return a one-dimensional input of a model as an array of finite numbers, ``(n,)``.
 
     ``name`` is the name of the input in the error message.
 
     Raises
     ------
     DynamicsError
-        If the values are not a row of finite numbers.
+        If the values are not a one-dimensional sequence of finite numbers.
     """
     try:
         row = np.asarray(values, dtype=np.float64)

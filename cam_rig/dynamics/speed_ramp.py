@@ -28,8 +28,8 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import compose, product
 from cam_rig.units import TURN, FloatArray
 
-#: Largest angle by which the substitute cam of a speed ramp turns, rad. The rest of its turn is
-#: never reached.
+#: Largest angle (rad) by which the substitute cam turns in place of the cam on a speed ramp. The
+#: rest of its turn is never reached.
 MAX_SUBSTITUTE_ANGLE = 0.875 * TURN
 
 #: Type of the parameters of a follower model.
@@ -37,8 +37,8 @@ P = TypeVar("P")
 
 #: Function ``advance`` of a follower model, see `cam_rig.dynamics.Model`.
 Advance = Callable[[Law, P, FollowerState | None, Interval, int], tuple[FollowerState, Block]]
-#: Function ``advance`` of a follower model at constant speed. Its additional last argument is the
-#: abrupt change of the cam's velocity ṡ (m/s) since the previous state.
+#: Function ``advance`` of a follower model for constant cam speed. Its additional last argument is
+#: the abrupt change of the cam's velocity ṡ (m/s) since the previous state.
 AtOneSpeed = Callable[
     [Law, P, FollowerState | None, Interval, int, float], tuple[FollowerState, Block]
 ]
@@ -113,9 +113,10 @@ def _velocity_jumps(
 ) -> dict[int, float]:
     """Return the jumps of the slope s' of a substitute law, by the index of its piece.
 
-    The pieces of the substitute law are ``stretches``. The jumps are those of the velocity of
-    ``law`` that the cam passes on the ramp, at the cam speed there. ``speed`` is the constant speed
-    of the substitute cam, rad/s.
+    A cam with the substitute law at the constant speed ``speed`` (rad/s) replaces the cam with
+    ``law`` on the speed ramp ``interval``. The pieces of the substitute law are ``stretches``. The
+    jumps correspond to the velocity jumps of ``law`` that the cam passes on the ramp, at the cam
+    speed there.
     """
     return {
         i: law.velocity_jumps[piece] * interval.speed_at(start) / speed

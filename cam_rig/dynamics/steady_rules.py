@@ -30,8 +30,8 @@ TURN_ATOL = 1e-6
 #: the motion of a follower that ends it in flight.
 LEVEL_TURNS = 2
 
-#: Relative tolerance of a steady contact force. The force is steady if all further turns change it
-#: by less. It is printed to six digits.
+#: Relative tolerance of a steady contact force, which is printed to six digits. The force is steady
+#: if no further turn changes it by more.
 FORCE_RTOL = 1e-6
 #: Number of turns after which a motion that has not become steady is evaluated and reported as not
 #: steady. For comparison: at a damping ratio of 1 % and nine vibrations of the stem per turn, 1e-6
@@ -42,15 +42,15 @@ MAX_FORCE_TURNS = 40
 #: the law. Spectra show eight digits, and an error in the time of a landing changes their
 #: amplitudes by the same order.
 STATE_RTOL = 1e-8
-#: Largest period of a motion whose spectrum is computed, in turns.
+#: Largest period of a motion, in turns, for which a spectrum is computed.
 MAX_PERIOD_TURNS = 8
 #: Numbers of turns from rest after which a periodic motion is searched for, tried in this order.
 #: Most motions are periodic after few turns.
 SPECTRUM_TURNS = (4, 16, 64)
 
-#: Tolerance for the difference of the states before and after a steady turn, relative to the turn
-#: and to the scale of its vibration. Derivatives of a turn are differences over 1e-6 of that scale,
-#: so their relative error is 1e-5.
+#: Tolerance for the difference of the states before and after a turn that counts as steady,
+#: relative to the turn and to the scale of its vibration. Derivatives of a turn are differences
+#: over 1e-6 of that scale, so their relative error is 1e-5.
 RETURN_RTOL = 1e-11
 #: Numbers of turns from rest after which the states before and after a turn are compared, tried in
 #: this order.

@@ -75,11 +75,11 @@ def first_lift_off(
 def may_lose_contact(
     response: LinearResponse, parameters: TwoMassParameters, free: FloatArray
 ) -> NDArray[np.bool_]:
-    """Return an array that is True if the contact force may reach zero in a part.
+    """Return a mask of the parts of the turn in which contact may be lost.
 
-    It has one element per part of each turn, ``(turns, parts)``. ``free`` is the free vibration
-    (η, η̇) at the start of each part, ``(turns, parts, 2)``. The force has two lower bounds, and
-    the larger one counts:
+    It is True if the contact force may reach zero in a part, and has one element per part of each
+    turn, ``(turns, parts)``. ``free`` is the free vibration (η, η̇) at the start of each part,
+    ``(turns, parts, 2)``. The force has two lower bounds, and the larger one counts:
 
     - the smaller force at the ends of the part, less max |F̈| T²/8 for a part of T s
     - the smallest ordinate of the polynomial part of the force, less the share of the free

@@ -29,18 +29,22 @@ from cam_rig.units import RPM, TURN, FloatArray
 #: Largest difference between the Bernstein ordinates of a piece of the law that counts as flat,
 #: relative to the lift.
 FLAT_RTOL = 1e-12
-#: Largest height of a piece above the lowest ordinate of the law at which the piece may belong to
-#: the low dwell, relative to the lift. A spline through gauge readings may dip below its dwell by a
-#: fraction of their scatter.
+#: Largest height of a polynomial piece above the lowest ordinate of the law at which the piece may
+#: belong to the low dwell, relative to the lift. A spline through gauge readings may dip below its
+#: dwell by a fraction of their scatter.
 LOW_RTOL = 1e-3
-#: Width of the window around the lowest lift that replaces the low dwell of a law without one,
-#: rad. It is the width of the low dwell of the other laws of the paper in this project.
+#: Range of cam angles (rad) around the lowest lift in which the residual vibration is evaluated if
+#: the law has no low dwell. It is the width of the low dwell of the other laws of the paper in this
+#: project.
 DEFAULT_WINDOW_RAD = float(np.radians(62.5))
 
 
 @dataclass(frozen=True)
 class LowDwell:
-    """Range of cam angles (window) in which the residual vibration is evaluated."""
+    """Range of cam angles in which the residual vibration is evaluated.
+
+    It is the low dwell of the law, or a range around its lowest lift.
+    """
 
     start: float  #: cam angle at the start of the window, rad
     span: float  #: cam angle that the window covers, rad
@@ -227,13 +231,15 @@ class SteadyVibration:
     """Steady vibration of the follower and the shaft of a cam at one speed."""
 
     window: LowDwell  #: range of cam angles in which the residual vibration is evaluated
-    #: Largest amplitude of the free vibration in the window, m. The joints of the law excite it.
+    #: Largest amplitude of the free vibration in the low dwell, m. The joints between pieces of the
+    #: law excite it.
     residual_amplitude: float
-    #: Peak-to-peak vibration about the static fraction of the lift in the window, m.
+    #: Peak-to-peak vibration about the static fraction of the lift in the low dwell, m.
     peak_to_peak: float
     acceleration: float  #: largest |acceleration| of the mass on its stem, m/s²
     rigid_acceleration: float  #: largest acceleration of the law itself, m/s²
-    #: Peak-to-peak twist, cam angle less flywheel angle, rad. None for a rig without a shaft.
+    #: Peak-to-peak twist of the shaft (cam angle less flywheel angle), rad. None for a rig without
+    #: a shaft.
     twist: float | None
     #: Speed fluctuation (max − min)/mean of the flywheel. None if its speed is constant.
     fluctuation: float | None = None

@@ -334,9 +334,10 @@ class DriveProgram:
         self.running, self._stop_at = running, None
 
     def run_ticks(self, count: int) -> None:
-        """Turn the cam by a number of ticks, then stop it.
+        """Turn the cam for ``count`` ticks, then stop it.
 
-        The first state of a run starts the first tick and is not counted.
+        A tick is the time between two successive cam states that the drive publishes. The first
+        state of a run starts the first tick and is not counted.
         """
         stop_at = max(self.sent, 1) + count
         self.run(True)

@@ -68,9 +68,9 @@ class FlightCount:
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """Quantities of one cam at one speed, over its whole settled turns.
+    """Results of one cam at one speed, over its whole settled turns.
 
-    A turn is settled after the transient turns at the start of each speed.
+    A turn is settled if it follows after the transient turns at the start of each speed.
     """
 
     cam: str
@@ -95,7 +95,10 @@ SLOPE = np.array([[0.0, 1.0, 0.0]])
 
 @dataclass(frozen=True)
 class _TickStatistics:
-    """Statistics of the samples of one tick, or of several ticks at one speed."""
+    """Statistics of the samples of one tick, or of several ticks at one speed.
+
+    A tick is the time between two cam states.
+    """
 
     samples: int = 0
     turned: float = 0.0  #: cam angle turned so far, rad
@@ -145,7 +148,9 @@ class _TickStatistics:
 
 
 class SpeedRows:
-    """Accumulator that forms one row per cam and speed from the ticks of a run.
+    """Accumulator that forms one table row per cam and speed from the ticks of a run.
+
+    A tick is the time between two cam states.
 
     Parameters
     ----------

@@ -24,8 +24,8 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import TickSamples
 from cam_rig.units import FloatArray, to_rpm
 
-#: Smallest number of rows of a chunk of the file, except the last chunk. The samples of one tick
-#: alone may be very few.
+#: Smallest number of rows that are written to a file together, except at the end. The samples of
+#: one tick (time between two cam states) alone may be very few.
 CHUNK_ROWS = 1 << 16
 #: Name of the column with the cam's name. All other columns contain numbers.
 CAM = "cam"
@@ -74,11 +74,13 @@ class Contents:
 
     rate: int  #: sample rate, Hz
     rows: int = 0
-    #: Number of interruptions: lost messages, a stopped cam, or a speed that was left out.
+    #: Number of interruptions of the exported samples: lost messages, a stopped cam, or a speed
+    #: that was left out.
     gaps: int = 0
     start: float = 0.0  #: time of the first sample, s
     end: float = 0.0  #: time of the last sample, s
-    #: Cams with their speeds that were not selected, as text, in order (a dict as an ordered set).
+    #: Cams with their speeds in the run that were not selected for the export, as text, in order (a
+    #: dict as an ordered set).
     available: dict[str, None] = field(default_factory=dict)
 
     def track(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
@@ -99,9 +101,9 @@ class Contents:
 
 
 def chunks(ticks: Iterable[TickSamples]) -> Iterator[Chunk]:
-    """Join ticks to chunks of rows, and yield them.
+    """Join the samples of ticks to chunks of rows of the exported file, and yield them.
 
-    At most one chunk is in memory.
+    A tick is the time between two cam states. At most one chunk is in memory.
     """
     pending: list[TickSamples] = []
     count = 0
@@ -291,7 +293,8 @@ def _chunk(name: bytes, data: bytes) -> bytes:
     return struct.pack("<4sI", name, len(data)) + data
 
 
-#: Writers by suffix. Their parameters are the path, the rows, metadata by name, and the rate in Hz.
+#: Functions that write a file, by its suffix. Their parameters are the path, the rows, metadata by
+#: name, and the sample rate in Hz.
 FORMATS: dict[str, Callable[[Path, Iterable[Chunk], dict[str, str], int], None]] = {
     ".parquet": write_parquet,
     ".csv": write_csv,
@@ -361,9 +364,10 @@ def export(
 def _select(
     ticks: Iterable[TickSamples], cam: str | None, rpm: float | None, available: dict[str, None]
 ) -> Iterator[TickSamples]:
-    """Yield the ticks of a cam at a speed (rpm), None for any.
+    """Yield the ticks with a given cam and a constant speed (rpm).
 
-    The other cams and constant speeds are added to `available`.
+    A tick is the time between two cam states. None selects any cam or any speed. The cams and
+    constant speeds that are not selected are added to `available`.
     """
     for tick in ticks:
         if tick.is_of(cam, rpm):

@@ -29,14 +29,15 @@ from cam_rig.schema.load import (
 from cam_rig.simulation.scene import LoadedScene, open_scene, speeds_of, spread_speeds
 from cam_rig.units import FloatArray
 
-#: One cam or several: names in ``config/cams``, paths or cams. One scene means its cams on its rig.
-#: None means the cams of the paper's Table 2.
+#: One cam or several: names in ``config/cams``, paths or objects. One scene means its cams on its
+#: rig. None means the five shipped cams with the laws in Table 2 of the study on which the project
+#: is based.
 Cams = str | Path | CamConfig | Sequence[str | Path | CamConfig] | None
-#: A cam: a name in ``config/cams``, a path or a cam.
+#: A cam: a name in ``config/cams``, a path or an object.
 Cam = str | Path | CamConfig
 #: A motion law, or the cam that has it.
 LawOrCam = Law | str | Path | CamConfig
-#: A rig that has no default: a name in ``config/rigs``, a path or a rig.
+#: A rig that must be given: a name in ``config/rigs``, a path or an object.
 RequiredRig = str | Path | RigConfig
 #: A rig: a name in ``config/rigs``, a path or a rig. None means the rig of the scene, or the
 #: only rig next to the cams, or paper_table2.
@@ -90,7 +91,7 @@ def list_cams(cams: Cams) -> list[str | Path | CamConfig]:
 def read_cams(cams: Sequence[str | Path | CamConfig]) -> list[tuple[Path | str, CamConfig]]:
     """Return each cam with its source: its file, or its name if it is a `CamConfig`.
 
-    For an empty sequence, the cams of the paper's Table 2 are returned.
+    For an empty sequence, the five shipped cams with the laws in Table 2 of the paper are returned.
     """
     if not cams:
         cams = list(load_tables(tables_path()).table_2_jump)

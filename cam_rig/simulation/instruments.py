@@ -9,7 +9,7 @@ import numpy as np
 
 from cam_rig.units import FloatArray
 
-#: Number of successive time steps between readings whose median is the usual time step. It is
+#: Number of successive time steps between readings over which the median step is computed. It is
 #: small, because an encoder that reports each count has longer steps at a lower speed.
 WINDOW = 64
 #: A time between two readings is a gap if it is longer than this multiple of the usual time step.
@@ -18,8 +18,8 @@ STEADY_GAP_RATIO = 1.8
 #: As `STEADY_GAP_RATIO`, for readings without a constant rate. It is larger, because networks
 #: deliver readings in bursts.
 GAP_RATIO = 4.0
-#: Readings have a constant rate if nine of ten time steps deviate from the median step by at most
-#: this fraction.
+#: Readings have a constant rate if nine of ten time steps between them deviate from the median step
+#: by at most this fraction.
 STEADY_RTOL = 0.05
 
 
@@ -97,8 +97,8 @@ class MeasuredRun:
     counts: tuple[ReadingCount, ...] = ()  #: per quantity, if another program wrote the bag
 
 
-#: Largest deviation of an angle step from a whole number of an encoder's counts, in counts, for a
-#: step of one count. For a step of n counts it is √n times as large, because the size of a count is
+#: Largest deviation of an angle step from a whole number of encoder counts, in counts, for a step
+#: of one count. For a step of n counts it is √n times as large, because the size of a count is
 #: known to this accuracy only.
 COUNT_ATOL = 1e-3
 #: Upper limit of the deviation of an angle step from a whole number of an encoder's counts (see

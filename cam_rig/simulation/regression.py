@@ -13,12 +13,12 @@ from cam_rig.schema import PublishedNoise
 from cam_rig.simulation.scene import LevelOrigin
 from cam_rig.units import FloatArray, rms, to_rpm
 
-#: Degree of the paper's regressions (eq. 20-22).
+#: Degree of the regressions of sound level over cam speed that the paper publishes (eq. 20-22).
 REGRESSION_DEGREE = 3
 #: Absolute value below which a leading coefficient is treated as zero (rounding), relative to the
 #: largest coefficient.
 COEFFICIENT_RTOL = 1e-12
-#: Largest absolute imaginary part of a root that counts as real.
+#: Largest absolute imaginary part of a root of a polynomial that counts as real.
 REAL_ROOT_ATOL = 1e-9
 #: Smallest number of speeds for which a figure shows a regression. A cubic through fewer speeds
 #: would show features that were not measured.
@@ -97,10 +97,9 @@ def nearest_crossing(
     scale: float,
     shift: float = 0.0,
 ) -> float | None:
-    """Return the crossing of two regressions that is nearest to `near` (rpm).
+    """Return the cam speed (rpm) nearest to `near` (rpm) at which two regressions cross.
 
-    It is a cam speed in rpm, or None without a crossing. The other parameters are those of
-    `crossings`.
+    It is None without a crossing. The other parameters are those of `crossings`.
     """
     inside = crossings(difference, speeds, scale=scale, shift=shift)
     return float(inside[np.argmin(np.abs(inside - near))]) if inside.size else None
@@ -133,9 +132,10 @@ def compare(
 ) -> NoiseResult:
     """Compare the sound levels of a run with published regressions.
 
-    `levels` are in dB by cam and speed (rad/s). The result contains the regressions of all cams,
-    their r.m.s. differences to the published regressions, and the crossover of the two published
-    cams.
+    `levels` are in dB by cam and speed (rad/s). `roles` states for each cam how its level was
+    obtained: calibrated, identified or predicted. `published` contains the regressions, or is None.
+    The result contains the regressions of all cams, their r.m.s. differences to the published
+    regressions, and the crossover of the two published cams.
     """
     curves = {}
     for cam, steps in levels.items():

@@ -9,8 +9,8 @@ from cam_rig.units import TURN, FloatArray, rms
 #: Largest number of bins into which the readings of a turn are divided to estimate the noise, and
 #: over which differences are averaged.
 BINS = 180
-#: Smallest number of readings per bin. With fewer readings, the squared median overestimates the
-#: noise.
+#: Smallest number of readings per bin of the turn. With fewer readings, the squared median
+#: overestimates the noise.
 MIN_READINGS = 40
 #: Median of |x| of the standard normal distribution. It converts a median to a standard deviation.
 MEDIAN = 0.6744897501960817

@@ -22,9 +22,9 @@ from cam_rig.units import NS, TURN
 class CamState:
     """Cam angle and cam speed at one time.
 
-    The cam turns to the next state at constant speed or on a ramp. The whole turns of the angle are
-    counted separately, so its accuracy does not depend on their number. Whole turns in a given
-    angle are moved to `turns`.
+    The drive publishes one state per tick. The cam turns to the next state at constant speed or on
+    a ramp. The whole turns of the angle are counted separately, so its accuracy does not depend on
+    their number. Whole turns in a given angle are moved to `turns`.
     """
 
     time_ns: int  #: rig time, ns
@@ -101,7 +101,10 @@ def cam_states(scene: SceneConfig) -> Iterator[CamState]:
 
 
 def run_length(scene: SceneConfig) -> tuple[int, int]:
-    """Return the rig time (ns) of the whole scene, and that of its longest tick."""
+    """Return the rig time (ns) of the whole scene, and that of its longest tick.
+
+    A tick is the time between two cam states.
+    """
     schedule, duration, longest = scene.schedule, 0, 0
     for previous_speed, speed in pairwise([0.0, *schedule.speeds.si_list]):
         ramp = _ramp_ticks(scene, previous_speed, speed)
@@ -115,7 +118,8 @@ def run_length(scene: SceneConfig) -> tuple[int, int]:
 def _steady_ticks(scene: SceneConfig, speed: float) -> Iterator[Interval]:
     """Yield the ticks of one speed (rad/s), starting from time 0 and angle 0.
 
-    They are not stored, because there may be 1e8 ticks.
+    A tick is the time between two cam states. The ticks are not stored, because there may be 1e8 of
+    them.
     """
     start = 0
     for i in range(1, ticks_per_step(scene) + 1):
@@ -137,9 +141,10 @@ def _ticks_end_ns(scene: SceneConfig, speed: float, ticks: int) -> int:
 
 
 def _ramp_ticks(scene: SceneConfig, previous_speed: float, speed: float) -> list[Interval]:
-    """Return the ticks of a ramp between two speeds (rad/s).
+    """Return the ticks (times between two cam states) of a ramp between two speeds.
 
-    No tick is longer than a tick at the higher speed. The list is empty without a ramp.
+    The speeds are in rad/s. No tick is longer than a tick at the higher speed. The list is empty
+    without a ramp.
     """
     if scene.schedule.ramp is None or previous_speed == speed:
         return []
@@ -150,12 +155,18 @@ def _ramp_ticks(scene: SceneConfig, previous_speed: float, speed: float) -> list
 
 
 def ticks_per_step(scene: SceneConfig) -> int:
-    """Return the number of ticks at each speed of each cam, without those of the ramp."""
+    """Return the number of ticks at each speed of each cam, without those of the ramp.
+
+    A tick is the time between two cam states.
+    """
     return int(scene.schedule.turns.si) * scene.schedule.ticks_per_turn
 
 
 def tick_count(scene: SceneConfig) -> int:
-    """Return the number of ticks of the whole scene, including ramps."""
+    """Return the number of ticks (times between two cam states) of the whole scene.
+
+    Ticks of speed ramps are included.
+    """
     speeds = scene.schedule.speeds.si_list
     ramps = sum(len(_ramp_ticks(scene, *step)) for step in pairwise([0.0, *speeds]))
     return len(scene.cams) * (len(speeds) * ticks_per_step(scene) + ramps)

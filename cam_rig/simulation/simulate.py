@@ -24,7 +24,7 @@ from cam_rig.units import NS, TURN, FloatArray, to_rpm
 
 @dataclass(frozen=True)
 class MeasuredTick:
-    """Sound pressure at the microphone over one tick."""
+    """Sound pressure at the microphone over one tick, the time between two cam states."""
 
     start: CamState
     stop_ns: int
@@ -55,8 +55,8 @@ STOP_ATOL_S = 0.1
 class TransientFilter:
     """Detector of the settled ticks of a run.
 
-    A tick is settled after the first `turns` turns of a step. A step is the time of one cam at one
-    speed.
+    A tick is the time between two cam states, and a step is the time of one cam at one speed. A
+    tick is settled if it follows after the first `turns` turns of its step.
     """
 
     turns: float  #: number of turns left out at the start of each step
@@ -78,9 +78,10 @@ class TransientFilter:
 
 
 def _continues(last: CamState, start: CamState) -> bool:
-    """Return True if a cam turned at one speed between two states.
+    """Return True if the cam turned at one speed from one cam state to another.
 
-    The states may be of adjacent ticks or not.
+    The states may belong to adjacent ticks (times between two cam states) or not. If the rig time
+    between them is longer than the turned angle takes, the cam was stopped.
     """
     if (start.cam, start.speed) != (last.cam, last.speed):
         return False
@@ -94,7 +95,8 @@ Part = TypeVar("Part")
 class WholeTurns(Generic[Part]):
     """Collector that groups the data of settled ticks by whole turns.
 
-    Means are formed over whole turns only. The last, incomplete turn at each speed is left out.
+    A tick is the time between two cam states. Means are formed over whole turns only. The last,
+    incomplete turn at each speed is left out.
     """
 
     settling: TransientFilter
@@ -129,8 +131,9 @@ class WholeTurns(Generic[Part]):
 class StepLevels:
     """Energy mean sound level (dB) over whole settled turns, by cam and speed (rad/s).
 
-    Each tick is weighted by its number of samples, not by its duration. Ticks of equal duration may
-    differ by one sample, and the level must not depend on the number of ticks per turn.
+    Each tick (time between two cam states) is weighted by its number of samples, not by its
+    duration: ticks of equal duration may differ by one sample, and the level must not depend on the
+    number of ticks per turn.
     """
 
     def __init__(self, transient_turns: float) -> None:
@@ -139,9 +142,9 @@ class StepLevels:
         self._turns = WholeTurns[MeasuredTick](TransientFilter(transient_turns))
 
     def add(self, tick: MeasuredTick) -> float | None:
-        """Add a tick, and return the new level (dB) if the tick completes a turn.
+        """Add a tick, and return the new mean level (dB) if the tick completes a turn.
 
-        Otherwise the result is None.
+        A tick is the time between two cam states. The result is None if no turn is complete.
         """
         if tick.pressure is None:
             return None
@@ -177,7 +180,7 @@ def step_levels(
 def require_ticks(levels: dict[str, dict[float, float]], source: str) -> None:
     """Raise `CamRigError` if a run has no sound levels.
 
-    The message starts with `source`.
+    The error message starts with `source`, the name of the run.
     """
     if not levels:
         raise CamRigError(
@@ -191,7 +194,7 @@ SPEED_RTOL = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class TickSamples(NamedRows):
-    """Samples of one tick, with the cam, its angle and its speed."""
+    """Samples of one tick (time between two cam states), with cam, angle and speed."""
 
     start: CamState
     interval: Interval  #: starts at `start`, may end after the last sample
@@ -276,8 +279,9 @@ class FollowerSimulator:
     def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
         """Simulate the tick that ends at a cam state.
 
-        Returns the follower's state and the block of samples. Returns None at the first cam state,
-        and if the cam does not turn. On a new cam the next tick starts at rest.
+        A tick is the time from one cam state to the next. Returns the follower's state and the
+        block of samples, or None at the first cam state and if the cam does not turn. On a new cam
+        the next tick starts at rest.
         """
         start, start_state, pending_impulse = self.last, self.state, self.pending_impulse
         self.continue_from(state)
@@ -349,8 +353,9 @@ def simulate_ticks(
 ) -> Iterator[TickSamples]:
     """Simulate a scene, and yield the samples of each tick.
 
-    `start_state` is the follower's state at the first cam state (default: at rest on the cam).
-    `states` are the cam states (default: those of the scene's schedule).
+    A tick is the time between two cam states. `start_state` is the follower's state at the first
+    cam state (default: at rest on the cam). `states` are the cam states (default: those of the
+    scene's schedule).
     """
     follower = FollowerSimulator.of(loaded)
     start: CamState | None = None
@@ -392,7 +397,7 @@ RESPONSE_SCALE_RPM = 100.0
 
 
 class Sounding(Protocol):
-    """Sources of sound of a cam at several speeds: contact force and landings."""
+    """Sources of the sound of a cam at several speeds: contact force and landings."""
 
     @property
     def speeds(self) -> FloatArray:
@@ -429,9 +434,10 @@ class Turns:
         return Turns(self.speeds[::step], self.forces[::step], self.impulses[::step])
 
     def contact_power(self, corner_rate: float) -> FloatArray:
-        """Return ⟨(ω_c (F − q))²⟩ of the periodic turn at each speed, `(n,)`, (N/s)².
+        """Return the mean square of ω_c (F − q) in the periodic turn at each speed, (N/s)².
 
-        F is the contact force and q its low-pass filtered value. ω_c is `corner_rate` in rad/s.
+        F is the contact force and q its low-pass filtered value. ω_c is `corner_rate` in rad/s. The
+        shape is `(n,)`.
         """
         blocks = zip(self.forces, self.impulses, strict=True)
         return np.array([_contact_power(corner_rate, *block) for block in blocks])
@@ -443,7 +449,7 @@ class Turns:
 
 
 def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float:
-    """Return ⟨(ω_c (F − q))²⟩ of one periodic turn, (N/s)².
+    """Return the mean square of ω_c (F − q) over one periodic turn, (N/s)².
 
     F is the contact force, and q its low-pass filtered value, the response of the structure. `rate`
     is ω_c in rad/s. `force` (N) and `impulse` (N·s) are the samples of the turn. The periodic
@@ -483,7 +489,7 @@ class Acoustics:
 
     radiation: RadiationParameters
     #: Speed response of the rig to the sound of the contact of any cam: factors (dB) of the powers
-    #: 1, 2, 3 of (rpm − 300)/100, or empty.
+    #: 1, 2 and 3 of (rpm − 300)/100. An empty tuple means no response.
     response: tuple[float, ...] = ()
 
     def levels(self, turns: Sounding) -> FloatArray:

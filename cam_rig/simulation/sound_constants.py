@@ -20,7 +20,7 @@ from cam_rig.units import FloatArray, rms, to_rpm
 class PublishedCam:
     """Settled turns of a cam, and its published or measured sound level.
 
-    The level is that at the speeds of the turns.
+    The level is given at the speeds of the turns.
     """
 
     cam: str
@@ -58,9 +58,10 @@ class SteadyTurns:
         return SteadyTurns(self.law, self.follower, self.speeds[::step])
 
     def contact_power(self, corner_rate: float) -> FloatArray:
-        """Return ⟨(ω_c (F − q))²⟩ over a turn at each speed, (N/s)², shape `(n,)`.
+        """Return the mean square of ω_c (F − q) over a turn at each speed, (N/s)².
 
-        F is the contact force and q its low-pass filtered value. ω_c is `corner_rate` in rad/s.
+        F is the contact force and q its low-pass filtered value. ω_c is `corner_rate` in rad/s. The
+        shape is `(n,)`.
         """
         power = [mean_square_rate(self.law, self.follower, corner_rate, s) for s in self.speeds]
         return np.array(power)

@@ -28,7 +28,8 @@ from cam_rig.viewer.turn_chart import MAX_TITLE, TurnAxes
 PLAYBACK_SPEED = 0.1
 #: Options of a time panel that plays the recording in a loop.
 PLAYING: dict[str, Any] = {"state": "collapsed", "play_state": "playing"}
-#: Playback speed of layouts that overlay turns, degrees of the cam per second of wall-clock time.
+#: Playback speed of layouts that overlay turns of the cam, in degrees of the cam per second of
+#: wall-clock time.
 DEGREES_PER_SECOND = 90.0
 #: Rig time (s) on each side of the time cursor that the curves of a finished run show.
 AROUND_CURSOR_S = 0.5
@@ -43,7 +44,7 @@ def blueprint(
     ranges: Ranges,
     window: float | None = None,
 ) -> rrb.Blueprint:
-    """Return the blueprint of a layout.
+    """Return Rerun's blueprint (definition of the views) of a layout.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ GAPS = f"{VIEW}/gap"
 LANDINGS = f"{VIEW}/landing"
 #: Height of each of the two axes, in the units of the drawing plane, whose width is `WIDTH`.
 ROW = 48.0
-#: Height of the space for the title above each of the axes, in the units of the drawing plane.
+#: Height of the space for the title above each of the two axes, in the units of the drawing plane.
 HEAD = 12.0
 #: Radius of a drawn point. Rerun takes a negative radius as points of the screen.
 POINT = -1.6
@@ -75,16 +75,17 @@ def gaps_at_zero(law: Law, samples: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 class BounceChart:
-    """Chart of bounces with one point per turn and one point per landing.
+    """Chart of bounces: one point per turn and one point per landing.
 
-    The points of added ticks are kept until `flush` sends them to the recording.
+    The points of added ticks (times between two cam states) are kept until `flush` sends them to
+    the recording.
     """
 
     def __init__(self, canvas: Canvas, loaded: LoadedScene, ranges: Ranges) -> None:
         self._canvas, self._loaded = canvas, loaded
         self._gap, self._landing = bounce_axes(loaded, ranges)
         self._last: tuple[str, FloatArray] | None = None
-        #: Points not yet sent: entity -> list of ((time, angle), points).
+        #: Points not yet sent to the recording: entity path -> list of ((time, angle), points).
         self._rows: dict[str, list[tuple[tuple[float, float], FloatArray]]] = {}
         rpm = round_marks(*self._gap.x, "rpm")
         self._gap.draw(canvas.stream, f"{GAPS}/axes", {}, round_marks(*self._gap.y, ""))

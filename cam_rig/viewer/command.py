@@ -50,8 +50,9 @@ def delay_report(
 ) -> Iterator[Callable[[float, str], str]]:
     """Yield a function that appends the delay of the browser page to a status text.
 
-    Its arguments are the rig time (s) that the drive has reached, and the status text. It returns
-    the text unchanged if `page` is None. The longest delay is printed when the context ends.
+    The delay is the wall-clock time by which the page is behind the run. The arguments of the
+    function are the rig time (s) that the drive has reached, and the status text. It returns the
+    text unchanged if `page` is None. The longest delay is printed when the context ends.
     """
     printed = clock()
 

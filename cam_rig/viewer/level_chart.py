@@ -28,7 +28,8 @@ from cam_rig.viewer.turn_chart import WIDTH as TURN_WIDTH
 VIEW = "noise"
 #: Range of the level axis (dB) if the scene has no published curves.
 LEVELS = (50.0, 110.0)
-#: Radius of a dash of a published curve. Rerun takes a negative radius as points of the screen.
+#: Radius of a dash of a published curve. Rerun interprets a negative radius in points of the
+#: screen.
 LINE = -1.2
 #: Radius of a point of a run in progress, in points of the screen (negative for Rerun).
 POINT = -4.0
@@ -40,7 +41,7 @@ DASHES = 40
 WIDTH = 200.0
 #: Width of a letter of a cam's name, in the units of the plane of the chart.
 LETTER = 4.4
-#: Sum of the free spaces left and right of a cam's name, in the units of the plane of the chart.
+#: Total free space left and right of a cam's name, in the units of the plane of the chart.
 AROUND = 12.0
 #: Smallest vertical distance between the names of two cams, in the units of the plane.
 TITLE_DISTANCE = 10.0
@@ -122,8 +123,8 @@ class LevelChart:
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
         """Add a tick that ends at a cam angle (rad), and return the mean sound level (dB).
 
-        The mean is that of the present cam and speed. Returns None unless the tick completes a turn
-        after the transient turns of the scene.
+        A tick is the time between two cam states. The mean is that of the present cam and speed.
+        Returns None unless the tick completes a turn after the transient turns of the scene.
         """
         level = self._measured.add(tick)
         if level is not None:
@@ -227,7 +228,7 @@ def band_power(
 ) -> FloatArray:
     """Return the mean square sound pressure (Pa²) of a turn in each third-octave band.
 
-    Their sum is that of the turn.
+    The sum over the bands is the mean square sound pressure of the turn.
 
     Parameters
     ----------
@@ -259,13 +260,13 @@ def band_power(
 
 #: Range of the level axis of every bar chart, dB. Louder bars are cut at the upper edge.
 BAND_LEVELS = (0.0, 110.0)
-#: Height of the plane of the bar chart, relative to its width.
+#: Height of the drawing plane of the bar chart, relative to its width.
 SHAPE = 0.42
 #: Width of a bar, relative to the width of its band.
 BAR = 0.8
 #: Radius of the outline of a bar, in points of the screen (negative for Rerun).
 BAND_LINE = -1.0
-#: Labels of the axis: band number -> label.
+#: Labels of the frequency axis: number of the third-octave band, 10 lg(f/Hz) -> label.
 BAND_LABELS = {10.0: "10 Hz", 20.0: "100 Hz", 30.0: "1 kHz", 40.0: "10 kHz"}
 
 
@@ -337,7 +338,7 @@ TURNS = "turns"
 COMPARE = "compare"
 #: Height of the axes of overlaid turns, in the units of the plane, whose width is 160.
 ROW = 80.0
-#: Number of cam names in each line of names above the axes of overlaid turns.
+#: Number of cam names per line of the names above the axes of overlaid turns.
 NAMES_IN_LINE = 2
 #: Vertical distance between two lines of cam names, in the units of the plane.
 NAME_STEP = 11.0
@@ -346,7 +347,7 @@ STROKE = -0.9
 
 
 def compared_of(loaded: LoadedScene) -> tuple[PlotRow, ...]:
-    """Return the quantities whose curves are overlaid for all cams."""
+    """Return the quantities whose curves over a turn are overlaid for all cams."""
     return tuple(row for row in plot_rows(loaded.scene.model) if row not in (VELOCITY, GAP, TWIST))
 
 

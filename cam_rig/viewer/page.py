@@ -22,16 +22,16 @@ from cam_rig.units import NS
 #: Name of the Rerun timeline on which the time cursor of the page moves. It equals
 #: `cam_rig.viewer.timeline.RIG_TIME`, whose module imports Rerun.
 TIMELINE = "rig_time"
-#: Path that a page requests to report its rig time (ns), or -1 before it displays a recording. The
-#: response is the name of the recording to display.
+#: Path of the request by which a page reports its rig time (ns), or -1 before it displays a
+#: recording. The response is the name of the recording to display.
 SHOWN_PATH = "/shown"
 #: Period (s, wall clock) at which a page reports its rig time.
 REPORT_EVERY_S = 1.0
 #: Period (s, wall clock) at which a page checks for its first data.
 LOOK_EVERY_S = 0.1
-#: Script that reads the displayed rig time from the viewer's state. Field 3 of the state contains
-#: the recordings. Field 3 of a recording is its time cursor, with the name of the timeline in 1.1
-#: and the time (ns) in 3.1. A time of 0 is omitted.
+#: Script that reads the displayed rig time from the state of Rerun's web viewer, a protobuf
+#: message. Field 3 of the state contains the recordings. Field 3 of a recording is its time cursor,
+#: with the name of the timeline in 1.1 and the time (ns) in 3.1. A time of 0 is omitted.
 _READ = """
 function* fields(b) {
   let i = 0;
@@ -170,9 +170,9 @@ class PageTime:
     def behind(self) -> float | None:
         """Return the delay (s) of the page behind the drive, in wall-clock time.
 
-        It is the time since the drive was at the rig time that the page displays. The time by which
-        the next report of the page is overdue is added. Returns None if no page has reported a rig
-        time.
+        It is the time since the drive was at the rig time that the page displays. If the next
+        report of the page is overdue, the overdue time is added. Returns None if no page has
+        reported a rig time.
         """
         if self._reported is None:
             return None

@@ -20,8 +20,8 @@ ADVICE = (
     "use --web for a browser, or --save FILE.rrd and open the file where there is a screen, "
     "with: rerun FILE.rrd"
 )
-#: Program that replaces itself with the viewer. On Linux the kernel terminates the viewer when its
-#: parent ends for any reason (PR_SET_PDEATHSIG).
+#: Python program that turns its own process into the viewer. On Linux the kernel terminates the
+#: viewer when its parent ends for any reason (PR_SET_PDEATHSIG).
 COMMAND = """
 import ctypes, os, signal, sys
 from pathlib import Path
@@ -38,8 +38,8 @@ OPTIONS = ("--bind", LOOPBACK, "--hide-welcome-screen")
 TIMEOUT_S = 30.0
 #: Longest wall-clock time (s) from SIGTERM until the viewer ends.
 END_S = 3.0
-#: Environment in which the viewer reports no usage. Its option for this would change the user's
-#: settings, but it also reports no usage if CI is set.
+#: Environment variables that keep the viewer from reporting its usage to its maker. The option of
+#: the viewer for this would change the user's settings, but it also reports nothing if CI is set.
 SILENT = {"RUST_LOG": "error", "CI": "1"}
 
 
@@ -102,7 +102,10 @@ def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
 
 @contextmanager
 def listening(*arguments: str, ports: tuple[int, ...]) -> Iterator[subprocess.Popen[bytes]]:
-    """Start a Rerun viewer, and wait until it listens at all of its ports."""
+    """Start a Rerun viewer, wait until it listens at all ``ports``, and yield its process.
+
+    ``arguments`` are those of the viewer. It is terminated when the context ends.
+    """
     require_loopback()
     with child(*arguments) as process:
         _wait_for_ports(process, ports)

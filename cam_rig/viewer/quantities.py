@@ -104,7 +104,7 @@ SPEED = SeriesLine(
     interpolation=InterpolationMode.StepAfter,
     aggregation=AggregationPolicy.Off,
 )
-#: Marks of lift-offs and landings on the lift.
+#: Marks of lift-offs and landings on the curve of the lift.
 LIFT_OFF = Mark("plots/lift/lift_off", "lift-off", colours.LIFT_OFF)
 LANDING = Mark("plots/lift/landing", "landing", colours.LANDING)
 MARKS = LIFT_OFF, LANDING

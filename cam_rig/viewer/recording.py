@@ -65,9 +65,10 @@ class RunReceiver(Protocol):
 class RunFeed:
     """Assembler of the messages of a bag or a live run into ticks for a receiver.
 
-    A tick is passed on when the cam states at its start and its end, its samples and the contour of
-    its cam have arrived. Messages of the sound level have no time stamp. The n-th of them belongs
-    to the n-th message of the sound pressure, which has one.
+    A tick is the time between two cam states. It is passed on when the cam states at its start and
+    its end, its samples and the contour of its cam have arrived. Messages of the sound level have
+    no time stamp: the n-th of them belongs to the n-th message of the sound pressure, which has
+    one.
     """
 
     def __init__(self, receiver: RunReceiver) -> None:
@@ -138,8 +139,8 @@ class RunFeed:
 
 #: Number of samples of a run below which the curves keep every sample.
 WHOLE_BELOW = 1_000_000
-#: Number of intervals (buckets) into which the samples of a long run are divided. For each of them
-#: a curve keeps its minimum and its maximum.
+#: Number of groups (buckets) into which the samples of a long run are divided. For each group a
+#: curve keeps its minimum and its maximum.
 BUCKETS = 250_000
 
 
@@ -244,7 +245,7 @@ def polygon(message: Any) -> FloatArray:
 #: Number of horizontal positions of a curve on a screen. At each of them a curve shows two points.
 ACROSS_SCREEN = 1000
 #: Shortest rig time (s) before the newest sample that the curves of a live run show. It covers
-#: several turns, and the data that the slowest page receives at once.
+#: several turns, and all data that a slow page receives at once.
 MIN_WINDOW_S = 2.0
 #: Shortest wall-clock time (s) between two transmissions of the curves of a live run.
 SEND_EVERY_S = 0.25
@@ -319,8 +320,9 @@ class LiveView:
     def flush(self) -> None:
         """Send the drawn data at the rate that the viewer or page can display.
 
-        In a paced run the pictures of cam and follower are sent at their playback time. Curves are
-        sent with them only if `SEND_EVERY_S` has passed since the last curves.
+        In a paced run (with a real-time factor) the pictures of cam and follower are sent at their
+        playback time. Curves are sent with them only if `SEND_EVERY_S` has passed since the last
+        curves.
         """
         if self._pace.is_due():
             now = time.monotonic()
@@ -356,15 +358,16 @@ class LiveView:
 def screen_bucket(window: float, rate: float) -> int:
     """Return the number of samples per bucket of a curve that fills the screen.
 
-    The curve shows `window` s, and of each bucket (group of successive samples) the minimum and the
-    maximum. `rate` is the sample rate in Hz.
+    A bucket is a group of successive samples, of which the curve shows the minimum and the maximum.
+    The curve shows `window` s, and `rate` is the sample rate in Hz.
     """
     return max(1, round(window * rate / ACROSS_SCREEN))
 
 
 def live_window(longest_tick: float) -> float:
-    """Return the rig time (s) that the curves of a live run show: at least two ticks.
+    """Return the length (s of rig time) of the curves that a live run shows.
 
-    `longest_tick` is the longest tick of the run in s.
+    It covers at least two ticks (times between two cam states). `longest_tick` is the longest tick
+    of the run in s.
     """
     return max(MIN_WINDOW_S, 2.0 * longest_tick)

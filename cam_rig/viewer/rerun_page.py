@@ -68,9 +68,10 @@ LOOK_S = 0.1
 CHUNK = 1 << 16
 #: Longest wall-clock time (s) for a response of Rerun's server.
 TIMEOUT_S = 20.0
-#: Pattern of links of Rerun's page to other hosts.
+#: Pattern of links to other hosts in Rerun's page. The links are removed.
 OUTSIDE = re.compile(rb'<link[^>]*"https://[^>]*>')
-#: Pattern of the files that Rerun's page loads from its server: a script, a module, an icon.
+#: Pattern of the references to files that Rerun's page loads from its server: a script, a module,
+#: an icon.
 NAMED = re.compile(rb'(?:src|href)="([\w.-]+)"|fetch\("\./([\w.-]+)"\)')
 
 
@@ -159,9 +160,10 @@ class RerunPages:
         return Response(file.body, media_type=file.kind)
 
     async def _follow(self, first: Path) -> AsyncIterator[bytes]:
-        """Yield the bytes of the recording while it is written.
+        """Yield the bytes of a live recording while it is written.
 
-        Ends when another run starts or the server ends.
+        ``first`` is the first file of the recording. The iteration ends when another run starts or
+        the server ends.
         """
         part: Path | None = first
         while part is not None:

@@ -26,7 +26,7 @@ from cam_rig.viewer.timeline import (
 
 ABOUT = "about"
 RESULTS = "results"
-#: Rig time (s) of samples that are written to a file at once: long enough to be fast, short enough
+#: Rig time (s) whose samples are written to a file together: long enough to be fast, short enough
 #: for the memory.
 SEND_EVERY_S = 5.0
 

@@ -47,7 +47,7 @@ class TimeSeries:
         }
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
-        """Add the samples of one tick to the curves.
+        """Add the samples of one tick, the time between two cam states, to the curves.
 
         `angle` contains their unwrapped cam angles in rad, shape (n,). `rows` contains time (s),
         lift (m), velocity (m/s), acceleration (m/s²), contact force (N) and landing impulse (N·s),
@@ -84,9 +84,9 @@ class TimeSeries:
             writer.flush()
 
 
-#: Entity path of the texts of events.
+#: Entity path of the texts that report events of the run.
 EVENTS = "events"
-#: Entity path of the third-octave bands.
+#: Entity path of the chart of third-octave bands.
 BANDS = "bands"
 
 
@@ -260,7 +260,7 @@ class ResultTable:
 def about(loaded: LoadedScene, bucket: int) -> str:
     """Return a description of the scene, its cams and its rig as Markdown.
 
-    The curves show the minimum and the maximum of every ``bucket`` samples.
+    It also states that the curves show the minimum and the maximum of every ``bucket`` samples.
     """
     scene, rig = loaded.scene, loaded.rig
     lines = [

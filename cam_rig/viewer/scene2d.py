@@ -26,8 +26,8 @@ from cam_rig.viewer.timeline import Canvas, FramePace
 
 #: Radius of the ring of degrees around a cam, relative to the cam's largest radius.
 RING = 1.04
-#: Radius of the circle that encloses the numbers on the ring of degrees, relative to the radius at
-#: which they are placed.
+#: Radius of the circle that encloses the numbers on the ring of degrees, as a multiple of the
+#: radius at which the numbers are placed.
 AROUND = 1.09
 #: Height of the space below the ring for a line of text and the bar of a force, relative to the
 #: ring's radius.
@@ -42,8 +42,8 @@ FLIGHT_OF_REACH = 0.05
 MARGIN = 0.03
 #: Width of the free space at each side of the view, relative to the height of the view.
 SIDE = 0.01
-#: Number of lifts for which the program determines which numbers on the ring of degrees the
-#: follower covers.
+#: Number of follower positions between lowest and largest lift at which the program checks which
+#: numbers on the ring of degrees the follower covers.
 LIFTS = 13
 #: Distance from the follower below which a number on the ring of degrees is left out, relative to
 #: the radius of the ring.
@@ -113,7 +113,7 @@ def force_scale(loaded: LoadedScene, speed: float) -> float:
 def bounds(by_cam: dict[str, Framing]) -> tuple[list[float], list[float]]:
     """Return the limits of x and y (mm, y down) of a view into which every cam fits.
 
-    Each cam is scaled to the height of the highest, as in the picture.
+    Each cam is scaled to the height of the highest cam, as in the picture.
     """
     highest = max(framing.height for framing in by_cam.values())
     corners = [
@@ -212,15 +212,16 @@ THIN = -0.7
 THICK = -2.5
 #: Radius of the point that marks the shaft, in points of the screen (negative for Rerun).
 SHAFT = -3.0
-#: Radius of the invisible point that carries a label, in points of the screen (negative for Rerun).
+#: Radius of an invisible point to which a label is attached, in points of the screen (negative for
+#: Rerun).
 UNSEEN = -0.1
 
 
 def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
-    """Return True for the samples at which a picture is drawn, shape (n,).
+    """Return a mask of the samples at which a picture is drawn, shape (n,).
 
-    A turn has `FRAMES_PER_TURN` pictures, each at its first sample. `angle` is the unwrapped cam
-    angle and `step` its increment per sample, both in rad.
+    A turn has `FRAMES_PER_TURN` pictures. Each is drawn at the first sample of its part of the
+    turn. `angle` is the unwrapped cam angle and `step` its increment per sample, both in rad.
     """
     frame = np.floor(np.append(angle[:1] - step, angle) * (FRAMES_PER_TURN / (2.0 * np.pi)))
     return np.asarray(np.diff(frame) > 0.0)

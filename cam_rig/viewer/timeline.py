@@ -24,9 +24,9 @@ CAM_DEGREES = "cam_degrees"
 TURN = "turn"
 #: Name of the timeline of the degrees within the turn, 0 to 359, on which turns are overlaid.
 TURN_DEGREES = "turn_degrees"
-#: Tolerance (degrees, absolute) below a whole degree within which an angle counts as that degree.
-#: Rig time has whole ns, and half a ns is 1.2e-6° at 400 rpm and 3e-5° at 10 000 rpm. The distance
-#: of samples is larger than this tolerance.
+#: An angle that is less than this value (degrees) below a whole degree counts as that degree. Rig
+#: time has whole ns, and half a ns is 1.2e-6° at 400 rpm and 3e-5° at 10 000 rpm. The distance of
+#: samples is larger than this tolerance.
 ANGLE_ROUNDING_DEG = 1e-4
 #: Function that returns the time columns of data at rig times (s) and unwrapped cam angles (rad).
 Times = Callable[[FloatArray, FloatArray], list[rr.TimeColumn]]
@@ -51,7 +51,7 @@ def time_columns(time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
 def rig_time_alone(time: FloatArray, _angle: FloatArray) -> list[rr.TimeColumn]:
     """Return the column of the rig time only, for a live run.
 
-    Each further timeline slows the page.
+    Further timelines would slow the page.
     """
     return time_columns(time, np.zeros_like(time))[:1]
 
@@ -70,7 +70,7 @@ def _floor_degrees(angle: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int6
 
 @dataclass(frozen=True)
 class Canvas:
-    """Recording to draw into, and the timelines of the drawn data.
+    """Recording to draw into, with the timelines on which the drawn data appear.
 
     `times` returns the columns of these timelines for data at rig times (s) and cam angles (rad).
     """
@@ -132,25 +132,26 @@ class Canvas:
 MAX_RATE = 30.0
 #: Lowest rate of pictures, per second of wall-clock time.
 MIN_RATE = 0.6
-#: Delay (s) of a page behind the run above which the rate is reduced. The period of the pictures is
-#: not included.
+#: Delay (s) of a page behind the run above which the picture rate is reduced. The period of the
+#: pictures is not included.
 LATE_S = 0.8
 #: Delay (s) of a page behind the run below which the page is in time. The period of the pictures is
 #: not included.
 IN_TIME_S = 0.5
-#: Factor by which the rate is reduced for a page with the delay `LATE_S`. The factor is smaller for
-#: a longer delay.
+#: Factor by which the picture rate is reduced for a page with the delay `LATE_S`. The factor is
+#: smaller for a longer delay.
 SLOWER = 0.5
-#: Factor by which the rate is increased for a page that is in time.
+#: Factor by which the picture rate is increased for a page that is in time.
 FASTER = 2.0
-#: Shortest wall-clock time (s) between two reductions of the rate, so that the first takes effect.
+#: Shortest wall-clock time (s) between two reductions of the picture rate, so that the first can
+#: take effect.
 SETTLE_S = 2.0
-#: Wall-clock time (s) during which a page must be in time before the rate is increased.
+#: Wall-clock time (s) during which a page must be in time before the picture rate is increased.
 CALM_S = 5.0
 
 
 class FramePace:
-    """Rate of the pictures that are sent, per second of wall-clock time.
+    """Rate of the pictures that are sent to a page, per second of wall-clock time.
 
     The newest picture is always sent. The rate is between 0.6 and 30 per second, and starts at 0.6.
     It is doubled when the page has been in time for 5 s, and halved or reduced further when the
@@ -232,7 +233,10 @@ class Turn(NamedRows):
 
 
 class TurnCollector:
-    """Collector that assembles the newest turn from ticks."""
+    """Collector that assembles the newest turn of the cam from ticks.
+
+    A tick is the time between two cam states.
+    """
 
     def __init__(self, ticks_per_turn: int) -> None:
         self._ticks: deque[tuple[CamState, FloatArray, FloatArray]] = deque(maxlen=ticks_per_turn)

@@ -142,9 +142,9 @@ def label(
 
 
 def in_turn(angle: FloatArray) -> tuple[FloatArray, int]:
-    """Return the cam angles within the turn (°), and the index of the smallest.
+    """Return cam angles within the turn (°), and the index of the smallest of them.
 
-    ``angle`` are the unwrapped angles of one turn in rad.
+    ``angle`` are the unwrapped angles of the samples of one turn in rad.
     """
     degrees = np.degrees(angle - TURN * np.floor(angle / TURN + 1e-9))
     return degrees, int(degrees.argmin())
@@ -165,15 +165,14 @@ def curve(axes: TurnAxes, key: str, angle: FloatArray, values: FloatArray) -> Fl
 VIEW = "turn"
 #: Largest number of turns at one speed that are overlaid.
 MAX_OVERLAID = 4
-#: Largest difference of the curves of two turns of which only one is drawn, relative to the height
-#: of the axes of a quantity.
+#: Two turns whose curves differ by at most this fraction of the height of the axes are drawn once.
 SAME_TURN_TOLERANCE = 0.004
 #: Horizontal positions in the drawing plane at which the curves of two turns are compared.
 ALONG = np.linspace(0.0, WIDTH, 361)
 #: Cam angles at which the law is drawn, degrees.
 DEGREES_OF_LAW = np.linspace(0.0, 360.0, 361)
-#: Positions of the entries in the legend of the lift: x of a short line, and x of the middle of the
-#: name after it.
+#: Positions of the entries in the legend of the lift, one pair per entry: x of a short line, and x
+#: of the middle of the name after it.
 LEGEND = ((52.0, 70.0), (84.0, 97.0), (106.0, 122.0), (134.0, 151.0))
 #: Length of a short line in the legend, in the units of the drawing plane.
 STROKE = 6.0
@@ -264,7 +263,7 @@ class TurnChart:
     def _start_step(self, times: list[rr.TimeColumn], cam: str, speed: float) -> None:
         """Remove the overlaid turns, and draw the caption of another cam or speed.
 
-        If the cam is another one, its axes and its law are drawn too.
+        If the cam changes, its axes and its law are drawn too.
         """
         for slot in self._overlaid:
             for row in self._rows:

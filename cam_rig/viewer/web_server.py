@@ -34,7 +34,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from cam_rig.errors import ConfigError
 from cam_rig.live.sockets import LOOPBACK, require_loopback
 
-#: Headers of every response, also of a refusal.
+#: Headers of every response, including those that refuse a request.
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -48,7 +48,7 @@ PATH = re.compile(rb"/(?!/)[!-~]*")
 LOOPBACK_6 = "::1"
 #: Host name of this process's pages on the loopback. It is random.
 LOCAL_HOST = f"{secrets.token_hex(8)}.localhost"
-#: Page that stores the cookie and leads to a path. A redirect (303) would be part of a navigation
+#: Page that stores the cookie and then opens a path. A redirect (303) would be part of a navigation
 #: that a file or another site has started, in which a browser sends no cookie of SameSite=Strict.
 ENTRY = """<!doctype html>
 <meta charset="utf-8">
@@ -69,7 +69,7 @@ END_S = 3.0
 class Access:
     """Access rules of a server: the host, origin and token that a request must have.
 
-    With a `host` other than the loopback, the cookie goes to all ports of that address.
+    If `host` is not the loopback, browsers send the cookie to all ports of that address.
     """
 
     port: int

@@ -41,17 +41,19 @@ from cam_rig.laws.vectors import Vector, max_abs
 #: Upper bound of the rounding error of an acceleration or a gap, as a multiple of the float epsilon
 #: of its largest Bernstein ordinate.
 ACCELERATION_ROUNDING_ERRORS = 64.0
-#: Upper limit (s) of the rounding error of the time of a velocity jump, (13) of docs/proofs.md. It
-#: takes effect at slow cams, where the error of the angle corresponds to a long time.
+#: Upper limit (s) of the rounding error of the time of a velocity jump of the cam, (13) of
+#: docs/proofs.md. It takes effect at slow cams, where the rounding of the angle corresponds to a
+#: long time.
 MAX_JUMP_ROUNDING_S = 1e-7
-#: Shortest time step in which bounds prove that the gap is open, as a fraction of the field
-#: ``window`` of `FREE_SYSTEM`. For shorter steps a polynomial of the gap is cheaper (measured).
+#: Shortest time step in which bounds prove that the gap between follower and cam is open, as a
+#: fraction of the field ``window`` of `FREE_SYSTEM`. For shorter steps a polynomial of the gap is
+#: cheaper (measured).
 MIN_STEP_FRACTION = 1.0 / 16.0
 #: Largest relative position in a polynomial piece of the law, just below 1, because the end belongs
 #: to the next piece.
 MAX_PIECE_POSITION = 1.0 - 1e-16
-#: Shortest time (s) by which the search advances. It takes effect at time 0, where the distance to
-#: the next float, as a multiple of the time, is 0.
+#: Shortest time (s) by which the search for a landing advances. At time 0 a step relative to the
+#: time would be 0.
 MIN_WINDOW_S = 1e-300
 
 
@@ -66,7 +68,10 @@ class Gap(NamedTuple):
 
 
 class FlightOverCam(NamedTuple):
-    """Flight of the follower over a turning cam. Both start at time 0."""
+    """Flight of the follower over a turning cam.
+
+    The motions of follower and cam both start at time 0.
+    """
 
     lift_off: LiftOffState  #: state of the masses at the start of the flight
     cam: Cam  #: cam, its speed, and its angle at the start of the flight
@@ -86,8 +91,8 @@ def find_landing(flight: FlightOverCam, limit: float) -> Gap:
     Returns the gap at the landing, with ``has_landed`` True. If the follower does not land before
     ``limit`` (s after the start of the flight), it returns the gap at ``limit``.
 
-    Invariant: from the start up to the time of ``point`` the gap is proven to be open, or zero to
-    rounding.
+    Invariant: from the start of the flight up to the time reached by the search, the gap is proven
+    to be open, or zero to rounding.
     """
     cam, rounding = flight.cam, 0.0
     # By rounding, a velocity jump may be up to this time before the limit: r of inequality (13).
@@ -301,12 +306,13 @@ def _search_window(flight: FlightOverCam, point: Gap, limit: float, piece_time: 
 
 
 def _first_fall(gaps: Vector, point: Gap, duration: float, acceleration_rounding: float) -> float:
-    """Return the relative time u ∈ [0, 1] at which the gap falls below its rounding error.
+    """Return the first relative time u ∈ [0, 1] at which the gap to the cam closes.
 
-    The result is negative if the gap stays open. ``gaps`` are the Bernstein ordinates (m) of the
-    gap over ``duration`` s, and ``point`` is the gap at the start. A gap that starts at exactly
-    zero is divided by u first, and once more if its rate is zero too, (9) of docs/proofs.md.
-    ``acceleration_rounding`` (m/s²) is the rounding error of the gap's acceleration.
+    It is the time at which the gap falls below its rounding error. The result is negative if the
+    gap stays open. ``gaps`` are the Bernstein ordinates (m) of the gap over ``duration`` s, and
+    ``point`` is the gap at the start. A gap that starts at exactly zero is divided by u first, and
+    once more if its rate is zero too, (9) of docs/proofs.md. ``acceleration_rounding`` (m/s²) is
+    the rounding error of the gap's acceleration.
     """
     rounding = point.rounding + ACCELERATION_ROUNDING_ERRORS * EPS * max_abs(gaps)
     if point.gap != 0.0 or point.rounding != 0.0 or point.rate < 0.0:

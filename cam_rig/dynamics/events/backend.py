@@ -25,7 +25,7 @@ from typing import Any
 
 from cam_rig.laws import vectors
 
-#: Modules whose functions compiled code may call, relative to ``cam_rig``.
+#: Modules whose functions compiled code may call, as paths relative to ``cam_rig``.
 MODULES = (
     *("laws.vectors", "laws.polynomials"),
     *("dynamics.events.law_table", "dynamics.events.free_flight", "dynamics.events.approach"),
@@ -35,10 +35,10 @@ MODULES = (
     *("dynamics.modal.group_error", "dynamics.modal.harmonic_error"),
     *("dynamics.modal.first_zero", "dynamics.jump.rigid_zero"),
 )
-#: Modules whose constants are compiled into the code, relative to ``cam_rig``.
+#: Modules whose constants become part of the compiled code, as paths relative to ``cam_rig``.
 CONSTANTS = ("units", "dynamics.velocity_jumps")
-#: Time (s) in kernels in plain Python after which a process changes to compiled code. Loading the
-#: compiled code takes about as long.
+#: Time (s) that a process spends in event searches in plain Python before it changes to compiled
+#: code. Loading the compiled code takes about as long.
 LOAD_AFTER_S = 0.5
 #: Environment variable that selects the backend of the event search.
 VARIABLE = "CAM_RIG_EVENTS"
@@ -47,12 +47,12 @@ PLAIN = "plain"
 #: Value of `VARIABLE` that selects compiled code from the first call on.
 COMPILED = "compiled"
 
-#: Function that plain Python and numba can both run.
+#: Function of the event search that plain Python and numba can both run.
 Kernel = Callable[..., Any]
-#: Time (s) that this process has spent in kernels in plain Python.
+#: Time (s) that this process has spent in functions of the event search in plain Python.
 _plain_time = SimpleNamespace(seconds=0.0)
-#: Compiled form of each kernel that has been loaded, by its plain Python function. It is the plain
-#: function itself if numba does not work.
+#: Compiled form of each function of the event search that has been loaded, by its plain Python
+#: function. It is the plain function itself if numba does not work.
 _ready: dict[Kernel, Kernel] = {}
 
 
@@ -85,7 +85,7 @@ def select_backend() -> str:
 
 
 def expect_many() -> None:
-    """Use compiled code from the next event search on.
+    """Use compiled code from the next search for lift-offs and landings on.
 
     A process calls this function if it expects many searches, so that loading compiled code is
     worthwhile at once.

@@ -36,11 +36,11 @@ from cam_rig.units import TURN
 #: fraction of `StemContactTable.window`. If the bounds allow only a shorter step, the zero of the
 #: force is searched for with a polynomial, which is then cheaper (measured).
 MIN_STEP_FRACTION = 0.25
-#: Number of equal cells into which a part of a turn is divided. For each cell a lower bound of the
-#: contact force without free vibration is stored.
+#: Number of equal cells into which each part of a turn is divided. For each cell a lower bound of
+#: the contact force without free vibration is stored.
 CELLS = 8
 
-#: Record of the scalars of one part of a turn in which the follower is in contact.
+#: Record of the scalar coefficients of one part of a turn, for a follower in contact.
 CONTACT_PART = np.dtype(
     [
         ("start", "f8"),  # cam angle at the start of the part, rad
@@ -79,11 +79,12 @@ class StemVibration(NamedTuple):
 
 
 class StemContactTable(NamedTuple):
-    """Coefficients of a follower of two masses in contact, for each part of a turn.
+    """Coefficients of a follower of two masses in contact with the cam.
 
-    They are taken from a `LinearResponse` of (η, η̇) whose output is the contact force. It divides
-    the turn into n parts with one polynomial each. The rows of ``polynomials`` have the length of
-    the longest polynomial. Part i uses the first ``parts[i]["size"]`` numbers of its rows.
+    They are taken from a `LinearResponse` of the end mass's vibration (η, η̇), whose output is the
+    contact force. It divides the turn into n parts, in each of which the motion is one polynomial.
+    The rows of ``polynomials`` have the length of the longest polynomial. Part i uses the first
+    ``parts[i]["size"]`` numbers of its rows.
     """
 
     parts: Records  #: scalars of the parts, records of `CONTACT_PART`, ``(n,)``
@@ -92,14 +93,14 @@ class StemContactTable(NamedTuple):
     damping: float  #: 2δ of the free vibration, 1/s
     force_per_displacement: float  #: p, contact force per η, N/m
     force_per_velocity: float  #: q, contact force per η̇, N·s/m
-    #: Matrix from the free vibration (η, η̇) to the Bernstein ordinates (N) of its share of the
-    #: force p η + q η̇ in the following ``window`` seconds, ``(d + 1, 2)``.
+    #: Matrix from the free vibration (η, η̇) at a time to its share p η + q η̇ of the contact force
+    #: in the following ``window`` seconds, as Bernstein ordinates (N), ``(d + 1, 2)``.
     series: Matrix
     window: float  #: duration for which ``series`` is exact to rounding, s
 
 
 class ContactStretch(NamedTuple):
-    """Initial state of a search for a loss of contact within one part of the turn."""
+    """Start of a search for a loss of contact within one part of the turn."""
 
     part: int  #: index of the part of the turn
     offset: float  #: start time of the search, since the start of the part, s
@@ -222,11 +223,12 @@ def vibration_after(
 def _find_loss_in_stretch(
     contact: StemContactTable, stretch: ContactStretch, limit: float
 ) -> float:
-    """Return the time (s) after which the contact force is below its rounding error −ε_F.
+    """Return the time (s) at which contact is lost within one part of the turn.
 
-    The time is measured from the start of the search. It is infinite if contact is kept up to
-    ``limit`` (s). Steps with proven contact and windows in which the zero is searched for follow
-    each other without a gap, so that no zero is skipped (theorem A of docs/proofs.md).
+    After this time the contact force is below −ε_F, its rounding error. The time is measured from
+    the start of the search. It is infinite if contact is kept up to ``limit`` (s). Steps with
+    proven contact and short intervals in which the zero is searched for follow each other without a
+    gap, so that no zero is skipped (theorem A of docs/proofs.md).
     """
     force_rounding = contact.parts[stretch.part]["force_rounding"]
     time = _step_while_pressed(contact, stretch, 0.0, limit)
@@ -325,11 +327,11 @@ def _pressed_until(part: np.void, offset: float, share: float) -> float:
 
 
 def bound_share(contact: StemContactTable, scaled_displacement: float, velocity: float) -> float:
-    """Return an upper bound (N) of the free vibration's share |p η + q η̇| of the force.
+    """Return an upper bound (N) of the contact force due to the free vibration.
 
-    ``scaled_displacement`` is √κ η and ``velocity`` is η̇, both in m/s. The bound applies to this
-    and all later times, because the energy of a free vibration never grows (inequality (4) of
-    docs/proofs.md).
+    This share of the force is |p η + q η̇|. ``scaled_displacement`` is √κ η and ``velocity`` is η̇,
+    both in m/s. The bound applies to this and all later times, because the energy of a free
+    vibration never grows (inequality (4) of docs/proofs.md).
     """
     energy = math.sqrt(scaled_displacement * scaled_displacement + velocity * velocity)
     return energy * (

@@ -30,8 +30,9 @@ SERIES_TERMS = 18
 #: Size below which a term of the power series of the impulse response is negligible, 1/1024 of the
 #: float epsilon. The series stops after two such terms in a row. The first term is 1.
 MIN_SERIES_TERM = 2.0**-62
-#: Product of ‖A‖ and the duration of a window, in which the acceleration is a polynomial (no unit,
-#: equal to `linear.exponential.REACH`).
+#: Product of ‖A‖ and the duration of a window, a short time in which the acceleration of a flying
+#: mass is a polynomial. A is the matrix of the motion. It has no unit and is equal to
+#: `linear.exponential.REACH`.
 WINDOW_REACH = 2.0
 #: Largest product ‖A‖ t at which the power series of e^{At} is used without squaring.
 MAX_EXPONENTIAL_REACH = 0.5
@@ -40,7 +41,8 @@ MAX_EXPONENTIAL_REACH = 0.5
 EXPONENTIAL_TERMS = 18
 #: Largest number of states of a system in flight: displacement and velocity of two masses.
 MAX_STATES = 4
-#: Number of ordinates of the acceleration in a window, `linear.exponential.SERIES_DEGREE` + 1.
+#: Number of Bernstein ordinates of the acceleration in a window (short time of a flight),
+#: `linear.exponential.SERIES_DEGREE` + 1.
 SERIES_SIZE = 25
 #: Smallest ratio of the slow to the fast decay rate of an overdamped pair at which the integral of
 #: its impulse response follows from the response. At a smaller ratio this would lose digits.
@@ -71,7 +73,7 @@ FREE_SYSTEM = np.dtype(
     ],
     align=True,
 )
-#: Record of the constants of a decoupled pair of states (q, q̇) in one flight.
+#: Record of the constants of one decoupled pair of states (q, q̇) during one flight.
 PAIR_START = np.dtype(
     [
         ("rate", "f8"),  # rate of q at the start of the flight, including the load
@@ -240,7 +242,10 @@ def advance(lift_off: LiftOffState, time: float) -> Advance:
 
 
 def _advance_pair(lift_off: LiftOffState, i: int, time: float) -> PairAdvance:
-    """Return the change of decoupled pair i, (q, q̇), a time (s) after the lift-off."""
+    """Return the change of a decoupled pair of states (q, q̇) since the lift-off.
+
+    ``i`` is the index of the pair, and ``time`` is the time since the lift-off, s.
+    """
     free, pair = lift_off.free[0], lift_off.pairs[i]
     stiffness = free["pair_stiffness"][i]
     response = compute_impulse_response(free["pair_damping"][i], stiffness, time)
@@ -296,9 +301,10 @@ def bound_acceleration(lift_off: LiftOffState, rates: Vector) -> float:
 def acceleration_ordinates(lift_off: LiftOffState, rates: Vector, duration: float) -> Vector:
     """Return the acceleration of the contact mass as a polynomial of time.
 
-    Returns its Bernstein ordinates (m/s²), shape ``(SERIES_SIZE,)``. They cover ``duration``
-    s, at most the field ``window`` of `FREE_SYSTEM`, from the time at which the rates of the states
-    are ``rates``. Lemma (10) of docs/proofs.md bounds the truncation error.
+    The contact mass is the mass that meets the cam. Returns the Bernstein ordinates (m/s²) of the
+    polynomial, shape ``(SERIES_SIZE,)``. They cover ``duration`` s, at most the field ``window`` of
+    `FREE_SYSTEM`. They start at the time at which the rates of the states are ``rates``. Lemma (10)
+    of docs/proofs.md bounds the truncation error.
     """
     series, ordinates = lift_off.free[0]["series"], np.zeros(SERIES_SIZE)
     for j in range(SERIES_SIZE):

@@ -25,7 +25,7 @@ ANGLE_ROUNDING_ERRORS = 4.0
 GAP_ROUNDING_ERRORS = 16.0
 
 
-#: Record of the scalars of one polynomial piece of a law.
+#: Record of the scalar numbers of one polynomial piece of a law.
 LAW_PIECE = np.dtype(
     [
         ("start", "f8"),  # cam angle at the start of the piece, rad

@@ -31,8 +31,8 @@ class EventCode(IntEnum):
     LANDING = 1  #: the follower meets the cam, also if it rebounds
 
 
-#: Record of the state of the follower in a run. A phase (contact or flight) is recorded as the
-#: state at its start together with ``phase_end``.
+#: Record of the state of the follower in a run. The record of a phase (contact or flight) is the
+#: state at its start together with its end, ``phase_end``.
 RUN_STATE = np.dtype(
     [
         ("time", "f8"),  # time since the start of the interval, s
@@ -61,7 +61,8 @@ EVENT = np.dtype(
     ],
     align=True,
 )
-#: Record of the numbers of phases and events in a `RunRecord`.
+#: Record of the numbers of phases (contact or flight) and events (lift-off or landing) in a
+#: `RunRecord`.
 COUNTS = np.dtype([("phases", "i8"), ("events", "i8")], align=True)
 
 
@@ -92,12 +93,13 @@ class StemStretch(NamedTuple):
 
 
 class Jumps(NamedTuple):
-    """Velocity jumps of the law in one interval of constant cam speed."""
+    """Velocity jumps of the law that the cam passes in one interval of constant speed."""
 
     ahead: Records  #: records of `JUMP` in the order of time, ``(n,)``
     duration: float  #: duration of the interval, s
-    #: Time (s) from which on the cam angle is within rounding of a velocity jump at the end, which
-    #: belongs to the next interval. A lift-off after this time belongs to the next interval too.
+    #: Time (s) from which on the cam angle equals, to rounding, that of a velocity jump at the end
+    #: of the interval. Such a jump belongs to the next interval, and so does a lift-off after this
+    #: time.
     contact_limit: float
 
 

@@ -55,16 +55,17 @@ from cam_rig.dynamics.velocity_jumps import SAME_ANGLE_RAD
 from cam_rig.laws.vectors import without_refcount
 from cam_rig.units import TURN
 
-#: Smallest range of cam angles (rad) of a record `LOSS` that causes a lift-off. In a smaller range
-#: the negative contact force is rounding.
+#: Smallest range of cam angles (rad) with a negative contact force that causes a lift-off. In a
+#: smaller range the negative force is rounding.
 MIN_LOSS_ANGLE = 1e-9
 
 
 def run_events(run: RunTable, record: RunRecord) -> None:
     """Advance the follower through contacts and flights, and record them.
 
-    ``run`` contains the coefficients of the follower and the cam. The state in ``record`` is
-    updated, and phases and events are appended, until the interval ends or the record is full.
+    ``run`` contains the coefficients of the follower and the cam in one interval of constant cam
+    speed. The state in ``record`` is updated, and phases (contact or flight) and events (lift-off
+    or landing) are appended, until the interval ends or the record is full.
     """
     run, record = without_refcount(run), without_refcount(record)
     state, counts = record.state[0], record.counts[0]
@@ -311,7 +312,7 @@ def compute_stem_stretch(run: RunTable, vibration: StemVibration, cam: CamMotion
 
 
 def _next_limit(jumps: Jumps, state: np.void) -> float:
-    """Return the time (s) at which the present phase must end at the latest.
+    """Return the time (s) at which the present contact or flight must end at the latest.
 
     It is the time of the next velocity jump of the law, or the end of the interval.
     """

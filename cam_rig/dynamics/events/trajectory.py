@@ -45,13 +45,14 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Number of phases (contact or flight) for which the first call of the search has room. Each
-#: further call has room for twice as many.
+#: Number of phases (contact or flight) that the arrays of the first call of the event search can
+#: contain. Each further call has room for twice as many.
 FIRST_ROOM = 32
-#: Largest number of phases (contact or flight) for which a call of the search has room.
+#: Largest number of phases (contact or flight) that the arrays of a call of the event search can
+#: contain.
 MAX_ROOM = 4096
-#: Largest fraction of a turn that is neglected when the duration of a run is rounded up to whole
-#: turns, to limit the number of events.
+#: To limit the number of events, the duration of a run is rounded up to whole turns. A smaller
+#: fraction of a turn than this is neglected.
 TURN_ROUNDING = 1e-6
 #: Smallest abrupt change of the cam's velocity that is not rounding, relative to cam speed × lift
 #: (rad/s × m).
@@ -91,8 +92,8 @@ class Trajectory:
     machine.
     """
 
-    #: Number of lift-offs and landings per turn above which a run fails. No physical series of
-    #: bounces reaches this number.
+    #: Number of lift-offs and landings per turn above which a run fails with an
+    #: `EndlessEventsError`. No physical series of bounces reaches this number.
     max_events: ClassVar[int]
 
     def __init__(
@@ -239,7 +240,7 @@ def new_record(state: NDArray[np.void], room: int) -> RunRecord:
 
 @lru_cache(maxsize=64)
 def law_table(law: Law) -> LawTable:
-    """Return the polynomials of a law as arrays, for the event search."""
+    """Return the polynomials of a law as arrays, for the search for events."""
     pieces = np.zeros(law.spans.size, LAW_PIECE)
     pieces["start"], pieces["span"] = law.breaks[:-1], law.spans
     pieces["max_curvature"] = law.largest_curvatures
@@ -261,7 +262,10 @@ def law_table(law: Law) -> LawTable:
 
 @lru_cache(maxsize=128)
 def free_table(system: FreeSystem) -> NDArray[np.void]:
-    """Return the coefficients of the masses in flight, as one record of `FREE_SYSTEM`."""
+    """Return the coefficients of the masses in flight, as one record of `FREE_SYSTEM`.
+
+    ``system`` is their equation of motion. The search for events uses the record.
+    """
     table, pairs, n = np.zeros(1, FREE_SYSTEM), system.pairs, system.load.size
     record = table[0]
     record["size"], record["window"], record["has_pairs"] = n, system.window, pairs is not None

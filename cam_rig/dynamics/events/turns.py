@@ -42,8 +42,8 @@ from cam_rig.dynamics.events.run_table import (
 from cam_rig.dynamics.events.runs import compute_stem_stretch, run_events
 from cam_rig.laws.vectors import Matrix, Records, Vector, without_refcount
 
-#: Record of the result of one turn of the cam. The arrays have 4 elements per axis, of which the
-#: first 2 are used for a follower of one mass, and all 4 for two masses.
+#: Record of the result of one turn of the cam. Its arrays have 4 elements per axis. A follower of
+#: one mass uses the first 2 of them, two masses use all 4.
 TURN_RESULT = np.dtype(
     [
         ("landings", "i8"),  # number of landings in the turn
@@ -62,7 +62,7 @@ TURN_RESULT = np.dtype(
 
 
 class Perturbation(NamedTuple):
-    """Directions of perturbations of the follower's n states, and work space."""
+    """Directions of small perturbations of the follower's n states, and work space."""
 
     frame: Matrix  #: directions of largest growth, orthonormal, ``(n − 1, n)``
     step: Matrix  #: derivative of the state after the next phase or landing by that before it
@@ -73,7 +73,7 @@ class Perturbation(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """Landing of the follower, for the effect of the landing on perturbations."""
+    """Data of a landing that determine its effect on small perturbations of the state."""
 
     time: float  #: time of the landing since the start of the turn, s
     approach: float  #: speed of the follower towards the cam, m/s
@@ -166,9 +166,10 @@ def _stem_of(run: RunTable, state: np.void, time: float) -> StemStretch:
 def _pass_phases(
     run: RunTable, record: RunRecord, perturbation: Perturbation, turn: np.void
 ) -> None:
-    """Update the perturbations over all phases of a record, and count its landings.
+    """Update the perturbations over all phases (contact or flight) of a record.
 
-    The derivative, the growth, the landing speeds and the contact time in ``turn`` are updated.
+    The derivative, the growth of the perturbations, the landing speeds and the contact time in
+    ``turn`` are updated, and landings are counted.
     """
     count, event_count, passed = record.counts[0]["phases"], record.counts[0]["events"], 0
     # The impact of a velocity jump at the start of the turn precedes its first phase.

@@ -16,11 +16,11 @@ from cam_rig.dynamics.modal.motion import LawSeries
 from cam_rig.laws.polynomials import halve
 from cam_rig.laws.vectors import Matrix, without_refcount
 
-#: Largest number of times that a polynomial piece of the law is halved. A part of 2⁻⁴⁰ of a piece
-#: is within rounding.
+#: Largest number of times that a polynomial piece of the law is halved in the search. A part of
+#: 2⁻⁴⁰ of a piece is within rounding.
 MAX_HALVINGS = 40
-#: Largest number of parts that one search halves. A search needs more only if the force is zero
-#: over a range of angles.
+#: Largest number of parts of polynomial pieces that one search halves. A search needs more only if
+#: the force is zero over a range of angles.
 MAX_PARTS = 1 << 16
 #: Largest negative contact force that counts as zero (rounding), relative to the sum of the
 #: absolute values of its terms.

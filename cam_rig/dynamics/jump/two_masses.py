@@ -72,9 +72,9 @@ class NoJumpSpeedError(DynamicsError):
 
 
 def lost_contact_error(law: Law, slowest: float = MIN_RPM) -> NoJumpSpeedError:
-    """Return the error for a follower that loses contact at the lowest speed.
+    """Return the error for a follower that loses contact at the lowest speed already.
 
-    ``slowest`` is the speed at which the search starts, rpm.
+    ``slowest`` is the speed at which the search starts, rpm. ``law`` is the law of the cam.
     """
     return NoJumpSpeedError(
         f"cam {law.name!r}: the follower loses contact at {slowest:g} rpm already; allowed for a "

@@ -124,10 +124,12 @@ def _overdamped(decay: float, root: float, stiffness: float, time: FloatArray) -
 #: Degree of the power series by which the acceleration in flight is computed in a window, a short
 #: interval of time.
 SERIES_DEGREE = 24
-#: Product of ‖A‖ and the duration of a window (no unit). With this duration the omitted terms of
-#: the power series, 2^25/25!, are below rounding.
+#: Product of ‖A‖ and the duration of a window, a short interval of time in flight with the matrix A
+#: of the motion (no unit). With this duration the omitted terms of the power series, 2^25/25!, are
+#: below rounding.
 REACH = 2.0
-#: Matrix from the coefficients of a power series to Bernstein ordinates, C(i, j)/C(n, j).
+#: Matrix that converts the coefficients of a power series of degree n to Bernstein ordinates. Its
+#: elements are C(i, j)/C(n, j).
 POWERS_TO_ORDINATES = np.array(
     [
         [math.comb(i, j) / math.comb(SERIES_DEGREE, j) for j in range(SERIES_DEGREE + 1)]
@@ -182,7 +184,7 @@ class FreeSystem:
 
     @cached_property
     def window(self) -> float:
-        """Longest window for which the acceleration series is exact to rounding, s.
+        """Longest time (s) over which the power series of the acceleration is exact to rounding.
 
         The degree of the series is `SERIES_DEGREE`.
         """
@@ -243,7 +245,7 @@ class FreeSystem:
 class Flight:
     """Flight of the follower's masses, from an initial state at t = 0 on.
 
-    The gap and its rate are stored if they are more accurate than the difference of two
+    The gap to the cam and its rate are stored if they are more accurate than the difference of two
     displacements. At a lift-off, for example, the gap is exactly 0.
     """
 

@@ -28,11 +28,12 @@ from cam_rig.dynamics.linear.exponential import free_motion, linalg
 from cam_rig.laws import bernstein
 from cam_rig.units import FloatArray
 
-#: Largest product ‖A‖T for the slow modes in a part of a piece of duration T. With this limit the
-#: terms of Picard's series stay below e⁴.
+#: Largest product ‖A‖T of the slow modes of a system ẋ = A x + f and a duration T. A polynomial
+#: piece of the forcing f is divided into parts that satisfy it. The terms of Picard's series then
+#: stay below e⁴.
 PICARD_REACH = 4.0
-#: Largest ratio κ/δ² of an overdamped mass ẍ + 2δ ẋ + κ x = 0 whose two rates count as very
-#: different.
+#: Largest ratio κ/δ² of an overdamped mass ẍ + 2δ ẋ + κ x = 0 at which its two decay rates count as
+#: very different.
 MAX_STIFFNESS_RATIO = 0.3
 
 
@@ -68,8 +69,8 @@ def exponentials(matrix: FloatArray, times: FloatArray) -> FloatArray:
 class ForcingPiece:
     """Response of ẋ = A x + f(t) on one polynomial piece of the forcing f.
 
-    The piece is divided into parts of equal duration h. The response is a polynomial X plus a free
-    motion.
+    The piece is divided into parts of equal duration h. In each of them the response is a
+    polynomial X plus a free motion.
     """
 
     matrix: FloatArray  #: A in 1/s, ``(n, n)``
@@ -174,9 +175,10 @@ def _solve(
 ) -> list[ForcingPiece]:
     """Return the responses on m pieces of the forcing with the same slow and fast modes.
 
-    ``modes`` is the result of `_modes`. ``forcing`` are Bernstein ordinates, ``(n, p + 1, m)``, and
-    ``durations`` are in s. Each piece is divided into ``parts`` equal parts. For the slow modes
-    Picard's series has ``terms`` integrals after the first.
+    The system is ẋ = A x + f with A = ``matrix``. ``modes`` is the result of `_modes`. ``forcing``
+    are the Bernstein ordinates of f, ``(n, p + 1, m)``, and ``durations`` are in s. Each piece is
+    divided into ``parts`` equal parts. For the slow modes Picard's series has ``terms`` integrals
+    after the first.
     """
     slow, fast, shapes = modes
     (n, width, m), k = forcing.shape, slow.shape[0]

@@ -99,7 +99,7 @@ class Part:
 
 
 class LinearRun(NamedTuple):
-    """Passage of the cam through one part of its turn, with the response there.
+    """Passage of the cam through one part of its turn, with the response of the model.
 
     `LinearResponse.walk` yields the passages in the order of time.
     """
@@ -154,8 +154,8 @@ class LinearResponse:
     def walk(self, start: FloatArray, angle: float, duration: float) -> Iterator[LinearRun]:
         """Yield the passages of the cam through parts of the turn, in the order of time.
 
-        The walk starts in the state ``start`` at ``angle`` (rad) and takes ``duration`` s. A state
-        jump at its start acts, and a state jump at its end does not.
+        They start in the state ``start`` at ``angle`` (rad) and take ``duration`` s. A jump of the
+        state at the start is applied, and a jump at the end is not.
         """
         start = check_state(start, self.constant.size)
         require_angle(angle)
@@ -256,7 +256,7 @@ class LinearResponse:
 
     @cached_property
     def _maps(self) -> list[TurnMap]:
-        """Maps of the state at cam angle 0 to the states at the start of each part.
+        """Maps of the state at cam angle 0 to the states at the start of each part of the turn.
 
         The last map leads to the end of the turn.
         """
@@ -481,7 +481,8 @@ def _part_series(
 ) -> ChunkSeries:
     """Return the Taylor series of the outputs' forced response in a part of the turn.
 
-    The series are about the middle of each chunk of ``chunk`` samples, ``step`` s apart.
+    Samples are computed in chunks of ``chunk`` samples, ``step`` s apart. Each series is about the
+    middle of a chunk.
     """
     taylor = bernstein.taylor(polynomial_part(model, part, outputs).T)
     return ChunkSeries.of(taylor, step / part.length, chunk)

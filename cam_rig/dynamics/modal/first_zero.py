@@ -40,33 +40,37 @@ from cam_rig.dynamics.modal.motion import (
 from cam_rig.laws.vectors import Records, Vector, min_of, without_refcount
 from cam_rig.units import TURN
 
-#: Relative tolerance of the least output while the speed is increased. It is coarse, because the
-#: proofs need only lower bounds of the output.
+#: Relative tolerance of the least output while the cam speed is increased step by step. It is
+#: coarse, because the proofs need only lower bounds of the output.
 CLIMB_RTOL = 0.25
-#: Smallest speed step, as a fraction of the speed, that is tried if rounding is too large at its
-#: end. If a smaller step would be necessary, the search ends with the status UNRESOLVED.
+#: Smallest speed step, as a fraction of the speed, that is tried if the rounding error at its end
+#: is too large. If this step is too large as well, the search ends with the status UNRESOLVED.
 UNRESOLVED_RTOL = 1e-3
 #: Shortest speed step, as a fraction of the speed. A step of this length needs no proof, because
 #: rounding decides whether the output is positive.
 MIN_STEP = 1e-11
-#: Chord error for which a speed step is planned, as a fraction of the least output at the start of
-#: the step, if bounds of groups of pieces are to prove the step.
+#: Planned chord error of a speed step that is to be proven by bounds for groups of adjacent pieces
+#: of the law. It is a fraction of the least output at the start of the step. The chord error is the
+#: deviation of the output from a straight line over the speed.
 GROUP_FRACTION = 0.75
-#: Ratio of the next speed step to the last one, if bounds of groups of pieces have proven the last.
+#: Ratio of the next speed step to the last one, if bounds for groups of adjacent pieces of the law
+#: have proven that the output is positive in the last one.
 GROUP_GROWTH = 1.5
-#: Largest ratio of a speed step to the step that its bounds allow. At a larger ratio the bounds are
-#: computed again for a smaller step, because they are too wide.
+#: Largest ratio of a speed step to the step that its bounds allow. At a larger ratio the bounds,
+#: which grow with the step, are computed again for a smaller step.
 MAX_WIDTH_RATIO = 3.0
-#: Ratio of the next speed step to the last one, if the last one was not proven.
+#: Ratio of the next speed step to the last one, if the bounds did not prove that the output is
+#: positive in the last one.
 SHRINK = 0.57
-#: Chord error for which a speed step is planned, as a fraction of the least output at the start of
-#: the step, if bounds of the law's harmonics are to prove the step.
+#: Planned chord error of a speed step that is to be proven by bounds of the law's harmonics. It is
+#: a fraction of the least output at the start of the step. The chord error is the deviation of the
+#: output from a straight line over the speed.
 HARMONIC_FRACTION = 0.6
-#: Safety factor of the width of a speed step that is planned after bounds of the law's harmonics
-#: have failed to prove the last step.
+#: Safety factor for the width of a speed step. It applies if bounds of the law's harmonics failed
+#: to prove the last step.
 HARMONIC_SAFETY = 0.93
 #: Largest ratio of the next speed step to the last one, if bounds of the law's harmonics have
-#: proven the last one.
+#: proven that the output is positive in the last one.
 MAX_GROWTH = 2.0
 #: Relative tolerance of the least output while the speed of its zero is refined.
 ZERO_RTOL = 1e-4
@@ -74,12 +78,14 @@ ZERO_RTOL = 1e-4
 #: determined. All turns whose output becomes negative within this distance count as negative at the
 #: same speed.
 SAME_SPEED_RTOL = 5e-6
-#: Relative width at which the speed bracket of a zero is narrow enough: 45 times the float epsilon.
+#: Relative width at which the range of speeds that contains the zero is narrow enough: 45 times the
+#: float epsilon.
 BRACKET_RTOL = 1e-14
-#: Distance (rad) on both sides of the cam angle of the negative output. A refinement of the speed
-#: considers the output only within this distance at first.
+#: Distance (rad) on both sides of the cam angle of a negative output. While the speed of the zero
+#: is refined, the output is considered only within this distance.
 NEIGHBOURHOOD = TURN / 64.0
-#: Largest number of iterations of a refinement. The limit prevents an endless loop.
+#: Largest number of iterations in a refinement of the speed of the zero. The limit prevents an
+#: endless loop.
 MAX_REFINEMENTS = 200
 
 
@@ -140,7 +146,7 @@ class Bracket(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Planned step of the cam speed, and the bounds that are to prove it."""
+    """Planned step of the cam speed, and the bounds that are to prove that the output is positive in it."""
 
     kind: int  #: kind of the bounds, a `StepKind`
     width: float  #: difference of the cam speeds at the ends of the step, rad/s
@@ -213,10 +219,11 @@ def _plan_step(
 ) -> Step:
     """Plan the next step of the cam speed, at most up to ``high`` (rad/s).
 
-    ``motion`` is the motion at the present speed. ``floors`` are lower bounds of the output there
-    in each group of pieces. The step is planned so that bounds of the chord error can prove it.
-    Bounds by the harmonics of the law are preferred. If the kind of the step is GROUPS, the bounds
-    of the groups are written to ``errors``.
+    The width is such that bounds of the chord error (deviation of the output from a straight line
+    over the speed) can prove that the output stays positive. ``motion`` is the motion at the
+    present speed. ``floors`` are lower bounds of the output there in each group of adjacent pieces
+    of the law. Bounds by the harmonics of the law are preferred. If the kind of the step is GROUPS,
+    the bounds of the groups are written to ``errors``.
     """
     width, fraction, norm, error = high - motion.speed, 0.0, motion.norm, ChordError(0.0, 0.0, 0.0)
     if can_use_harmonics(run.mode, norm):
@@ -274,12 +281,12 @@ def _find_floors(run: ModeOnLaw, motion: OscillatorMotion, floors: Vector) -> Mi
 def _find_margins(
     run: ModeOnLaw, motion: OscillatorMotion, high: float, floors: Vector, out: Vector
 ) -> int:
-    """Write a lower bound of the output in each group of pieces to ``out``.
+    """Write a lower bound of the output in each group of the law's pieces to ``out``.
 
     The bounds are for the speed of ``motion``, up to the cam angle at which the run at the higher
-    speed ``high`` (rad/s) ends. ``floors`` are the bounds up to the end of the run at the speed of
-    ``motion``. Runs have the same duration, so a faster run ends at a larger angle. Returns the
-    number of evaluations of the output.
+    speed ``high`` (rad/s) ends. Runs have the same duration, so a faster run ends at a larger
+    angle. ``floors`` are the bounds up to the end of the run at the speed of ``motion``. Returns
+    the number of evaluations of the output.
     """
     out[:] = floors
     end, next_end = motion.speed * run.mode.duration, high * run.mode.duration
@@ -290,11 +297,13 @@ def _find_margins(
 
 
 def _allowed_width(errors: Records, floors: Vector, forced: Vector) -> float:
-    """Return the width (rad/s) of the longest speed step that groups are likely to prove.
+    """Return the width (rad/s) of the longest speed step that can probably be proven.
 
-    At this width the chord error of some group of pieces reaches `GROUP_FRACTION` of its least
-    output. ``errors`` are records of `GROUP_ERROR`, ``floors`` the least outputs and ``forced`` the
-    least values of the polynomial part of the output, one per group.
+    The proof uses bounds of the chord error (deviation from a straight line over the speed) in
+    groups of adjacent pieces of the law. At this width the chord error of some group reaches
+    `GROUP_FRACTION` of its least output. ``errors`` are records of `GROUP_ERROR`, ``floors`` the
+    least outputs and ``forced`` the least values of the polynomial part of the output, one per
+    group.
     """
     width = math.inf
     for i in range(len(floors)):
@@ -355,10 +364,11 @@ def _find_zero(run: ModeOnLaw, bracket: Bracket) -> Zero:
 
 
 def _refine_near(run: ModeOnLaw, bracket: Bracket) -> Bracket:
-    """Return the speed bracket of a zero, narrowed to rounding.
+    """Return the range of speeds that contains a zero, narrowed to rounding.
 
-    Only outputs within `NEIGHBOURHOOD` of the bracket's cam angle are considered. The method is
-    Illinois: secant steps that halve the value at an end of the bracket that is kept twice.
+    Only outputs within `NEIGHBOURHOOD` of the bracket's cam angle are considered. The root finder
+    is the Illinois method: secant steps in which the value at an end of the bracket is halved if
+    this end is kept twice.
     """
     low, high, angle = bracket
     near = SearchRange(max(0.0, angle - NEIGHBOURHOOD), angle + NEIGHBOURHOOD, ZERO_RTOL)

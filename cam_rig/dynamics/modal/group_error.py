@@ -29,11 +29,12 @@ from cam_rig.dynamics.modal.motion import (
 from cam_rig.laws.vectors import Matrix, Records, Vector
 from cam_rig.units import TURN
 
-#: Lower limit of a divisor that may be zero, so that a quotient stays finite. It is far below all
+#: Lower limit of divisors that may be zero, so that quotients stay finite. It is far below all
 #: physical values.
 MIN_DIVISOR = 1e-100
 
-#: Bounds of the output F in one group of pieces, between two cam speeds, by (27) of docs/proofs.md.
+#: Record of the bounds of the output F in one group of adjacent pieces of the law, between two cam
+#: speeds, by (27) of docs/proofs.md.
 GROUP_ERROR = np.dtype(
     [
         ("curvature", "f8"),  # upper bound of |d²F/dΩ²|, F is the output and Ω the cam speed
@@ -59,9 +60,9 @@ class Excitation(NamedTuple):
 class FadingSums(NamedTuple):
     """Sums over all previous excitations of the vibration, which fade with time.
 
-    Each term has the factor e^{−λt} for the time t in s since the excitation. N, N' and N'' are
-    those of `Excitation`. The sums bound the second derivative of the vibration with respect to the
-    cam speed, by (24) of docs/proofs.md.
+    An excitation is a jump of a derivative of the law. Each term has the factor e^{−λt} for the
+    time t in s since the excitation. N, N' and N'' are those of `Excitation`. The sums bound the
+    second derivative of the vibration with respect to the cam speed, by (24) of docs/proofs.md.
     """
 
     n: float  #: Σ N e^{−λt}
@@ -83,10 +84,11 @@ class SpeedStep(NamedTuple):
 def bound_groups(
     run: ModeOnLaw, norm: VibrationNorm, low: float, high: float, out: Records
 ) -> None:
-    """Write bounds of the chord error in all groups of pieces to ``out``.
+    """Write bounds of the chord error in all groups of the law's pieces to ``out``.
 
-    The chord error is that between the cam speeds ``low`` and ``high``, rad/s. ``out`` are records
-    of `GROUP_ERROR`, one per group of adjacent pieces of the law.
+    The chord error is the deviation of the output from the straight line between its values at the
+    cam speeds ``low`` and ``high``, rad/s. ``out`` are records of `GROUP_ERROR`, one per group of
+    adjacent pieces of the law. ``norm`` is the norm of the mode's free vibration.
     """
     law, mode, series = run
     count, step = len(law.first_pieces) - 1, SpeedStep(low, high, mode.duration)
@@ -206,17 +208,18 @@ def _add_vibrations(
 
 
 def _column(rows: Matrix, group: int) -> Excitation:
-    """Return the excitation in one group of pieces from the array of all groups.
+    """Return the excitation of vibrations in one group of the law's pieces.
 
-    ``rows`` has the rows N, N' and N'' and one column per group.
+    ``rows`` is the array of all groups, with the rows N, N' and N'' of `Excitation` and one column
+    per group. ``group`` is the index of the group.
     """
     return Excitation(rows[0][group], rows[1][group], rows[2][group])
 
 
 def _add(sums: FadingSums, added: Excitation, age: float) -> FadingSums:
-    """Return the sums over all excitations with ``added`` included.
+    """Return sums over past excitations of the vibration, with one more excitation.
 
-    ``age`` is the time since the added excitation, s. Its terms have no fading factor yet.
+    ``age`` is the time since the excitation ``added``, s. Its terms have no fading factor yet.
     """
     return FadingSums(
         n=sums.n + added.n,
@@ -229,7 +232,7 @@ def _add(sums: FadingSums, added: Excitation, age: float) -> FadingSums:
 
 
 def _fade(sums: FadingSums, remainder: float, time: float) -> FadingSums:
-    """Return the sums over all excitations after a further ``time`` (s).
+    """Return sums over past excitations of the vibration after a further ``time`` (s).
 
     ``remainder`` is the fraction to which a vibration fades in this time.
     """

@@ -27,13 +27,13 @@ MIN_PIECES = 8
 MIN_GROUPS = 64
 #: Relative difference below which the cam angles that two pieces span count as equal.
 SPAN_RTOL = 1e-12
-#: Number of pieces of a law above which the second number of `HARMONICS` applies.
+#: Number of polynomial pieces of a law above which the second number of `HARMONICS` applies.
 MANY_PIECES = 600
 #: Number of harmonics of a law that each have a separate bound: for a law of up to `MANY_PIECES`
 #: pieces, and of more. The law is sampled at twice as many angles per turn.
 HARMONICS = (256, 512)
-#: Number of blocks into which the higher harmonics are divided. Each block has one bound for all
-#: its harmonics. The first harmonics of successive blocks have the ratio `BLOCK_RATIO`.
+#: Number of blocks into which the higher harmonics of a law are divided. Each block has one bound
+#: for all its harmonics. The first harmonics of successive blocks have the ratio `BLOCK_RATIO`.
 BLOCKS = 100
 #: Factor that bounds the aliasing error of a Fourier transform of N samples. The sum of |c| over
 #: the harmonics that alias to harmonic k is at most this factor times the bound of |c| at harmonic

@@ -33,7 +33,8 @@ from cam_rig.laws.polynomials import weight_ordinates, weighted_value
 from cam_rig.laws.vectors import Records, Vector, index_at
 from cam_rig.units import TURN
 
-#: Number of equal parts into which a piece of the law, or a part of it, is cut.
+#: Number of equal parts into which a polynomial piece of the law, or a part of it, is cut in the
+#: search.
 CUTS = 4
 #: Tolerance of the least output, relative to the sum of its largest forced and free terms: 450
 #: times the float epsilon.
@@ -41,8 +42,8 @@ MIN_RTOL = 1e-13
 #: Smallest width of a part of a polynomial piece that is cut again, as a fraction of the piece. In
 #: a narrower part rounding decides the result.
 MIN_PART_WIDTH = 2.0**-50
-#: Size of the stack of parts that wait to be cut. The depth is at most 25 cuts (by `CUTS` down to
-#: `MIN_PART_WIDTH`), and fewer than `CUTS` parts wait at each depth.
+#: Size of the stack of parts of a polynomial piece that wait to be cut. The depth is at most 25
+#: cuts (by `CUTS` down to `MIN_PART_WIDTH`), and fewer than `CUTS` parts wait at each depth.
 MAX_PARTS = 160
 
 #: Record of one part of a polynomial piece of the law, with the free vibration at its start.
@@ -139,11 +140,12 @@ def _threshold(value: float, atol: float, rtol: float) -> float:
 def _turn_difference(motion: OscillatorMotion, first: int, end: int) -> float:
     """Return an upper bound of the difference of the output between turns (21).
 
-    The output of the mode is, for example, the contact force. The joints of the law excite the same
-    vibration in each turn. The turns differ only by the free vibration at their start, which fades.
-    The bound is R max N, where N is the norm of the difference between the free vibrations at the
-    start of a turn and of the last turn, and R is the largest output per unit of N. The turns are
-    ``first`` to ``end`` − 1, which is the last one.
+    The output of the mode is, for example, the contact force. The joints between pieces of the law
+    excite the same vibration in each turn, so turns differ only by the free vibration at their
+    start, which fades. The bound is R max N, where N is the norm of the difference between the free
+    vibrations at the start of a turn and of the last turn, and R is the largest output per unit of
+    N. The turns are ``first`` to ``end`` − 1, which is the last one. The number in brackets is that
+    of docs/proofs.md.
     """
     max_norm, x = 0.0, motion.turn_starts[end - 1]
     for turn in range(first, end - 1):
@@ -258,11 +260,12 @@ def _max_curvature(ordinates: Vector, span: float) -> float:
 def _bound_vibration(
     mode: Oscillator, norm: VibrationNorm, free: StemVibration
 ) -> tuple[float, float]:
-    """Return upper bounds of |V| and |V̈| of the free vibration V in the output (22).
+    """Return upper bounds of |V| and |V̈| of the free vibration V in the output.
 
-    The bounds hold from the state ``free`` on, because the norm N of a free vibration fades. The
-    first is R N in the unit of the output, with the largest output R per unit of N. The second is
-    R N₂ in that unit per s², with the norm N₂ of the second derivative.
+    The bounds are (22) of docs/proofs.md and hold from the state ``free`` on, because the norm N of
+    a free vibration fades. The first is R N in the unit of the output, with the largest output R
+    per unit of N. The second is R N₂ in that unit per s², with the norm N₂ of the second
+    derivative.
     """
     acceleration = -mode.stiffness * free.displacement - mode.damping * free.velocity
     jerk = -mode.stiffness * free.velocity - mode.damping * acceleration

@@ -28,8 +28,8 @@ from cam_rig.units import TURN
 #: Size below which a term of the forced response Σ hₖ Ωᵏ s⁽ᵏ⁾ counts as rounding, relative to the
 #: largest term. The series ends before two such terms in a row.
 SERIES_RTOL = 1e-14
-#: Largest accepted rounding error of the polynomial part of the output, as a fraction of its
-#: largest term with s, s' or s''.
+#: Largest accepted rounding error of the polynomial part of a mode's output (for example a contact
+#: force), as a fraction of its largest term with s, s' or s''.
 MAX_ROUNDING = 1e-5
 #: Float epsilon: distance between 1 and the next float.
 EPS = 2.0**-52
@@ -56,7 +56,7 @@ PIECE_START = np.dtype(
     ],
     align=True,
 )
-#: Record of the free vibration (η, η̇) at the start of a turn, in m and m/s.
+#: Record of the free vibration (η, η̇) of a mode at the start of a turn, in m and m/s.
 TURN_START = np.dtype([("displacement", "f8"), ("velocity", "f8")], align=True)
 
 
@@ -197,7 +197,11 @@ def norm_of(mode: Oscillator) -> VibrationNorm:
 
 
 def amplitude(norm: VibrationNorm, free: StemVibration) -> float:
-    """Return the norm N = √((ρη)² + (η̇ + δη)²) of a free vibration (η, η̇), in m/s."""
+    """Return the norm N = √((ρη)² + (η̇ + δη)²) of a free vibration (η, η̇), in m/s.
+
+    ``norm`` contains ρ and δ of the mode. The norm measures the size of the vibration and never
+    grows.
+    """
     a, b = norm.rho * free.displacement, free.velocity + norm.delta * free.displacement
     return math.sqrt(a * a + b * b)
 

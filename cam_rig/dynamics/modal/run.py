@@ -34,8 +34,9 @@ from cam_rig.laws import Law
 from cam_rig.laws.vectors import index_at
 from cam_rig.units import TURN, FloatArray
 
-#: Number of evaluations of the output per call of the speed search. Ctrl-C takes effect between two
-#: calls. A call takes about 20 ms in compiled code and 1 s in plain Python.
+#: Number of evaluations of the output (for example a contact force) per call of the search for a
+#: speed. Ctrl-C takes effect between two calls. A call takes about 20 ms in compiled code and 1 s
+#: in plain Python.
 EVALUATIONS_PER_CALL = 5e5
 
 

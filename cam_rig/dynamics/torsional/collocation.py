@@ -24,7 +24,8 @@ from cam_rig.dynamics.linear.exponential import response
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.units import FloatArray
 
-#: Number of samples that are evaluated together: their basis values stay in the processor's cache.
+#: Number of samples that are evaluated together, so that their basis functions fit in the
+#: processor's cache.
 BATCH = 2048
 
 
@@ -66,10 +67,10 @@ def collocation_table(degree: int) -> CollocationTable:
 
 
 def _integral(size: int) -> FloatArray:
-    """Return the integration matrix of Chebyshev coefficients, ``(size, size)``.
+    """Return the matrix that integrates a Chebyshev series, ``(size, size)``.
 
-    The integral is over u = (1 + x)/2 from u = 0: ∫T_k dx = T_{k+1}/(2(k+1)) − T_{k−1}/(2(k−1)).
-    Terms beyond the last row are omitted.
+    It acts on Chebyshev coefficients. The integral is over u = (1 + x)/2 from u = 0: ∫T_k dx =
+    T_{k+1}/(2(k+1)) − T_{k−1}/(2(k−1)). Terms beyond the last row are omitted.
     """
     matrix = np.zeros((size, size))
     for k in range(size):
@@ -103,11 +104,14 @@ def basis(size: int, u: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ChebyshevPath:
-    """Functions of time on W adjacent windows, with one Chebyshev series per window."""
+    """Functions of time, with one Chebyshev series on each of W adjacent windows.
+
+    A window is an interval of time.
+    """
 
     edges: FloatArray  #: start times of the windows, and the end of the last, s, ``(W + 1,)``
-    #: Duration over which each series was computed, s, ``(W,)``. It starts with its window and may
-    #: be longer than the window.
+    #: Duration over which the series of each window was computed, s, ``(W,)``. It starts with the
+    #: window and may be longer.
     spans: FloatArray
     series: list[FloatArray]  #: coefficients of each window, one row per function, ``(rows, size)``
 
@@ -150,8 +154,8 @@ class ChebyshevPath:
                 np.matmul(series, values[: series.shape[1], first:stop], out=out[:, first:stop])
 
 
-#: Size of the expected next correction at which Newton's method has converged, relative to the
-#: scale of the accelerations.
+#: Size of the next expected correction at which Newton's method has converged, relative to the
+#: scale of the accelerations in the window.
 NEWTON_RTOL = 1e-15
 #: Largest size of Newton's corrections that count as rounding if they no longer decrease, relative
 #: to the scale of the accelerations.
@@ -262,9 +266,10 @@ class CollocationWindow:
         return wave.real - static, (root * wave).real, (root**2 * wave).real
 
     def _set(self, unknown: FloatArray) -> None:
-        """Set the unknown of the window, and compute the twist and the cam motion from it.
+        """Set the unknown of the window, and compute twist and cam motion from it.
 
-        ``unknown`` is ψ̈ less the ψ̈ of the free vibration, at the nodes, rad/s², ``(N + 1,)``.
+        ``unknown`` is the part of the twist's acceleration ψ̈ that is not due to the free vibration
+        of the shaft, at the Chebyshev nodes, rad/s², ``(N + 1,)``.
         """
         self.unknown, self.twist_acceleration = unknown, self.free_acceleration + unknown
         self.twist = self.free + self.second @ unknown

@@ -40,7 +40,8 @@ from cam_rig.units import TURN, FloatArray, to_rpm
 class TorsionalMotion:
     """Torsional motion of a cam on its shaft, from ``start_time`` to ``stop_time``.
 
-    It solves eq. 10 of the paper and consists of W windows of time.
+    It is the solution of eq. 10 of the paper on torsional vibration, and consists of W windows
+    (intervals of time), each with its own series.
     """
 
     law: Law  #: law of the cam
@@ -180,8 +181,8 @@ def solve(
 
 #: Largest accepted change of a periodic shaft state over one turn, relative to the peak twist.
 PERIODIC_RTOL = 1e-11
-#: Change of the shaft state over one turn, relative to the peak twist, at which the iteration for a
-#: periodic state ends.
+#: Change of the shaft state over one turn, relative to the peak twist, below which the iteration
+#: for a periodic state ends.
 TARGET_RTOL = 1e-13
 #: Largest number of iterations for a periodic shaft state. Each iteration computes one turn.
 MAX_TURNS = 25
@@ -265,7 +266,7 @@ def steady_motion(law: Law, parameters: TorsionalParameters, speed: float) -> To
 def _fixed_point(
     change_of: Callable[[FloatArray], FloatArray], size: int, peak: Callable[[], float]
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Solve change_of(x) = 0 for a vector x by Broyden's method.
+    """Solve change_of(x) = 0 for a state x of the shaft, by Broyden's method.
 
     ``change_of`` returns the change of a state over one turn, so the solution is a periodic state.
     Returns x, ``(size,)``, the remaining change there, ``(size,)``, and the smallest singular value

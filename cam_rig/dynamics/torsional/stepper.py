@@ -46,19 +46,20 @@ RESOLVED_RTOL = 1e-13
 MAX_TRIES = 40
 #: Largest number of windows in one solution, enough for hours of turning.
 MAX_WINDOWS = 100_000
-#: Largest number of successive windows of zero duration at a joint of the law. With more the
-#: solution has failed to leave the joint.
+#: Largest number of successive windows of zero duration at a joint between two pieces of the law.
+#: With more, the solution has failed to leave the joint.
 MAX_STALLS = 3
 #: Shortest remaining time after a joint of the law, as a fraction of the duration of the solution.
 #: A shorter remainder is rounding and is omitted.
 MIN_REMAINDER = 4e-16
-#: Relative correction at which Newton's method for the time of crossing a joint has converged.
+#: Relative correction at which Newton's method for the time at which the cam crosses a joint of the
+#: law has converged.
 CROSSING_RTOL = 1e-10
 
 
 @lru_cache(maxsize=64)
 def pieces_of(law: Law) -> tuple[TwistPiece, ...]:
-    """Return the pieces of a law in the form that a collocation window uses."""
+    """Return the polynomial pieces of a law in the form that `CollocationWindow` uses."""
     require_smooth(law)
     stack = np.stack([law.derivative_ordinates(order).T for order in range(4)], axis=1)
     stack *= bernstein.binomials(law.degree)
@@ -69,13 +70,14 @@ def pieces_of(law: Law) -> tuple[TwistPiece, ...]:
 
 @dataclass
 class Control:
-    """Settings with which the last window on a piece of the law was resolved.
+    """Settings with which the last window of time on a piece of the law was resolved.
 
     They are the first choice for the next window on the same piece.
     """
 
     max_length: float  #: longest duration of a window, s
-    #: Number of steps in `DEGREES` by which the degree is higher than the phase requires.
+    #: Number of entries of `DEGREES` by which the degree is higher than the phase of the free
+    #: vibration requires.
     extra_degrees: int = 0
 
 

@@ -25,7 +25,7 @@ MAX_MOTIONS = 6
 
 @styled
 def figure(result: BounceMap) -> Figure:
-    """Draw the fastest landing of each turn, the Lyapunov exponent and the sound level.
+    """Draw fastest landing per turn, Lyapunov exponent and sound level.
 
     The horizontal axis is the swept quantity. Branches of periodic motions are lines, dotted where
     the motion is unstable. A dotted vertical line marks the first lift-off if it is within the
@@ -102,7 +102,7 @@ def _levels(axes: Axes, result: BounceMap) -> None:
 
 @styled
 def basin_figure(result: Basins) -> Figure:
-    """Draw the final motion of each initial state, and the phase portraits of the motions."""
+    """Draw the final motion of each initial state, and its phase portrait."""
     out = empty(3.9)
     left, right = out.subplots(1, 2)
     looks = [series_marker(i) for i in range(min(MAX_MOTIONS, len(result.motions)))]

@@ -85,7 +85,7 @@ class CampaignDataset(PointFiles):
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def reasons(self, status: str = FAILED) -> list[tuple[str, int]]:
-        """Return the reasons of the points with a status, with the number of points for each.
+        """Return the reasons of the points with a status, and the number of points each.
 
         A point is one rig of the campaign. The most frequent reason is first. Reasons that differ
         only in numbers are counted together, and the first of them is returned.

@@ -254,7 +254,7 @@ class ProfileErrors:
 
     @property
     def _step(self) -> float:
-        """Length (rad) of the longest polynomial piece that represents the errors accurately.
+        """Longest polynomial piece (rad) that represents the errors accurately.
 
         It is infinite for a constant error.
         """

@@ -71,7 +71,7 @@ class Quantile:
 
 @dataclass(frozen=True)
 class LimitYield:
-    """Yield of a limit: fraction of all points (rigs) that satisfy it, with 95 % interval.
+    """Fraction of all points (rigs) that satisfy a limit, with its 95 % interval.
 
     If ``grid`` is True, the points are not random, and the interval has no meaning.
     """
@@ -398,7 +398,7 @@ def _has_measure(measure: CampaignMeasure, row: MeasureRow) -> bool:
 
 
 def points_needed(shares: Sequence[InputShare], points: int) -> int:
-    """Return the number of base points with which all variance shares are accurate enough.
+    """Return the number of base points that makes all variance shares accurate.
 
     The errors of the ``shares`` are then below `SHARE_ERROR`. The result is a power of 2, or the
     present number ``points`` if that is sufficient.

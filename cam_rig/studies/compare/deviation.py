@@ -115,7 +115,7 @@ class Departure:
 
     @property
     def turns_differ(self) -> bool:
-        """True if turns of the run differ by more than the noise of an instrument can explain.
+        """True if turns of the run differ by more than an instrument's noise.
 
         The measured cam angle is wrong then, or the number of counts per turn of the encoder.
         """

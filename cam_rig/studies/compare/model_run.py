@@ -127,7 +127,7 @@ def steady_stretches(angle: Signal, min_turns: float) -> list[SteadyStretch]:
 
 
 def standstills(angle: Signal) -> FloatArray:
-    """Return the start and end times (s) of the cam's stops, one row each, shape (k, 2).
+    """Return start and end times (s) of the cam's stops, one row each, (k, 2).
 
     ``angle`` is the encoder's signal. Stops of fewer than `STILL_READINGS` readings are left out. A
     longer stop can be divided into several successive rows.
@@ -246,7 +246,7 @@ class ModelRun:
 
     @property
     def settled(self) -> FloatArray:
-        """Samples of the turns after the transient at the start, with rows as in `COLUMNS`."""
+        """Samples of the turns after the initial transient, with rows as in `COLUMNS`."""
         return self.rows[:, self.rows[0] >= self.start]
 
     @property

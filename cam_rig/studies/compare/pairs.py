@@ -270,7 +270,7 @@ class MeasuredPairs:
         return max(0.0, 1.0 - compared / duration)
 
     def steps(self) -> Iterator[PairedStep]:
-        """Yield the pairs of the settled turns at each steady speed, the slowest speed first."""
+        """Yield the settled turns at each steady speed as pairs, the slowest speed first."""
         settle = self.loaded.scene.schedule.transient_turns.si
         for stretch in sorted(self.stretches, key=lambda stretch: stretch.mean_speed):
             model = drive(self.loaded, self.cam, stretch, self.alignment.offset)

@@ -111,7 +111,7 @@ def _limit(axes: Axes, values: set[float], name: str, unit: str) -> None:
 
 @styled
 def events_figure(most: float, radius: float) -> Figure:
-    """Draw the nomogram: smallest radii, in lifts, over the span of a rise, for each law.
+    """Draw the nomogram: smallest radii in lifts over the span of a rise, by law.
 
     ``most`` is the largest allowed pressure angle in rad. ``radius`` is the sum of roller radius
     and smallest allowed radius of curvature of the contour, in lifts.

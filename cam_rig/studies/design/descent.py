@@ -140,7 +140,7 @@ class PointwiseTerm:
         return np.concatenate([e.start + e.span / pieces * positions for e in space.events])
 
     def _inside(self, angles: FloatArray) -> FloatArray:
-        """Return those of the cam angles (rad) that are inside events, away from their ends.
+        """Return the cam angles (rad) that are inside events, away from their ends.
 
         An event is the motion between two dwells. Near its ends the law is fixed by the dwells, so
         a linearisation there has no effect.

@@ -25,7 +25,7 @@ BASE_RADII_IN_LIFTS = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0,
 ROLLER_PART = 0.3
 #: Number of decimals of lengths in mm in a written file: 1 nm, below the step of any gauge.
 MILLIMETRE_DECIMALS = 6
-#: Text in a cam file for the origin of an assumed radius.
+#: Text in a cam file that documents the source of an assumed radius.
 FREE_CHOICE = "a free choice, not identifiable from the readings: replace it with the cam's radius"
 
 
@@ -108,7 +108,10 @@ def spline_cam(
 
 
 def _spline_data(name: str, fit: SplineFit, follower: dict[str, Any]) -> dict[str, Any]:
-    """Return the content of the cam file of a spline."""
+    """Return the content of the cam file of a fitted spline as a dict.
+
+    ``follower`` is its follower section, and ``name`` the name of the cam.
+    """
     source = "spline through the readings"
     return {
         "name": name,
@@ -156,7 +159,7 @@ def _table_segment(file: str, fit: SplineFit) -> dict[str, Any]:
 def _points_table(fit: SplineFit) -> str:
     """Return the text of the table of points: angles in deg and lifts in mm.
 
-    Comments list the subtracted zero, changes to the readings, and outliers.
+    Comments list the zero of the gauge that was subtracted, changes to the readings, and outliers.
     """
     readings = fit.readings
     lines = [f"# {readings.name}, {to_mm(fit.zero):.6g} mm subtracted"]

@@ -18,9 +18,9 @@ from cam_rig.show.terminal import say, show
 
 
 def _in_mm(help_text: str, least: float | None = None) -> Any:
-    """Return a typer option in mm, whose value the command receives in m.
+    """Return a command-line option in mm, whose value the command receives in m.
 
-    ``least`` is the smallest allowed value in mm.
+    ``help_text`` is its help, and ``least`` the smallest allowed value in mm.
     """
     return typer.Option(
         metavar="MM", min=least, help=help_text, callback=lambda x: None if x is None else 1e-3 * x

@@ -37,8 +37,8 @@ MIN_DWELL_READINGS = 3
 #: squares of the scatter. It is the 99.9 % quantile of χ² with two degrees of freedom, the
 #: reduction by chance.
 MAX_TREND = 13.8
-#: Largest difference of two dwell levels that are treated as equal, in standard errors of the
-#: difference.
+#: Largest difference between the lifts of two dwells that are treated as equal, in standard errors
+#: of the difference.
 SAME_LEVEL_ERRORS = 3.0
 #: Fraction of the rise or fall next to a dwell whose readings determine the end of the dwell.
 #: Farther from the dwell, the powers of the angle no longer describe the law.
@@ -47,25 +47,25 @@ EVENT_FRACTION = 0.35
 #: with a lift of 10 mm over 90 deg leaves a range of 0.4 mm, four scatters of a coarse gauge,
 #: within 17 deg.
 MAX_END_DISTANCE = math.radians(25.0)
-#: Number of cam angles that are tried as the end of a dwell. Their mean, weighted with the
-#: likelihood, is the end.
+#: Number of cam angles that are tried as the end of a dwell. The end is their mean, weighted with
+#: the likelihood.
 END_ANGLES = 200
 #: Number of decimals of a dwell's start and span in degrees, as in a written cam file.
 DEGREE_DECIMALS = 4
 #: Smallest distance (rad) between two dwells. If two are closer, the shorter is dropped. The
 #: distance is twice the limit of a cam file.
 MIN_EVENT_SPAN = math.radians(2.0 * MIN_EVENT_DEG)
-#: Powers of the angle with which a law may leave its dwell: a jump of the third, fourth or fifth
-#: derivative.
+#: Powers of the angle with which the lift may change after the end of a dwell: 3, 4 or 5 stands for
+#: a jump of the third, fourth or fifth derivative.
 LEAVING_POWERS = (3, 4, 5)
 
 
 @dataclass(frozen=True)
 class FoundDwell:
-    """Dwell that was found in gauge readings.
+    """Dwell that was detected in gauge readings.
 
-    ``rest`` contains its start and span in rad and its level in m. ``count`` is the number of
-    readings in it, ``scatter`` their standard deviation in m.
+    ``rest`` contains its start and span in rad and its level (lift) in m. ``count`` is the number
+    of readings in it, ``scatter`` their standard deviation in m.
     """
 
     rest: Rest
@@ -188,8 +188,8 @@ def _contains_wide_gap(readings: Readings, index: NDArray[np.int64]) -> bool:
 def _is_dwell(readings: Readings, dwell: FoundDwell, scatter: float) -> bool:
     """Return True if a candidate is a dwell: long enough, and at a constant level.
 
-    The level is constant if a parabola does not fit it better. A candidate that covers a gap
-    without readings is always accepted if the gap is too wide for anything but a dwell.
+    The level is constant if a parabola does not fit the readings better. A candidate that covers a
+    range without readings is always accepted if this range is too wide for anything but a dwell.
     """
     if readings.has_wide_gap and dwell.covers(*readings.gap):
         return True
@@ -203,10 +203,11 @@ def _is_dwell(readings: Readings, dwell: FoundDwell, scatter: float) -> bool:
 
 
 def _pool_levels(dwells: list[FoundDwell], scatter: float) -> list[FoundDwell]:
-    """Return the dwells by increasing level, with equal levels replaced by their mean.
+    """Return the dwells by increasing lift, with nearly equal lifts averaged.
 
-    Levels are treated as equal if their difference can be due to chance. The mean is weighted with
-    the number of readings.
+    The lifts (levels) of two dwells are treated as equal if their difference can be due to chance.
+    The mean is weighted with the number of readings. ``scatter`` (m) is the standard deviation of a
+    reading.
     """
     groups: list[list[FoundDwell]] = []
     for dwell in sorted(dwells, key=lambda dwell: dwell.rest.level):
@@ -297,10 +298,11 @@ def _find_end(
 
 
 def _leaving_sse(x: FloatArray, y: FloatArray, end: float, terms: int) -> float:
-    """Return the squared residuals (m²) of readings that leave a level at `end` (rad).
+    """Return the squared residuals (m²) of readings after an assumed end of a dwell.
 
-    It is the sum for a fit of powers of the angle beyond `end`. ``x`` is the angles (rad), ``y``
-    the lifts above the level (m). ``terms`` is the number of powers.
+    It is the sum for a least-squares fit of powers of the angle beyond `end` (rad). ``x`` is the
+    angles (rad), ``y`` the lifts above the level of the dwell (m). ``terms`` is the number of
+    powers.
     """
     beyond = np.maximum(x - end, 0.0)
     scale = float(beyond.max())

@@ -19,8 +19,8 @@ from cam_rig.units import TURN, FloatArray
 #: Largest difference (rad) of two cam angles that count as equal. It is above the rounding of
 #: angles that are written in degrees with four decimals.
 ANGLE_ATOL = 1e-6
-#: Lower limit of the step in which lifts are written, m, far below the step of any gauge. It gives
-#: calculated lifts a rounding error that is not zero.
+#: Lower limit of the step in which lifts are written, m. It is far below the step of any gauge, and
+#: gives exactly calculated lifts a rounding error above zero.
 MIN_RESOLUTION = 1e-9
 #: Largest plausible reading of a gauge, m. A larger reading is in a different unit than the table's
 #: heading states.
@@ -298,9 +298,9 @@ def _rests_at_top(rows: _Rows) -> bool:
 def _average(table: GaugeTable, column: GaugeColumn, rows: _Rows) -> Readings:
     """Return the readings with one mean lift per angle.
 
-    The rows are ordered by the angle. Raises ConfigError if there are too few or too many angles,
-    if the lifts are constant or implausibly large, or if readings of the same angle differ too
-    much.
+    ``rows`` are the readings in the order of the angle. Raises ConfigError if there are too few or
+    too many angles, if the lifts are constant or implausibly large, or if readings of the same
+    angle differ too much.
     """
     angles, lifts, lines = rows
     starts = np.flatnonzero(np.diff(angles, prepend=-1.0) > ANGLE_ATOL)

@@ -248,7 +248,7 @@ class _GaugeReader(CellTable):
         return angles[0] if angles else None
 
     def _named(self, headings: list[Heading], name: str, allowed: Sequence[int]) -> list[int]:
-        """Return the indices of the columns with the heading `name`, at least one.
+        """Return the indices of the columns with the heading `name`, at least one index.
 
         Only the indices ``allowed`` are considered. Raises ConfigError if there is no such column.
         """

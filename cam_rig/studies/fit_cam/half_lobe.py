@@ -11,8 +11,8 @@ from cam_rig.laws.spline import scatter
 from cam_rig.schema.segment_base import MIN_POINTS
 from cam_rig.units import FloatArray
 
-#: Fraction of the angle range, at the end far from the nose, over which the slope of the lift is
-#: fitted. At least 2 readings are used.
+#: Fraction of the angle range, at the end of the table opposite the nose, over which the slope of
+#: the lift is fitted. At least 2 readings are used.
 END_FRACTION = 0.03
 #: Fraction of the lift below the nose over which polynomials are fitted to the readings. At least 4
 #: readings are used.
@@ -25,17 +25,19 @@ STEP_RTOL = 1e-6
 #: Largest relative change of the curvature of the lift from the reading at the nose to the vertex
 #: of the fitted nose. It is that of a nose whose lift changes with the fourth power of the angle.
 MAX_CURVATURE_CHANGE = 2.0 / 3.0
-#: Largest slope of the lift at the far end that counts as rest, as a fraction of the steepest
-#: slope. A half lobe that is cut off at 80 % of its angle has a slope several times as large.
+#: Largest slope of the lift, at the end of the table opposite the nose, that counts as rest. It is
+#: a fraction of the steepest slope. A half lobe that is cut off at 80 % of its angle has a slope
+#: several times as large.
 MAX_END_SLOPE = 0.05
 #: Largest distance of the nose's vertex from the reading with the largest lift, in steps of the
 #: angle. Half a step is possible if the nose is between two readings. A quarter is added for noise.
 MAX_STEPS_TO_NOSE = 0.75
-#: Allowance for noise in the limits of the lift's slope, in standard errors of the slope.
+#: Number of standard errors of the slope that are added to the slope limits of half a lobe, to
+#: allow for noise.
 SLOPE_ERRORS = 3.0
-#: Allowance for noise in the slope limit of a cubic polynomial, in standard errors of the slope. It
-#: is larger because this slope depends mainly on the first reading, which was selected as the
-#: largest and may be so because of its error.
+#: Number of standard errors that are added to the slope limit of a cubic polynomial, to allow for
+#: noise. It is larger than `SLOPE_ERRORS` because this slope depends mainly on the first reading,
+#: which was selected as the largest and may be so because of its error.
 CUBIC_SLOPE_ERRORS = 6.0
 
 

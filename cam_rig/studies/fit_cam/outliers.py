@@ -31,7 +31,7 @@ MAX_OUTLIERS = 10
 #: Largest fraction of all readings that are excluded as outliers. A larger fraction has another
 #: cause than single wrong readings.
 MAX_OUTLIER_FRACTION = 0.05
-#: Numbers of adjacent readings that may be off together as one outlier, tried in this order. The
+#: Numbers of adjacent readings that may be wrong together as one outlier, tried in this order. The
 #: largest is that of a sequence with a common shift.
 OUTLIER_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 #: Smallest number of readings over the turn when only every n-th reading is used to search for
@@ -92,10 +92,10 @@ def _mark_outliers(readings: Readings) -> NDArray[np.bool_]:
 
 
 def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int) -> None:
-    """Mark further outliers among the readings next to outliers, in place.
+    """Mark further outliers among the readings next to outliers.
 
-    A sequence of adjacent outliers has at most `width` readings. Each candidate is compared with
-    good readings that are `width` readings apart.
+    The mask ``outliers`` is changed in place. A sequence of adjacent outliers has at most `width`
+    readings. Each candidate is compared with good readings that are `width` readings apart.
     """
     while outliers.any():
         good = np.flatnonzero(~outliers)

@@ -51,8 +51,8 @@ MIN_SHIFT_ERRORS = 8.0
 #: fraction of the largest significance. The shortest of these sequences is used, because good
 #: readings between two specks of dirt look like one longer sequence.
 MIN_SIGNIFICANCE_RATIO = 0.7
-#: Largest sum of a slip and the opposite step at the end of the turn, in standard errors, at which
-#: they belong to one slip of the gauge.
+#: A slip of the gauge causes a step of the readings, and the opposite step at the end of the turn.
+#: This is the largest sum of both steps, in standard errors, at which they belong to one slip.
 MAX_RETURN_ERRORS = 4.0
 #: Largest step of the angle from the last to the first reading, in median steps, at which a jump of
 #: the lift between them is taken as a drift of the gauge.
@@ -60,19 +60,20 @@ MAX_CLOSING_STEPS = 2.0
 #: Largest r.m.s. residual of the polynomial with the shift, in scatters (standard deviations of a
 #: reading). The residual is larger at a kink of the law.
 MAX_RESIDUAL_SCATTERS = 2.0
-#: Largest number of sequences that are marked as shifted. More are a property of the law, and then
-#: no reading is marked.
+#: Largest number of sequences of readings that are marked as shifted. More are a property of the
+#: law, and then no reading is marked.
 MAX_RUNS = 10
-#: Largest number of possible ends of shifted sequences that are examined. More are a property of
-#: the law, and the time increases with the square of their number.
+#: Largest number of possible ends of shifted sequences of readings that are examined. More are a
+#: property of the law, and the time increases with the square of their number.
 MAX_EDGES = 120
 
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """Common shift of the readings `indices`, its standard error, and the residual.
+    """Common shift of the readings with the indices `indices`.
 
-    All are in m. The residual is the r.m.s. of the fit of the readings and their neighbours.
+    The shift, its standard error and the residual are in m. The residual is the r.m.s. residual of
+    a polynomial through these readings and their neighbours.
     """
 
     indices: NDArray[np.int64]
@@ -186,10 +187,11 @@ def _runs(readings: Readings, scatter: float) -> Iterator[Shift]:
 
 
 def _fit_slip(readings: Readings, edge: int, scatter: float) -> Shift:
-    """Return the step of the readings after the index `edge`.
+    """Return the step of the readings at a possible slip of the gauge.
 
-    It is fitted together with a polynomial through `SLIP_FLANK` readings on both sides. ``scatter``
-    is the standard deviation of a reading, m.
+    ``edge`` is the index of the last reading before it. The step is fitted together with a
+    polynomial through `SLIP_FLANK` readings on both sides. ``scatter`` is the standard deviation of
+    a reading, m.
     """
     window = np.arange(edge + 1 - SLIP_FLANK, edge + 1 + SLIP_FLANK)
     return _fit(readings, window, window > edge, SLIP_DEGREE, scatter)

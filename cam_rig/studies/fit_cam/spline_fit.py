@@ -35,14 +35,15 @@ from cam_rig.units import FloatArray
 #: error of the gauge is not given, in standard errors of the scatter. A tolerance that is too small
 #: gives many knots. A tolerance that is too large has little effect.
 SCATTER_MARGIN_ERRORS = 2.0
-#: Factor by which the tolerance of the spline is repeatedly increased until a spline is within it.
+#: Factor by which the tolerance of the spline is multiplied, repeatedly, until a spline exists
+#: within it.
 WIDENING_FACTOR = 2.0
 #: Largest median distance of readings (deg) without a warning that the readings do not determine
 #: the law between them. For the laws of this project, the peak acceleration is within 2 % at 5 deg,
 #: and within 5 % at 10 deg.
 MAX_CLOSE_STEP_DEG = 5.0
-#: Largest distance by which the law may go beyond the highest or lowest reading without a warning,
-#: as a fraction of the lift. The tolerance of the fit is allowed in any case.
+#: Largest excess of the fitted law over the highest or below the lowest reading without a warning,
+#: as a fraction of the lift. An excess up to the tolerance of the fit is allowed in any case.
 MAX_BEYOND_READINGS = 0.01
 #: Smallest distance of a reading from its neighbours, in scatters, at which its residual is
 #: compared with the scatter, and not only with the other residuals. It is below the limit of an
@@ -161,7 +162,7 @@ class SplineFit(Result):
 
     @property
     def followed(self) -> bool:
-        """True if the requested tolerance, the error of the gauge, was used."""
+        """True if the tolerance of the spline is the given error of the gauge."""
         return self.tolerance == self.requested_tolerance
 
     @property
@@ -262,13 +263,13 @@ class SplineFit(Result):
             yield list_outliers(readings)
 
     def _relative_residuals(self) -> FloatArray:
-        """Return residuals as multiples of the other readings' deviation, shape ``(n,)``.
+        """Return absolute residuals as multiples of a typical deviation, shape ``(n,)``.
 
-        The unit is the r.m.s. of the other residuals. For a reading that its neighbours contradict,
-        it is the scatter of the readings instead, if that gives a larger value. The reason is that
-        an outlier attracts the spline, which increases the residuals around it but not the scatter.
-        A spline that is too smooth has large residuals at many successive readings, but their
-        neighbours do not contradict them.
+        The typical deviation is the r.m.s. of the other residuals. For a reading that its
+        neighbours contradict, it is the scatter of the readings instead, if that gives a larger
+        value: an outlier attracts the spline, which increases the residuals around it but not the
+        scatter. A spline that is too smooth has large residuals at many successive readings, but
+        their neighbours do not contradict them.
         """
         readings, residuals = self.readings, self._residuals
         values, is_valid = differences(readings.angles, readings.lifts)

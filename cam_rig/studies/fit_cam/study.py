@@ -207,10 +207,10 @@ class FitRequest:
         return fit_arcs(columns, self._flats(len(columns)), roller, base, given, self.flank)
 
     def _flats(self, column_count: int) -> tuple[bool | None, ...]:
-        """Return for each column True if its follower is flat, or None if unknown.
+        """Return for each column True if its follower is flat, or None if it is unknown.
 
-        The fit determines an unknown type. Raises ConfigError if the number of requested types does
-        not match the number of columns.
+        The fit determines an unknown type. Raises ConfigError if the number of requested follower
+        types does not match the number of columns.
         """
         if len(self.followers) == column_count:
             return tuple(follower == "flat" for follower in self.followers)

@@ -12,8 +12,8 @@ from cam_rig.laws import Law
 from cam_rig.laws.passages import passages
 from cam_rig.units import TURN
 
-#: Default lifts of the valve (m) at which its opening and closing are listed: 1 mm, usual in metric
-#: tables, and 0.050 in.
+#: Default lifts of the valve (m) at which the cam angles of its opening and closing are listed: 1
+#: mm, usual in metric tables, and 0.050 in.
 CHECKING_HEIGHTS = (1e-3, 0.05 * 0.0254)
 
 

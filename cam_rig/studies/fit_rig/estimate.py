@@ -20,7 +20,7 @@ NORMAL_95 = 1.96
 #: Relative standard error from which an identified value gets a warning: fewer than one digit of
 #: the value is significant.
 CAUTION_RELATIVE_ERROR = 1.0 / 3.0
-#: Relative standard error below which a parameter counts as identified. Its 95 % interval then
+#: Largest relative standard error at which a parameter counts as identified. Its 95 % interval then
 #: excludes zero.
 MAX_RELATIVE_ERROR = 0.5
 
@@ -102,8 +102,8 @@ class ParameterEstimate:
         return text.removesuffix(" 1") + (f" ({self.caution})" if self.caution else "")
 
 
-#: Smallest and largest usual values of a follower on a test bench, in SI, by rig-file key. An
-#: identified value outside of them gets a warning and is not rejected.
+#: Smallest and largest usual values of a follower on a test bench, in SI, by key of the rig file.
+#: An identified value outside of them gets a warning and is not rejected.
 USUAL_VALUES = {"mass": (0.005, 500.0), "spring_stiffness": (10.0, 1e8)}
 
 
@@ -122,8 +122,8 @@ def warn_of_unusual_values(numbers: Iterable[ParameterEstimate]) -> Iterator[str
 def interval_text(value: float, half: float, unit: str) -> str:
     """Return the 95 % interval of a parameter as text.
 
-    ``half`` is half its width. The parameter cannot be negative: if the interval contains 0, the
-    text gives the upper limit only.
+    ``value`` is its middle and ``half`` half its width, both in ``unit``. The parameter cannot be
+    negative: if the interval contains 0, the text gives the upper limit only.
     """
     low, end = value - half, f"{value + half:.3g} {unit}".removesuffix(" 1")
     return f"with 95 % it is below {end}" if low <= 0.0 else f"with 95 % it is {low:.3g} to {end}"
@@ -170,10 +170,10 @@ class RigParameters(Result):
         return tuple(n for n in self.numbers if n.origin == "identified")
 
     def number_tables(self, caption: str, names: tuple[str, ...]) -> list[Records]:
-        """Return two tables: one row per parameter, and the correlations of their errors.
+        """Return the table of parameters, and the correlations of their errors.
 
-        ``names`` are the parameters of ``correlation``. The second table is empty if there is only
-        one.
+        ``caption`` is the caption of the first table, and ``names`` are the parameters of
+        ``correlation``. The second table is empty if there is only one parameter.
         """
         pairs = [
             (names[i], names[k], float(self.correlation[i, k]))

@@ -23,8 +23,8 @@ CURVE_POINTS = 1440
 def rig_figure(fit: RigFit) -> Figure:
     """Draw measured and fitted contact force over a turn, with the residuals below.
 
-    The columns are up to `MAX_SPEEDS` speeds, from slow to fast. If the run has no force, the lift
-    is drawn instead.
+    There is one column for each of up to `MAX_SPEEDS` cam speeds, from slow to fast. If the run has
+    no force, the lift is drawn instead.
     """
     segments = fit.solution.segments
     force = any(segment.force.value.size for segment in segments)

@@ -28,8 +28,8 @@ class ParameterLimits:
     logarithm: bool = False
 
 
-#: Unit and limits of each parameter of a follower, by its key in a rig file. The limits exclude
-#: values that overflow, and are far outside the values of any real follower.
+#: Unit and limits of each parameter of a follower, by its key in a rig file. The limits only
+#: exclude values that would overflow. They are far outside the values of any real follower.
 PARAMETERS = {
     "mass": ParameterLimits("kg", 1e-6, 1e6, logarithm=True),
     "spring_stiffness": ParameterLimits("N/m", 1e-6, 1e12, logarithm=True),

@@ -170,9 +170,10 @@ def _law_of(cams: CamSet, name: str | None) -> Law:
 
 
 def _require_none(source: str, **options: object) -> None:
-    """Raise a `ConfigError` if an option is set that the source cannot use.
+    """Raise a `ConfigError` if an option is set that does not apply to the source.
 
-    ``options`` are the values by option name. ``source`` names the source in the message.
+    ``options`` are the values by option name, None if not set. ``source`` names the kind of
+    measurement (bag or table) in the message.
     """
     for name, value in options.items():
         if value is not None:

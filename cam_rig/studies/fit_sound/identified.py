@@ -19,7 +19,7 @@ Edit = tuple[int, int, str]
 def set_identified(
     path: Path, numbers: dict[tuple[str | int, ...], float], source: str, residual: str
 ) -> None:
-    """Write numbers with the origin `identified`, a source and a residual into a YAML file.
+    """Write numbers as `identified`, with source and residual, into a YAML file.
 
     Numbers with this origin are fitted to measurements. The rest of the text does not change. The
     file is replaced atomically.

@@ -34,7 +34,8 @@ from cam_rig.show.tables import pluralize
 from cam_rig.units import NS, RPM, TURN, rms
 
 # Published jump speeds. They are assigned to cams whose files have the content of a shipped cam.
-#: Name of the shipped rig whose parameters were identified from the published jump speeds.
+#: Name of the shipped rig whose parameters were identified from jump speeds in Table 2 of the paper
+#: on which the project is based.
 IDENTIFIED = "paper_table2"
 
 
@@ -42,8 +43,9 @@ IDENTIFIED = "paper_table2"
 class Reference:
     """Published jump speed (rpm) of a cam, and the time (s) at which contact is lost.
 
-    `role` is "fitted" if the rig was identified from this speed, and "test" if it was not. It is
-    empty on another rig, or if the event angles of the cam differ from those of the shipped cam.
+    `role` is "fitted" if the parameters of the rig were identified from this speed, and "test" if
+    they were not. It is empty on another rig, or if the event angles of the cam (spans of its rises
+    and falls) differ from those of the shipped cam.
     """
 
     rpm: float
@@ -54,7 +56,8 @@ class Reference:
 def references(cam_set: CamSet, published: PublishedTables) -> dict[str, Reference]:
     """Return the published jump speeds of a set of cams, by cam.
 
-    Only cams with the motion of a shipped cam have one. Their event angles may differ.
+    A cam is included if its motion is that of a shipped cam with a published speed. The event
+    angles (spans of its rises and falls) may differ.
     """
     shipped = load_rig(config_root() / "rigs" / f"{IDENTIFIED}.yaml")
     identified = plain_data(cam_set.rig.follower, ORIGIN_NOTES) == plain_data(
@@ -209,12 +212,12 @@ class JumpResult(Result):
 
     @property
     def ramp(self) -> float | None:
-        """Slope of the ramp (rpm/s), or None without a ramp."""
+        """Slope of the speed ramp (rpm/s), or None if the cam speed is constant."""
         return next((row.ramp for row in self.rows), None)
 
     @property
     def run(self) -> str:
-        """Description of the follower and of its run as text."""
+        """Description of the follower and of its run (from rest, steady or ramp) as text."""
         if self.ramp is not None:
             return f"{self.follower}, along a ramp of {self.ramp:g} rpm/s"
         return describe_run(follower_of(self.cam_set.rig), self.duration)
@@ -323,8 +326,8 @@ def find_jumps(
 MIN_RAMP = 1.0
 #: Largest slope of a ramp, rpm/s. At this slope contact is lost within the first turn.
 MAX_RAMP = 1e5
-#: Sample rate (Hz) of the run along a ramp. Only the events of the run are used, which do not
-#: depend on the sample rate.
+#: Sample rate (Hz) of a run along a speed ramp. Only lift-offs and landings of the run are used,
+#: which do not depend on the sample rate.
 SAMPLE_RATE_HZ = 1000
 
 

@@ -32,8 +32,8 @@ from cam_rig.units import RPM, TURN, FloatArray
 #: Limits (rpm) of the inset in which the curves are magnified. Most of the paper's cams lose
 #: contact between them.
 INSET = (380.0, 420.0)
-#: Largest speed of a cam's curve, relative to its jump speed. There the force is far below the
-#: axes. If another cam jumps at ten times the speed, each further point would require a thousand
+#: Highest speed to which the curve of a cam is drawn, relative to its jump speed. Beyond it the
+#: force is far below the axes, and at ten times the jump speed each point would require a thousand
 #: turns.
 MAX_SPEED_RATIO = 2.0
 
@@ -84,9 +84,10 @@ def figure(result: JumpResult) -> Figure:
 
 
 def _inset(axes: Axes, force: float) -> Axes:
-    """Return an inset that magnifies the speeds at which several cams lose contact.
+    """Return an inset of the axes that magnifies the range of speeds `INSET`.
 
-    Its force axis has the limits -``force`` and ``force`` (N).
+    Several cams lose contact in this range. The force axis of the inset has the limits -``force``
+    and ``force`` (N).
     """
     out = axes.inset_axes((0.54, 0.69, 0.44, 0.29), xlim=INSET, ylim=(-force, force))
     out.axhline(0.0, color="0.3", lw=0.9)
@@ -107,9 +108,10 @@ def _mark(axes: Axes, row: JumpRow) -> None:
 
 @styled
 def lift_off_figure(cam_set: CamSet, rpm: float) -> Figure:
-    """Draw displacement and gap of the roller over a turn from rest (paper, fig. 11).
+    """Draw displacement and gap of the roller over a turn of a run from rest.
 
-    ``rpm`` is the constant cam speed. There is one curve per cam.
+    It corresponds to fig. 11 of the paper on which the project is based. ``rpm`` is the constant
+    cam speed. There is one curve per cam.
     """
     out = empty(4.8)
     upper, lower = out.subplots(2, 1, sharex=True, height_ratios=[1.4, 1.0])

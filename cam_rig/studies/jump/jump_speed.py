@@ -231,7 +231,7 @@ def _jump_speeds(
 def _rig_jump(
     law: Law, rig: RigConfig, duration: float | None, changed: dict[str, float]
 ) -> RigJump:
-    """Return the jump speed of a rig with some parameters of its follower changed.
+    """Return the jump speed of a rig with some parameters of its follower replaced.
 
     ``changed`` are the new values in SI by name. If there is no jump speed, the result contains the
     reason.

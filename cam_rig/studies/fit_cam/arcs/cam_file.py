@@ -29,14 +29,15 @@ from cam_rig.units import round_to_error
 #: parameters alone do not determine the number of digits, because the errors of the radii are
 #: correlated.
 MAX_ROUNDING_DISTANCE = 0.1
-#: Upper limit of the number of digits that are added one by one to those from the standard errors.
+#: Largest number of digits that are added, one by one, to the digits that follow from the standard
+#: errors.
 MAX_ADDED_DIGITS = 6
 
 
 def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
-    """Return the cam file of fitted tangent arcs, with a follower of type `kind`.
+    """Return the files of a cam with fitted tangent arcs.
 
-    ``name`` is the name of the cam.
+    ``name`` is the name of the cam, and `kind` the type of its follower.
     """
     arcs, roller = _round_contour(fit)
     columns, intervals = fit.fitted_columns, fit.intervals
@@ -98,10 +99,10 @@ def _round_contour(fit: ArcsFit) -> tuple[Arcs, float]:
 
 
 def _round_to_errors(fit: ArcsFit, fraction: float) -> tuple[Arcs, float]:
-    """Return contour and roller radius (m), rounded according to their errors.
+    """Return contour and roller radius (m), rounded to their standard errors.
 
-    The last digit is the second digit of the standard error times `fraction`. Radii that are given
-    are not rounded.
+    The last digit of a number is the second digit of its standard error times `fraction`. Radii
+    that are given are not rounded.
     """
     arcs, roller, intervals = fit.arcs, fit.roller_radius, fit.intervals
 

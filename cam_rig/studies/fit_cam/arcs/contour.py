@@ -49,7 +49,7 @@ class Arcs:
     def offset(self, distance: float) -> Arcs:
         """Return the parallel contour at a distance (m).
 
-        It is outside for a positive distance, and inside for a negative one.
+        It is outside of this contour for a positive distance, and inside for a negative distance.
         """
         flank = None if self.flank_radius is None else self.flank_radius + distance
         base, nose = self.base_radius + distance, self.nose_radius + distance
@@ -74,11 +74,11 @@ class Arcs:
 
 @dataclass(frozen=True, eq=False)
 class ArcColumn:
-    """Column of readings with its interpretation, and its residuals from a contour.
+    """Readings of one follower with their interpretation and residuals.
 
     The interpretation is the type of the follower, and ``is_reversed``, which is True if the cam
-    was turned in the opposite sense. ``residuals`` are the lift of the contour minus the reading,
-    in m, shape ``(n,)``.
+    was turned in the opposite sense. ``residuals`` are the lift of the fitted contour minus the
+    reading, in m, shape ``(n,)``.
     """
 
     readings: Readings
@@ -94,9 +94,10 @@ class ArcColumn:
         return "roller" if self.follower.roller_radius else "point"
 
     def lifts(self, arcs: Arcs, angles: FloatArray) -> FloatArray:
-        """Return the lift (m) of a contour at cam angles (rad) as the column counts them.
+        """Return the lift (m) of a contour at the cam angles (rad) of this column.
 
-        If the column is reversed, the contour is evaluated at the negative angles.
+        If the cam was turned in the opposite sense, the contour is evaluated at the negative
+        angles.
         """
         return arcs.lifts(self.follower, -angles if self.is_reversed else angles)
 
@@ -154,10 +155,10 @@ class Coordinates:
         return (f"base radius{roller}", "lift", *radii, "nose angle")
 
     def shift(self, prime: float) -> float:
-        """Return the length (m) that converts pitch-curve radii of flank and nose.
+        """Return the length (m) between a radius of the pitch curve and its coordinate.
 
-        Added to the radius, it gives the radius of the coordinates. ``prime`` is the radius of the
-        base circle of the pitch curve, m.
+        Added to the radius of flank or nose, it gives the radius in `Coordinates`. ``prime`` is the
+        radius of the base circle of the pitch curve, m.
         """
         return 0.0 if self.sums else -prime
 

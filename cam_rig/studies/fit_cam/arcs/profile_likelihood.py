@@ -30,11 +30,11 @@ from cam_rig.units import FloatArray
 
 #: Probability of a value below the lower, or above the upper, end of a 95 % interval.
 TAIL_PROBABILITY = 0.025
-#: Tolerance of the end of an interval, relative to its distance from the best value. Two digits of
-#: the end are displayed.
+#: Tolerance of an end of a 95 % interval, relative to its distance from the best value. Two digits
+#: of the end are displayed.
 END_RTOL = 0.01
-#: Relative tolerance of the sum of squares in a search with one fixed parameter. It is far below
-#: the change of the sum that determines the end of an interval.
+#: Relative tolerance of the sum of squares in a search with one fixed parameter of the contour. It
+#: is far below the change of the sum at the end of an interval.
 PROFILE_RTOL = 1e-6
 #: Step of the search variables for a central difference. The variables are of the order of 1. The
 #: step is of the order of the cube root of the rounding error, 6e-6.
@@ -43,8 +43,8 @@ DERIVATIVE_STEP = 1e-6
 #: to first order, relative to the largest search variable (at least 1). Case: a concave flank under
 #: a flat follower. It sets only the first step, which is then doubled.
 UNKNOWN_ERROR = 1e-3
-#: Largest number of doublings of the first step in the search for an end. An end beyond a factor of
-#: 10⁹ is taken as infinite.
+#: Largest number of doublings of the first step in the search for an end of a 95 % interval. An end
+#: beyond a factor of 10⁹ is taken as infinite.
 MAX_DOUBLINGS = 30
 #: Largest end of the interval of the prime radius (base plus roller radius), as a multiple of the
 #: lift. A larger end is taken as infinite.
@@ -195,9 +195,9 @@ class Profile:
 
 
 class _ProfilePath:
-    """Best contours as a function of one coordinate that is fixed.
+    """Best contours over the values of one coordinate that is fixed in the search.
 
-    It starts at the best of all contours. Each computed contour is stored as a starting point for
+    The first is the best of all contours. Each computed contour is stored as a starting point for
     other values of the coordinate. ``lowest`` is the smallest allowed value.
     """
 
@@ -212,10 +212,10 @@ class _ProfilePath:
         self._solutions = {self.start: (np.delete(profile.x, index), -self.estimate.limit)}
 
     def excess(self, coordinate: float) -> float:
-        """Return how far the best contour with this coordinate is beyond the limit.
+        """Return the distance of the best contour with this coordinate beyond the limit.
 
-        It is its `Profile.distance` minus the limit of the 95 % interval, and negative inside the
-        interval.
+        The distance is `Profile.distance` of that contour minus the limit of the 95 % interval. It
+        is negative inside the interval.
         """
         if coordinate in self._solutions:
             return self._solutions[coordinate][1]

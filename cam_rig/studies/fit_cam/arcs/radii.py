@@ -12,13 +12,13 @@ from cam_rig.studies.fit_cam.arcs.contour import Arcs
 
 #: Radii that the user has given in addition to the readings, or None if neither is given.
 GivenRadii = Literal["base", "roller", "both"] | None
-#: Smallest radius of nose or base that an assumed roller radius may leave, as a fraction of the
-#: smaller of base and nose radius of the pitch curve. For flat followers, it is a fraction of the
-#: base radius. A smaller radius is a cusp, as with a roller radius of half the lift on a cam with a
-#: sharp nose.
+#: Smallest radius of nose and base circle of the cam that an assumed roller radius may leave, as a
+#: fraction of the smaller of both radii of the pitch curve. For flat followers it is a fraction of
+#: the base radius. A smaller radius would be a cusp, as with a roller radius of half the lift on a
+#: cam with a sharp nose.
 MIN_RADIUS_LEFT = 0.1
-#: Radius of nose or base that remains after an assumed radius has been replaced, as a fraction of
-#: the same radius as in `MIN_RADIUS_LEFT`.
+#: An assumed radius that leaves too small a radius of nose or base circle is replaced. This radius
+#: then remains, as a fraction of the same radius as in `MIN_RADIUS_LEFT`.
 REPLACED_RADIUS_LEFT = 0.5
 #: Lower limit of the radius of nose or base, as a fraction of the same radius of the pitch curve.
 #: It keeps both radii positive until the given base radius is checked.
@@ -88,7 +88,8 @@ def contour_of_pitch_curve(
 def require_roller(base: float, pitch: Arcs, interval: str) -> None:
     """Raise ConfigError if a base radius (m) leaves no radius for roller or nose.
 
-    ``pitch`` is the pitch curve. ``interval`` is the 95 % interval of its base radius as text.
+    ``pitch`` is the pitch curve (path of the roller centre). ``interval`` is the 95 % interval of
+    its base radius as text.
     """
     prime, nose = pitch.base_radius, pitch.nose_radius
     together = f"{prime * 1e3:.4g} mm ({interval} with 95 %)"

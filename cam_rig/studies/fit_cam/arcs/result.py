@@ -21,16 +21,19 @@ from cam_rig.units import rms
 
 #: Shape of the flanks that the user has given, or None.
 Flank = Literal["straight", "curved"] | None
-#: Smallest ratio of the r.m.s. residual of an interpretation to that of the best at which the
-#: readings rule it out. With a smaller ratio it could be the better one in another set of readings.
+#: The readings rule out another interpretation (follower types and turning senses) if its r.m.s.
+#: residual is at least this multiple of the best. With a smaller ratio it could be the better
+#: interpretation of another set of readings.
 MIN_EXCLUDED_RATIO = 1.1
 #: Largest r.m.s. residual at which tangent arcs are accepted as a description of the readings, as a
 #: multiple of the readings' scatter. It is above 1 because the estimated scatter is too small if
 #: neighbouring readings have equal errors.
 MAX_DESCRIBED_SCATTERS = 4.0
-#: Texts for the turning sense of a column, indexed by False (as turned) and True (reversed).
+#: Texts for the turning sense of a column of readings, indexed by False (as turned) and True
+#: (reversed).
 SENSES = ("as turned", "reversed")
-#: Description of the columns for the ends of an interval, in the table of results.
+#: Description of the columns with the ends of an interval, in the table of parameters. The interval
+#: of a flank radius can include a straight flank.
 NOT_STRAIGHT = "empty if the interval contains straight"
 
 
@@ -128,9 +131,9 @@ class ArcsFit(Result):
 
     @cached_property
     def fitted_columns(self) -> tuple[ArcColumn, ...]:
-        """Readings of each column with their residuals from the contour.
+        """Readings of each column with their residuals from the fitted contour.
 
-        The interpretation of a column is that of the best fit.
+        They have the interpretation (follower type and turning sense) of the best fit.
         """
         search, roller = self.best.search, ArcFollower(False, self.roller_radius)
         columns = (search.column(self.best.x, i) for i in range(len(search.columns)))
@@ -221,7 +224,7 @@ class ArcsFit(Result):
 
     @property
     def not_identifiable(self) -> tuple[str, ...]:
-        """Sentences on the radii that the readings of these followers cannot identify."""
+        """Sentences on the radii that these types of followers cannot identify."""
         if not self.only_flat and (not self.roller_radius or self.given_radii == "both"):
             return ()
         radius, usual = self.roller_radius, "half the lift"

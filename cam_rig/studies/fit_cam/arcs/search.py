@@ -38,14 +38,14 @@ ROUGH_RTOL = 1e-8
 MAX_ROUGH_EVALUATIONS = 30
 #: Relative tolerance of the final search, close to floating-point rounding.
 FINAL_RTOL = 1e-12
-#: Error message if no contour is close to the readings, or if a contour with the parameters does
-#: not exist.
+#: Error message if no contour is close to the readings, or if no contour with the fitted parameters
+#: exists.
 NO_CLOSE_CONTOUR = (
     "no base circle, two equal flanks and a nose come near the readings; allowed: a symmetric cam, "
     "else --shape spline"
 )
-#: Residual (m) of each reading for parameters with which no contour exists. It is far above any
-#: other residual.
+#: Residual (m) of every reading in a search if no contour exists with the parameters. It is far
+#: above any other residual, so the search avoids such parameters.
 NO_CONTOUR_RESIDUAL = 1.0
 #: Curvature below which a flank counts as straight, relative to the curvature of the prime circle
 #: (radius: base plus roller radius). Over the length of a flank, such a curvature changes the lift
@@ -55,7 +55,7 @@ STRAIGHT_CURVATURE = 1e-6
 
 @dataclass(frozen=True)
 class Role:
-    """Interpretation of a column of readings.
+    """Interpretation of one column of readings in the search for a contour.
 
     ``is_flat`` is True for a flat follower. ``is_reversed`` is True if the cam was turned in the
     opposite sense.

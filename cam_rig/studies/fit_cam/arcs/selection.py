@@ -45,12 +45,12 @@ MAX_RMS_RATIO = 0.05
 #: Base radius, as a multiple of the lift, in a search with only flat followers and no given base
 #: radius. It has no effect on the lifts, and is so large that it does not limit the contour.
 FREE_BASE_LIFTS = 100.0
-#: Ratio of the fitted nose radius of the pitch curve to its lower bound, a given roller radius,
-#: below which the search has ended at this bound.
+#: If the ratio of the nose radius of the fitted pitch curve to its lower bound (a given roller
+#: radius) is below this value, the search has ended at the bound.
 BOUND_RATIO = 1.01
-#: Largest ratio of an interpretation's r.m.s. residual to the smallest at which its fit is refined.
-#: A rough search ends close to its minimum, so refinement does not change the order at larger
-#: ratios.
+#: An interpretation of the readings is refined by a final search only if its r.m.s. residual is at
+#: most this multiple of the smallest. A rough search ends close to its minimum, so refinement does
+#: not change the order at larger ratios.
 MAX_REFINED_RATIO = 2.0
 #: Lower limit of the r.m.s. residual (m) in the likelihood, for exact lifts. It is far below that
 #: of any gauge.
@@ -131,10 +131,11 @@ def fit_arcs(
 
 
 def _fit_without_outliers(fit: Callable[[Columns], ArcsFit], columns: Columns) -> ArcsFit:
-    """Return a fit in which the fitted arcs determine the excluded outliers.
+    """Return a fit of arcs from which outliers are excluded.
 
-    ``fit`` fits arcs to columns. It is repeated until the outliers no longer change, at most
-    `MAX_OUTLIER_ROUNDS` times. The last fit is returned.
+    Outliers are readings far from the fitted arcs. ``fit`` fits arcs to ``columns`` of readings. It
+    is repeated until the outliers no longer change, at most `MAX_OUTLIER_ROUNDS` times. The last
+    fit is returned.
     """
     result = fit(columns)
     for _ in range(MAX_OUTLIER_ROUNDS):

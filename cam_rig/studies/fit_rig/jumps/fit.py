@@ -35,23 +35,24 @@ from cam_rig.studies.fit_rig.normal_equations import normal_inverse
 from cam_rig.studies.fit_rig.parameters import PARAMETERS, check_fixed, from_search, parameter_slope
 from cam_rig.units import RPM, FloatArray, rms, round_to_error
 
-#: Largest scatter of the residuals at which a follower is accepted as fitting the readings, as a
-#: fraction of the mean jump speed.
+#: Largest scatter of the residuals with which a fitted follower is accepted, as a fraction of the
+#: mean jump speed.
 MAX_SCATTER = 0.04
-#: Largest ratio of the residuals' scatter to the given error of a reading at which the given error
-#: is used. At a larger ratio the scatter replaces it.
+#: Largest ratio of the residuals' scatter to the error of a reading that the user has given. At a
+#: larger ratio the given error is replaced by the scatter.
 MAX_ERROR_RATIO = 2.0
-#: Smallest start value of the mass of the follower without added masses, kg.
+#: Smallest start value of the follower's mass without the added masses of the table, kg.
 MIN_OWN_MASS = 0.05
 #: Fraction of the sum of squared residuals above which a single reading is reported as an outlier.
 OUTLIER_SHARE = 0.55
 
 
 def _setup_value(name: str) -> Callable[[tuple[JumpReading, float]], float | None]:
-    """Return a function that reads the value ``name`` of a table row's set-up.
+    """Return a function that reads one column of the table of jump speeds.
 
-    The row is a pair of a reading and its fitted jump speed (rpm). The function returns the value
-    in SI, or None if the measured table has no such column.
+    ``name`` is the column: an added mass, a spring or a preload. The argument of the function is a
+    pair of a reading and its fitted jump speed (rpm). It returns the value in SI, or None if the
+    measured table has no such column.
     """
     return lambda row: row[0].setup.get(name)
 
@@ -285,10 +286,11 @@ def _reading_deviation(
 def _read_start_values(
     table: JumpTable, base: RigConfig, fixed: dict[str, float], has_two_masses: bool
 ) -> dict[str, float]:
-    """Return the start values of all parameters in SI, by name.
+    """Return the start values of all follower parameters in SI, by name.
 
     They are those of the rig ``base``, overridden by ``fixed``. If the table has added masses, the
-    follower's mass starts at half the smallest of them.
+    follower's mass starts at half the smallest of them. ``has_two_masses`` is True to include the
+    parameters of a stem.
     """
     follower = base.follower
     values = {name: base.need(name, "the fit").si for name in RIGID}

@@ -42,8 +42,8 @@ STIFFNESS_FACTORS = (10.0, 100.0)
 #: Number of start points with a stiffer stem from which a search is run: those with the smallest
 #: error. The number is small because a search of two masses takes half a minute.
 STIFF_STARTS = 2
-#: Number of cam angles per turn at which a start point is computed under the assumption that all
-#: readings lose contact there.
+#: Number of cam angles per turn for which start values are computed. Each assumes that contact is
+#: lost at this angle in all readings.
 BALANCE_ANGLES = 120
 
 
@@ -64,7 +64,10 @@ class JumpModel:
 
     @cached_property
     def _setups(self) -> tuple[list[dict[str, float]], list[int]]:
-        """Distinct set-ups of the table, and for each reading the index of its set-up."""
+        """Distinct set-ups of the table, and the index of each reading's set-up.
+
+        A set-up is the added mass, spring and preload with which a jump speed was measured.
+        """
         setups = [tuple(sorted(reading.setup.items())) for reading in self.table.readings]
         index = {setup: i for i, setup in enumerate(dict.fromkeys(setups))}
         return [dict(setup) for setup in index], [index[setup] for setup in setups]
@@ -205,15 +208,17 @@ def _solve_balance(
     return rigid.fixed | {n: float(v) for n, v in solution.items() if v > 0.0 or n == "damping"}
 
 
-#: Ratio of the speed changes for a step down and a step up of a parameter (the smaller to the
-#: larger), below which the derivative is set to zero.
+#: If a step of a parameter down and a step up change a jump speed by amounts whose ratio (smaller
+#: to larger) is below this value, the derivative is set to zero.
 ONE_SIDED_RTOL = 1e-3
 
 
 def _jacobian(trial: JumpModel, x: FloatArray) -> FloatArray:
     """Return the derivatives of jump speeds (rpm) by the search variables, ``(m, n)``.
 
-    They are central differences. A derivative is zero if the speed changes on one side only.
+    They are central differences at the search variables ``x``. A derivative is set to zero if the
+    speed changes on one side only: the values on the other side then fit equally well, and the
+    reading does not identify the parameter.
     """
     jacobian = np.empty((len(trial.table.readings), x.size))
     low, high = search_limits(trial.free)

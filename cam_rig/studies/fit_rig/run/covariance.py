@@ -22,10 +22,10 @@ from cam_rig.units import FloatArray, autocorrelation
 class Uncertainty:
     """Covariance of a fit, and the parameters that it does not identify.
 
-    ``covariance`` ``(n, n)`` is that of the n search variables. ``null_groups`` are tuples of their
-    indices. The parameters of a group can change together without a change of the residuals.
-    ``correlation_lengths`` are the numbers of samples over which the residuals of the lift and of
-    the force are correlated. Each is the largest of all steady-speed segments.
+    ``covariance`` ``(n, n)`` is that of the n search variables. ``null_groups`` are tuples of
+    indices of search variables: those of one group can change together without a change of the
+    residuals. ``correlation_lengths`` are the numbers of samples over which the residuals of the
+    lift and of the force are correlated. Each is the largest of all steady-speed segments.
     """
 
     covariance: FloatArray
@@ -65,9 +65,10 @@ def _scores(
 ) -> tuple[FloatArray, tuple[float, float]]:
     """Return JᵀRJ ``(n, n)``, and the correlation lengths of lift and force residuals.
 
-    R is the autocorrelation of the residuals. It is computed for each steady-speed segment and each
-    quantity separately, as that of stationary noise. The last rows of J, one per segment, belong to
-    the speed errors, which are independent. The correlation lengths are in samples.
+    J is ``jacobian``, and R the autocorrelation of the residuals. R is computed for each
+    steady-speed segment and each quantity separately, as that of stationary noise. The last rows of
+    J, one per segment, belong to the errors of the speeds, which are independent. The correlation
+    lengths are in samples.
     """
     start = jacobian.shape[0] - len(likelihood.segments)
     total, lengths = jacobian[start:].T @ jacobian[start:], ([1.0], [1.0])

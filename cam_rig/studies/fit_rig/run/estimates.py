@@ -25,14 +25,15 @@ from cam_rig.units import TURN, rms
 
 #: Standard error (dimensionless) below which a restitution counts as identified.
 MAX_RESTITUTION_ERROR = 0.1
-#: Reason why a parameter has no value if some speeds were left out of the fit, by rig-file key.
+#: Reason why a parameter has no value if steady speeds were left out of the fit, by the parameter's
+#: key in a rig file.
 LEFT_OUT_REASONS = {
     "restitution": "no follower fits the speeds that were left out",
     "stem_stiffness": "a rigid stem fits the speeds in contact: try --model two_mass",
 }
-#: Largest ratio of the residuals' r.m.s. to that of the noise at which a solution is accepted. It
-#: is also the largest accepted correlation length of the lift residuals, in samples, if no force
-#: was measured.
+#: Largest ratio of the residuals' r.m.s. to that of the noise at which a fit is accepted as
+#: reliable. It is also the largest accepted correlation length of the lift residuals, in samples,
+#: if no force was measured.
 MAX_MISFIT = 3.0
 
 
@@ -132,7 +133,11 @@ def _restitution_estimate(value: float, error: float, stem: bool) -> ParameterEs
 
 
 def _fixed_reason(name: str, scale: tuple[str, ...], solution: FitSolution) -> str:
-    """Return the reason why a parameter that was not free in the fit has no value."""
+    """Return the reason why a parameter that was not free in the fit has no value.
+
+    ``name`` is the parameter. ``scale`` are the parameters that were fixed because only ratios to
+    them are identifiable.
+    """
     if name == "restitution" and not any(solution.landings):
         return "no landing was measured: the follower never leaves the cam"
     if name == "stem_stiffness":
@@ -149,7 +154,8 @@ def _fixed_reason(name: str, scale: tuple[str, ...], solution: FitSolution) -> s
 def _null_reason(others: list[str], solution: FitSolution) -> str:
     """Return the reason why a free parameter is not identifiable.
 
-    ``others`` are the parameters that could change together with it without effect.
+    ``others`` are the parameters that can change together with it without a change of the
+    residuals.
     """
     if others:
         return f"not identifiable apart from {', '.join(others)}: set one of them with --fix"
@@ -216,9 +222,9 @@ def explain_misfit(solution: FitSolution, correlation_lengths: tuple[float, floa
 
     The noise is estimated from the differences between readings at nearly the same cam angle. The
     residuals should not be much larger. With lifts alone, flights and bounces cause many local
-    minima. A search may stop in one of them close to the solution, where neighbouring residuals are
-    correlated. If only one speed has flights, several minima are equally likely.
-    ``correlation_lengths`` are those of `Uncertainty`.
+    minima of the sum of squares. A search may stop in one of them close to the best fit, where
+    neighbouring residuals are correlated. If only one speed has flights, several minima are equally
+    likely. ``correlation_lengths`` are those of `Uncertainty`.
     """
     flying = sum(map(bool, solution.landings))
     if flying and not any(segment.force.value.size for segment in solution.segments):

@@ -101,8 +101,8 @@ def _is_of_another_cam(aligned: FitSolution) -> bool:
     """Return True if the measured lift shows that another cam was on the rig.
 
     The measured lift at the slowest speed then differs from the law. A follower that loses contact
-    has a different lift too. The result is therefore True only if the contact force shows that
-    contact was kept.
+    has a different lift too, so the result is True only if the contact force shows that contact was
+    kept. ``aligned`` is the fit of the start values.
     """
     slowest = min(range(len(aligned.segments)), key=lambda i: aligned.segments[i].speed)
     segment, predicted = aligned.segments[slowest], aligned.predicted[slowest]

@@ -13,14 +13,14 @@ from cam_rig.units import FloatArray
 #: Smallest number of force samples in flight from which the sensor's zero offset is estimated. With
 #: fewer samples, a single sample next to a landing would decide the result.
 MIN_FLYING_SAMPLES = 4
-#: Number of standard errors above which a zero offset of the force sensor is significant.
-#: `MIN_ZERO_FRACTION` of the preload is added to this limit.
+#: The zero offset of the force sensor is significant if it exceeds this number of standard errors
+#: plus `MIN_ZERO_FRACTION` of the preload.
 MIN_ZERO_ERRORS = 6.0
-#: Fraction of the preload that is added to `MIN_ZERO_ERRORS` standard errors, above which a zero
-#: offset of the force sensor is significant.
+#: Fraction of the preload in the limit of a significant zero offset of the force sensor (see
+#: `MIN_ZERO_ERRORS`).
 MIN_ZERO_FRACTION = 0.005
-#: Number of successive estimates of the force sensor's zero offset. Each uses the flights that
-#: follow from the preload of the previous estimate.
+#: Number of times that the zero offset of the force sensor is estimated. Each estimate uses the
+#: flights that follow from the preload of the previous estimate.
 ZERO_ROUNDS = 5
 
 

@@ -69,9 +69,10 @@ class Instruments:
         return self.first + 2 * self.segments + len(self.single)
 
 
-#: Cam angles (rad) at which the direction of the lift gauge's backlash is computed.
+#: Cam angles (rad) of the table of the last direction of the lift, which decides the side of the
+#: gauge's backlash.
 SIDE_ANGLES = np.linspace(0.0, TURN, 4097)
-#: Largest |s'| of a dwell, relative to the maximum of |s'| over the turn.
+#: Largest |s'| that counts as a dwell, relative to the maximum of |s'| over the turn.
 MIN_SLOPE_FRACTION = 1e-6
 
 

@@ -45,7 +45,7 @@ from cam_rig.units import TURN, FloatArray
 #: Step of a search variable for a difference quotient, relative to the scale of the variable.
 RELATIVE_STEP = 1e-5
 #: Scale of the search variable for the speed error of a steady-speed segment, in standard errors of
-#: the speed. The step of its difference quotient is relative to it.
+#: the speed. The step of the variable for a difference quotient is relative to this scale.
 SPEED_SCALE = 10.0
 #: Step of the cam angle for a difference quotient, rad.
 ANGLE_STEP = 1e-6
@@ -55,9 +55,9 @@ PPM = 1e-6
 #: angle since the first landing of the series. A small error of a landing grows from bounce to
 #: bounce.
 BOUNCE_ANGLE_FRACTION = 0.5
-#: Number of cam angles near a sample at which the force is evaluated to find its range. The
-#: possible error of a landing is at most half the width of its series of bounces, so some of these
-#: angles are outside the series.
+#: Number of cam angles near a force sample at which the computed force is evaluated to find its
+#: range. The possible error of a landing is at most half the width of its series of bounces, so
+#: some of these angles are outside the series.
 FORCE_POINTS = 65
 #: Residual, in standard deviations, of every sample at a speed at which the computed follower has
 #: no periodic turn. It is large, so that a search avoids such parameters.
@@ -79,7 +79,7 @@ class PredictedSignal:
 
 @dataclass(frozen=True, eq=False)
 class PredictedSegment:
-    """Computed periodic turn at a steady speed, with lift and force at the samples."""
+    """Computed periodic turn at one steady speed, with lift and force at the samples."""
 
     turn: PeriodicTurn
     lift: PredictedSignal
@@ -267,10 +267,10 @@ class Likelihood:
         return np.vstack([*blocks, last])
 
     def _segment_jacobian(self, x: FloatArray, i: int) -> FloatArray:
-        """Return the derivatives of a segment's residuals, ``(k, n)``.
+        """Return the derivatives of the residuals at one steady speed, ``(k, n)``.
 
-        They are those of the k residuals at one steady speed by the n search variables. They are
-        zero without a periodic turn.
+        They are those of the k residuals of steady-speed segment ``i`` by the n search variables
+        ``x``. They are zero if the follower has no periodic turn at this speed.
         """
         base, instruments = self.predicted(x, i), self.instruments
         lifts, forces = self.sizes(i)
@@ -391,11 +391,11 @@ class Likelihood:
         return np.stack([forces.min(axis=0), forces.max(axis=0)])
 
     def without_landings(self, x: FloatArray, guard: float) -> Likelihood:
-        """Return a copy without the samples during series of bounces.
+        """Return a copy of the likelihood without the samples during series of bounces.
 
         Lift and force samples are removed from ``guard`` (rad) before the first landing of a series
         to the end of its bounces. After that the follower is on the cam again, and its motion does
-        not depend on the landings.
+        not depend on the landings. ``x`` are the search variables.
         """
         segments = tuple(
             self._segment_without_landings(x, i, guard) for i in range(len(self.segments))
@@ -422,6 +422,6 @@ class Likelihood:
 def _outside(angle: FloatArray, low: float, high: float) -> NDArray[np.bool_]:
     """Return a mask of the cam angles (rad) outside the range ``low`` to ``high``.
 
-    Angles are compared modulo a turn.
+    Angles that differ by whole turns count as equal.
     """
     return np.asarray(np.mod(angle - low, TURN) > high - low)

@@ -28,10 +28,10 @@ MAX_CHANCE_SSE = 60.0
 def contradicts(partial: FitSolution, complete: FitSolution) -> bool:
     """Return True if the fit of all speeds does not explain some of the speeds.
 
-    ``partial`` is the fit to these speeds alone, ``complete`` that to all. The test is the increase
-    of the sum of squares of the steady-speed segments of ``partial``. If one follower explains all
-    segments, it increases by about the number of parameters. Case: a stem that a rigid mass cannot
-    fit in flight (``test_parameters_of_all_speeds_may_contradict_some``).
+    ``partial`` is the fit to these speeds alone, ``complete`` that to all. The sum of squared
+    residuals of these speeds is compared between both fits. If one follower explains all speeds, it
+    is larger in ``complete`` by about the number of parameters. Case: a stem that a rigid mass
+    cannot fit in flight (``test_parameters_of_all_speeds_may_contradict_some``).
     """
     partial_likelihood, complete_likelihood = partial.likelihood, complete.likelihood
     order = [
@@ -121,9 +121,10 @@ def _squared_distances(
 ) -> FloatArray:
     """Return the squared distances of force samples from the computed forces nearby.
 
-    A distance is that from the range of the computed forces at cam angles within ``width`` (rad) of
-    the sample, in standard deviations. It is 0 inside this range, and at most the root of
-    `MAX_SQUARE`. ``i`` is the index of the steady-speed segment, ``samples`` are indices into it.
+    The computed forces are those at cam angles within ``width`` (rad) of the sample. A distance is
+    that of the sample from their range, in standard deviations. It is 0 inside this range, and its
+    square is at most `MAX_SQUARE`. ``i`` is the index of the steady-speed segment, ``samples`` are
+    indices into it.
     """
     like = fit.likelihood
     low, high = like.force_range_near(fit.x, i, samples, width)

@@ -30,9 +30,9 @@ from cam_rig.studies.fit_rig.run.stem_start import find_stem, has_residual_patte
 from cam_rig.units import TURN
 
 AnyCandidate = TypeVar("AnyCandidate", bound=Candidate)
-#: Smallest log likelihood ratio at which an elastic stem or force sensor replaces a rigid model. In
-#: the runs of ``test_rig_fit.py``, white and correlated noise alone give up to 3, a stem or a
-#: resonance 90 or more.
+#: Smallest log likelihood ratio at which a model with an elastic stem, or with a vibrating force
+#: sensor, replaces a rigid model. In the runs of ``test_rig_fit.py``, white and correlated noise
+#: alone give up to 3, a stem or a resonance 90 or more.
 MIN_ELASTIC_LOG_RATIO = 30.0
 #: Smallest backlash of the lift gauge, in standard errors, at which it becomes a free parameter.
 #: Normally distributed errors exceed six standard errors once in 5e8 fits.
@@ -40,8 +40,8 @@ FREE_BACKLASH_ERRORS = 6.0
 #: Smallest backlash at which it becomes a free parameter, relative to the total lift. A smaller
 #: backlash is rounding.
 MIN_BACKLASH_FRACTION = 1e-7
-#: Largest ratio of the repeating force residuals of two fits (see `residual_pattern`) at which they
-#: are attributed to the same noise.
+#: Largest ratio of the repeating force residuals (see `residual_pattern`) of two fits at which they
+#: are attributed to the same noise, not to a vibration.
 MAX_PATTERN_RATIO = 2.0
 #: Restitutions from which a fit to lifts without forces is started, one search each.
 START_RESTITUTIONS = (0.05, 0.25, 0.45, 0.65)
@@ -50,9 +50,9 @@ START_RESTITUTIONS = (0.05, 0.25, 0.45, 0.65)
 def fit_one_mass(aligned: FitSolution, fixed: dict[str, float]) -> FitSolution:
     """Fit one rigid mass to a run.
 
-    The restitution is a free parameter if the computed follower lands on the cam. ``fixed`` are
-    known values in SI. If the fit to all speeds contradicts the speeds in contact, the fit to the
-    speeds in contact is returned.
+    ``aligned`` is the fit of the start values, and ``fixed`` are known values in SI. The
+    restitution is a free parameter if the computed follower lands on the cam. If the fit to all
+    speeds contradicts the speeds without flights, the fit to the latter is returned.
     """
     if not _has_force(aligned):
         return _fit_lifts(aligned, fixed)
@@ -71,8 +71,8 @@ def fit_two_masses(
 ) -> FitSolution:
     """Fit two masses and a stem to a run, if the user has requested this model.
 
-    ``fixed`` are known values in SI. One rigid mass is fitted first, only to the extent required
-    for the start values.
+    ``aligned`` is the fit of the start values, and ``fixed`` are known values in SI. One rigid mass
+    is fitted first, only to the extent required for the start values of the search.
     """
     rigid = {name: value for name, value in fixed.items() if name not in TWO_MASS_ONLY}
     in_contact = _fit_in_contact(
@@ -122,7 +122,10 @@ def fit_elastic(one_mass: FitSolution, fixed: dict[str, float], progress: Progre
 def _without_restitution(
     fixed: dict[str, float], names: tuple[str, ...] = ONE_MASS
 ) -> tuple[str, ...]:
-    """Return the names of the parameters that are free, without the restitution."""
+    """Return the free parameters among ``names``, without the restitution.
+
+    They are those that are not in ``fixed``.
+    """
     return tuple(name for name in names if name not in fixed and name != "restitution")
 
 
@@ -147,9 +150,10 @@ def _contact_segments(fit: Candidate) -> list[int]:
     """Return the indices of the steady speeds at which the follower keeps contact.
 
     A speed is included if the computed follower does not land and the measured force shows no loss
-    of contact. The force is needed because a follower on a stem leaves a cam with acceleration
-    steps at lower speeds than a rigid mass (``test_a_stem_that_leaves_a_cam_of_arcs``). If the
-    force excludes all speeds, only the first condition applies.
+    of contact. The force is needed because a follower on an elastic stem leaves a cam with
+    acceleration steps at lower speeds than a rigid mass
+    (``test_a_stem_that_leaves_a_cam_of_arcs``). If the force excludes all speeds, only the computed
+    follower decides.
     """
     in_contact = [i for i, landings in enumerate(fit.landings) if not landings]
     return [i for i in in_contact if fit.segments[i].presses] or in_contact
@@ -270,10 +274,11 @@ def _search_two_masses(
     stem: dict[str, float],
     fixed: dict[str, float],
 ) -> FitSolution:
-    """Fit two masses and a stem.
+    """Fit two masses and an elastic stem between them to a run.
 
     The search starts from the stem ``stem`` (SI by name) and from ``one_mass_in_contact``, the
-    rigid mass fitted to the speeds in contact. The restitution is fitted afterwards.
+    rigid mass fitted to the speeds without flights. The restitution is fitted afterwards.
+    ``one_mass`` is the rigid mass fitted to all speeds, and ``fixed`` are known values in SI.
     """
     free = _without_restitution(fixed, TWO_MASSES)
     start = one_mass_in_contact.values | {"restitution": 0.0} | stem | fixed
@@ -287,10 +292,11 @@ def _search_two_masses(
 
 
 def _add_restitution(one_mass: Candidate, in_contact: FitSolution) -> FitSolution:
-    """Add an estimate of the restitution to a fit of the speeds in contact.
+    """Add an estimate of the restitution to a fit of the speeds without flights.
 
-    The restitution is estimated at the speeds with flights, with the other parameters fixed. If the
-    flights show a zero offset of the force sensor, this offset is added instead.
+    ``in_contact`` is this fit. The restitution is estimated at the speeds with flights, with the
+    other parameters fixed. If the flights show a zero offset of the force sensor, this offset is
+    added instead. ``one_mass`` contains all speeds.
     """
     if len(in_contact.segments) == len(one_mass.segments):
         return in_contact
@@ -338,7 +344,10 @@ def _fit_two_masses_in_contact(
 
 
 def _pattern_strength(fit: Candidate) -> float:
-    """Return the statistic of `residual_pattern` relative to its white-noise mean."""
+    """Return how strongly force residuals repeat from turn to turn.
+
+    It is the statistic of `residual_pattern`, relative to its mean for white noise.
+    """
     squares, parts = residual_pattern(fit)
     return squares / max(parts, 1.0)
 

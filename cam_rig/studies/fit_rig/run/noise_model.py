@@ -18,8 +18,8 @@ from cam_rig.units import FloatArray, rms
 #: Number of least-squares fits that estimate the noise of the force. Each is weighted with the
 #: noise of the previous fit.
 NOISE_ROUNDS = 4
-#: Smallest constant part of the force's noise, relative to the total noise. It keeps the weights of
-#: small forces finite.
+#: Smallest constant part of the noise of the force, relative to the total noise. Without it, small
+#: forces would get too large weights.
 MIN_FLOOR_FRACTION = 0.05
 
 

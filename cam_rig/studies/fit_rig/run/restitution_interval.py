@@ -29,7 +29,7 @@ from cam_rig.studies.fit_rig.run.search import (
 #: of the interval. Each further step is twice as long.
 FIRST_STEP = 0.01
 #: Number of bisections of the last step in the search for an end of the interval. They locate the
-#: end to an eighth of that step.
+#: end within an eighth of that step.
 HALVINGS = 3
 #: Largest number of searches for the interval. Each starts from the best restitution that the
 #: previous search tried.
@@ -37,8 +37,8 @@ MAX_RESTARTS = 4
 #: Smallest log likelihood ratio by which another restitution must be better than the fit to start
 #: another search from it.
 MIN_RESTART_LOG_RATIO = 1.0
-#: Increase of a log likelihood ratio that is tolerated because one sample may be on the wrong side
-#: of a landing by chance, with a residual of three standard deviations.
+#: Additional log likelihood ratio that is tolerated in a comparison of restitutions: one sample may
+#: be on the wrong side of a landing by chance, with a residual of three standard deviations.
 SAMPLE_LOG_RATIO = 0.5 * 3.0**2
 #: Restitutions over the whole range. Those outside the interval are tested after the search,
 #: because an equally likely value may be separated from the interval.
@@ -108,11 +108,12 @@ def _widen(
 ) -> tuple[float, float]:
     """Return the interval of the restitution, extended to likely values outside it.
 
-    ``low`` and ``high`` are the ends of the interval, ``level`` is the log ratio of its ends. If
-    few samples are in a bounce, the likelihood is nearly constant, and the best of its many narrow
-    maxima is best only by chance. A maximum outweighs the whole range of the restitution only if
-    its log ratio exceeds the logarithm of the ratio of their widths. Case: a restitution next to
-    the end of a narrow interval (``test_flights_identify_the_restitution``).
+    ``low`` and ``high`` are the ends of the interval, and ``level`` is the log likelihood ratio at
+    its ends. ``index`` is that of the restitution among the search variables. If few samples are in
+    a bounce, the likelihood is nearly constant, and the best of its many narrow maxima is best only
+    by chance. A maximum outweighs the whole range of the restitution only if its log ratio exceeds
+    the logarithm of the ratio of their widths. Case: a restitution next to the end of a narrow
+    interval (``test_flights_identify_the_restitution``).
     """
     number = PARAMETERS["restitution"]
     min_width = FIRST_STEP / 2.0**HALVINGS

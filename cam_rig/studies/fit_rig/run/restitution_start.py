@@ -28,11 +28,11 @@ PHASE_STEPS = 4
 #: Step of a segment's phase (rad) for the difference quotients of the Gauss-Newton steps that fit
 #: the phase in a trial of a restitution.
 PHASE_DERIVATIVE_STEP = 1e-6
-#: Largest mean squared residual, in squared standard deviations, that is attributed to noise. It is
-#: above 1 because of samples next to landings.
+#: Largest mean squared residual, in squared standard deviations, at which a restitution explains
+#: the flights to their noise. It is above 1 because of samples next to landings.
 MAX_NOISE_SQUARES = 1.5
-#: Largest excess of the sum of squares over the best trial at which a restitution is likely: the 95
-#: % quantile of χ² with one degree of freedom.
+#: Largest excess of a trial's sum of squared residuals over that of the best trial at which its
+#: restitution counts as likely. It is the 95 % quantile of χ² with one degree of freedom.
 CHI_SQUARED_95 = 3.84
 #: Smallest logarithm of the likelihood ratio by which a free restitution must improve a fit. The
 #: tolerance of the search alone reaches 1e-7 if no landing depends on the restitution. A gain of

@@ -210,8 +210,8 @@ MAX_LIFT_NOISE = 0.01
 #: R.m.s. residual of the lift below which it is rounding instead of a gauge's noise, as a fraction
 #: of the total lift. Such residuals get no warnings of outliers and correlation.
 ROUNDING_FRACTION = 1e-9
-#: Smallest fraction of the residuals' spectral power within ±4 lines of its maximum at which the
-#: frequency is reported.
+#: Smallest fraction of the residuals' spectral power within ±4 frequency lines of the largest peak
+#: at which the frequency of the peak is reported.
 MIN_PEAK_FRACTION = 0.3
 #: Residual above which a sample is reported as an outlier, in standard deviations.
 OUTLIER_DEVIATIONS = 10.0
@@ -267,7 +267,10 @@ def _warnings(fit: RigFit) -> Iterator[str]:
 
 
 def _outliers(fit: RigFit) -> Iterator[str]:
-    """Yield a sentence each on the outliers of lift and of force, if there are any."""
+    """Yield a sentence each on the outliers of lift and of force, if there are any.
+
+    Outliers are samples with a residual of more than `OUTLIER_DEVIATIONS` standard deviations.
+    """
     likelihood, parts = fit.solution.likelihood, {"lift": [np.empty(0)], "force": [np.empty(0)]}
     for i, predicted in enumerate(fit.solution.predicted):
         if predicted is not None:

@@ -32,10 +32,10 @@ FIRST_GUARD = 0.05
 #: Distance (rad) from a landing within which force samples are left out in the later searches of a
 #: fit.
 GUARD = 0.01
-#: Largest number of evaluations in each of the first two least-squares searches of a fit, in which
-#: the noise is not known yet.
+#: Largest number of evaluations of the residuals in each of the first two least-squares searches of
+#: a fit, in which the noise is not known yet.
 MAX_FIRST_STEPS = 6
-#: Largest number of evaluations in each later least-squares search of a fit.
+#: Largest number of evaluations of the residuals in each later least-squares search of a fit.
 MAX_STEPS = 40
 #: Relative decrease of the sum of squares below which a least-squares search stops.
 SSE_RTOL = 3e-7
@@ -66,7 +66,10 @@ class Candidate:
 
     @property
     def smooth(self) -> tuple[str, ...]:
-        """Names of the free parameters except the restitution."""
+        """Names of the free parameters on which the residuals depend smoothly.
+
+        They are all free parameters except the restitution.
+        """
         return tuple(name for name in self.likelihood.free if name != "restitution")
 
     @cached_property
@@ -146,7 +149,8 @@ def search(start: Candidate) -> FitSolution:
 def _limits(likelihood: Likelihood, size: int) -> FloatArray:
     """Return the lower and upper limits of the search variables, ``(2, size)``.
 
-    Instrument errors are unlimited, except the damping ratio of the force sensor.
+    The instrument errors, which follow after the follower's parameters, are unlimited, except the
+    damping ratio of the force sensor. ``size`` is the number of all variables.
     """
     unbounded = np.array([[-np.inf], [np.inf]]) * np.ones(size - len(likelihood.free))
     bounds = np.hstack([search_limits(likelihood.free), unbounded])

@@ -98,9 +98,10 @@ def force_columns(law: Law, speed: FloatArray, angle: FloatArray) -> tuple[Float
 
 
 def _pressed(segment: MeasuredSegment) -> FloatArray:
-    """Return cam angle, speed and force of every eighth sample in contact, ``(3, n)``.
+    """Return every eighth force sample in which the follower presses on the cam.
 
-    The units are rad, rad/s and N.
+    The rows of the result, ``(3, n)``, are cam angle (rad), speed (rad/s) and force (N) of the
+    samples in one steady-speed segment.
     """
     since, force = segment.force.since, segment.force.value
     pressing = np.flatnonzero(force > MIN_PRESS_FRACTION * force.max(initial=0.0))[::SAMPLE_STRIDE]

@@ -110,9 +110,9 @@ def one_mass_turn(law: Law, p: FollowerParameters, speed: float) -> OneMassTurn 
 
 
 def _is_periodic(trajectory: OneMassTrajectory, first: float, second: float) -> bool:
-    """Return True if a trajectory has the same flights in two successive turns.
+    """Return True if a trajectory has the same flights in two turns.
 
-    ``first`` and ``second`` are the start times of the turns, s.
+    ``first`` and ``second`` are the start times (s) of the two successive turns.
     """
     turn = second - first
     times = [(x.begin, x.end) for x in trajectory.phases if x.flight]
@@ -187,7 +187,11 @@ def _contact_after(law: Law, p: TwoMassParameters, speed: float) -> tuple[float,
 def _run_turn(
     law: Law, p: TwoMassParameters, speed: float, angle: float, start: FloatArray
 ) -> Separation:
-    """Return the motion over one turn from a vibration (η, η̇) at a cam angle (rad)."""
+    """Return the motion of two masses over one turn.
+
+    The turn starts at a cam angle ``angle`` (rad), with contact and the vibration ``start`` (η, η̇)
+    of the end mass. ``speed`` is in rad/s.
+    """
     trajectory = Separation(law, p, speed, angle)
     trajectory.run_from(TURN / speed, start)
     return trajectory

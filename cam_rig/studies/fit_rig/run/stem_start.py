@@ -81,8 +81,8 @@ FINE_EXPONENTS = range(-10, 11)
 ROLLER_SHARES = (0.25, 0.5)
 #: Damping ratios of the trial stems.
 STEM_DAMPING_RATIOS = (0.005, 0.05)
-#: Largest r.m.s. change of the forces, relative to the forces, by which the parameters of one mass
-#: may be refitted when a stem is added.
+#: When a stem is added, the parameters of one mass may be refitted only if this changes the forces
+#: by at most this r.m.s. fraction.
 MAX_MOVABLE_FRACTION = 0.1
 #: Log likelihood ratio that the three parameters of a stem reach by chance in one of twenty cases:
 #: half the 95 % quantile of χ² with three degrees of freedom. The best of n tried stems reaches ln
@@ -141,16 +141,17 @@ def find_stem(one_mass: Candidate) -> tuple[dict[str, float], float]:
 
 @dataclass(frozen=True, eq=False)
 class PressingSamples:
-    """Force samples in contact of all segments, and the parts of their steady force.
+    """Force samples of all steady speeds in which the follower presses on the cam.
 
-    A segment is a time of steady cam speed.
+    They include the contributions of the parameters of one mass to the steady force.
     """
 
     #: Speed (rad/s) and cam angles (rad) of the samples of each segment.
     segments: list[tuple[float, FloatArray]]
     #: Measured contact forces of all segments in N, ``(n,)``.
     measured: FloatArray
-    #: Force per unit of each parameter of `FORCE_PARTS` at the samples, ``(n, 4)``.
+    #: Contribution to the force per unit of each parameter of `FORCE_PARTS` at the samples, ``(n,
+    #: 4)``.
     parts: FloatArray
     #: Orthonormal basis of the columns of ``parts``, ``(n, 4)``.
     columns: FloatArray
@@ -161,10 +162,10 @@ class PressingSamples:
     def of(
         cls, law: Law, segments: list[tuple[float, FloatArray]], measured: FloatArray
     ) -> PressingSamples:
-        """Return samples in contact, with the parts of the steady force under a law.
+        """Return the samples in contact, with the contributions to the steady force.
 
-        ``segments`` are the speed (rad/s) and the cam angles (rad) of the samples in each
-        steady-speed segment, ``measured`` all forces in N.
+        ``law`` is the law of the cam. ``segments`` are the speed (rad/s) and the cam angles (rad)
+        of the samples at each steady speed, ``measured`` all forces in N.
         """
         speeds = np.concatenate([np.full(angle.size, speed) for speed, angle in segments])
         parts, sizes = force_columns(law, speeds, np.concatenate([angle for _, angle in segments]))
@@ -175,10 +176,11 @@ class PressingSamples:
     def on_a_stem(self, p: TwoMassParameters) -> FloatArray:
         """Return the steady contact force (N) of two masses, as if the cam could pull.
 
-        The result has the shape ``(n,)``, one force per sample. The roller contributes its inertia
-        force. The end mass with spring and damper has the dynamic stiffness Z₂ = k₂ + c₂ iΩ − m₂
-        Ω², in series with that of the stem, Z₁ = k₁ + c₁ iΩ. Each harmonic of the lift s
-        contributes the force Z₁ Z₂ / (Z₁ + Z₂) s.
+        ``p`` is the follower, and the result has the shape ``(n,)``, one force per sample. It is
+        the inertia force of the roller plus the force in the stem. For each harmonic of the lift s
+        with the frequency Ω, the force in the stem is Z₁ Z₂ / (Z₁ + Z₂) s. Here Z₁ = k₁ + c₁ iΩ is
+        the dynamic stiffness of the stem, and Z₂ = k₂ + c₂ iΩ − m₂ Ω² that of the end mass with
+        spring and damper.
         """
         natural_rate, forces = math.sqrt(p.stiffness / p.end_mass), []
         for speed, angle in self.segments:

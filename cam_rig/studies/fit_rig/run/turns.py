@@ -15,21 +15,21 @@ from cam_rig.simulation.scatter import scatter
 from cam_rig.units import TURN, FloatArray, correlation_length, to_rpm
 
 # Search for steady speeds: straight lines through the encoder's angle over time.
-#: Largest distance of the cam angle from a straight line over time at which the speed is steady,
-#: rad. One count of the encoder is added to this limit.
+#: Largest distance of the measured cam angle from a straight line over time at which the speed
+#: counts as steady, rad. One count of the encoder is added to this limit.
 MAX_RIPPLE = 0.01
 #: Smallest number of turns in a steady-speed segment.
 MIN_TURNS = 1.0
 #: Smallest number of angle readings in a steady-speed segment.
 MIN_READINGS = 8
-#: Initial angles of the cam, as fractions of an encoder count, over which the rounding errors of
-#: the encoder are averaged.
+#: Initial cam angles, as fractions of an encoder count, over which the rounding errors of an
+#: encoder are averaged.
 STEP_PHASES = np.arange(8.0) / 8.0
-#: Changes of the cam angle at the end of a segment, as fractions of an encoder count, over which
-#: the rounding errors of the encoder are averaged. They vary the speed slightly.
+#: Changes of the cam angle at the end of a steady-speed segment, as fractions of an encoder count.
+#: The rounding errors of an encoder are averaged over these slightly different speeds.
 SPEED_OFFSETS = np.array([-0.25, 0.0, 0.25])
-#: Largest number of times that a stretch of readings is doubled in the search for a steady-speed
-#: segment.
+#: Largest number of times that a sequence of angle readings is doubled in length in the search for
+#: a steady-speed segment.
 MAX_GROWTHS = 12
 
 
@@ -206,11 +206,11 @@ TRANSIENT_TURNS = 1.0
 MAX_SAMPLES = 40_000
 #: Smallest number of samples of lift and force together in a steady-speed segment.
 MIN_SAMPLES = 20
-#: Smallest force, relative to the largest force of the segment, at which the follower is certainly
-#: on the cam.
+#: Force above which the follower is certainly on the cam, relative to the largest force at the same
+#: steady speed.
 MIN_PRESS_FRACTION = 0.05
-#: Fraction of a segment's force samples that may be below `MIN_PRESS_FRACTION` because of noise,
-#: although the follower keeps contact.
+#: Fraction of the force samples of a steady-speed segment that may be below `MIN_PRESS_FRACTION`
+#: because of noise, although the follower keeps contact.
 UNPRESSED_SHARE = 0.01
 #: Smallest magnitude of a negative force, relative to the largest force, that indicates a vibration
 #: of the sensor. A cam cannot pull the follower.
@@ -285,7 +285,7 @@ class MeasuredSegment:
 
     @property
     def is_restless(self) -> bool:
-        """True if the lift differs between turns by more than a gauge's noise.
+        """True if the lift differs from turn to turn by more than the noise of a gauge.
 
         The follower then bounces without a periodic motion.
         """
@@ -369,9 +369,10 @@ def _check_signal(run: MeasuredRun, name: str, signal: Signal) -> None:
 
 
 def _samples_within(signal: Signal | None, segments: list[SteadySegment]) -> list[SegmentSamples]:
-    """Return the samples of a signal in each segment, thinned if there are too many.
+    """Return the samples of a signal in each steady-speed segment.
 
-    The entries are empty if the signal is None. See `MAX_SAMPLES`.
+    If there are too many samples (`MAX_SAMPLES`), only every k-th sample is returned. The entries
+    are empty if the signal is None.
     """
     if signal is None:
         return [SegmentSamples(np.empty(0), np.empty(0))] * len(segments)
