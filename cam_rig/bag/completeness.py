@@ -62,7 +62,8 @@ def belonging(before: CamState | None, state: CamState) -> tuple[Topic, ...]:
 def expected_counts(states: list[CamState]) -> dict[str, int]:
     """Return the number of ticks, states, cams and speeds in a series of cam states.
 
-    A key is a value of `Topic.per`. Its number is the number of messages that each topic with this
+    A tick is the time between two cam states. The keys of the result are the values of `Topic.per`,
+    the occasion of a topic's messages. The number is that of the messages that each topic with this
     value must have.
     """
     moves = zip([None, *states], states, strict=False)
@@ -74,8 +75,8 @@ def expected_counts(states: list[CamState]) -> dict[str, int]:
 #: recording are counted one by one. For a longer scene this takes too long, and the loss at the end
 #: is reported without a number.
 MAX_COUNTED = 100_000
-#: Largest number of gaps that a text on missing messages lists. Of further gaps it states the
-#: number only.
+#: Largest number of gaps that a text on missing messages lists. For further gaps it only states
+#: their number.
 MAX_NAMED = 6
 #: Step from one cam state to the next: number of the second state (0 for the first state of the
 #: run), the state before it (None if it is not known), and the second state.
@@ -89,8 +90,8 @@ MissingMessages = list[tuple[int, frozenset[str]]]
 class Holdings:
     """Times (ns), sequence numbers and cam states of the messages in a recording.
 
-    `times` and `numbers` are by topic name. `states` contains the sequence number of each cam
-    state's message, and the state. `loss_of` determines the missing messages from them.
+    `times` and `numbers` are those of the messages by topic name. `states` contains each cam state
+    with the sequence number of its message. `loss_of` determines the missing messages from them.
     """
 
     times: dict[str, set[int]] = field(default_factory=dict)
@@ -134,9 +135,9 @@ class Loss:
     """Missing messages of a recording.
 
     `gaps` contains the known gaps as text, and `messages` the number of missing messages.
-    `open_end` is True if an unknown number of messages after the last message is missing. `ends` is
-    a text on the last tick of a recording that was closed before the end of its scene, and empty
-    for others.
+    `open_end` is True if an unknown number of messages is missing after the last recorded message.
+    `ends` is a text on the last recorded tick (time between two cam states) if the recording was
+    closed before the end of its scene, otherwise empty.
     """
 
     gaps: tuple[str, ...] = ()
@@ -242,7 +243,7 @@ def _missing_messages(
 
 
 def _runs(missing: MissingMessages) -> Iterator[MissingMessages]:
-    """Group the missing messages by successive states that lack the same topics.
+    """Group the missing messages by successive cam states that lack the same topics.
 
     Each group becomes one entry of a text, such as "ticks 3 to 7". States without any message form
     one group, even if a new speed or cam requires additional messages.

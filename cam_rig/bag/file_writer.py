@@ -34,7 +34,7 @@ FOREVER = interfaces.QosTime(2147483647, 4294967295)
 RECORD = "rosbag2"
 #: Key of the metadata in the record `RECORD`.
 RECORD_KEY = "serialized_metadata"
-#: Start time (ns) that rosbag2 gives a file without messages.
+#: Start time (ns) that rosbag2 writes for a file without messages.
 NEVER = 2**63 - 1
 
 
@@ -181,7 +181,7 @@ FLUSH_PERIOD_S = 0.5
 #: Wall-clock time (s) between fsyncs. A power cut loses at most the messages of this time.
 SYNC_PERIOD_S = 0.5
 #: Number of bytes that a message takes in the file in addition to its content: the heads of the
-#: record and of the message, and 16 bytes in the index.
+#: MCAP record and of the message, and 16 bytes in the index.
 MESSAGE_OVERHEAD_BYTES = HEAD.size + MESSAGE_HEAD.size + 16
 #: Media types of attachments by file name extension. All other attachments are YAML.
 MEDIA = {".csv": "text/csv", ".txt": "text/plain", ".json": "application/json"}

@@ -62,7 +62,10 @@ def bag_files(directory: Path) -> list[Path]:
 
 
 def part_of(file: Path) -> Path:
-    """Return the path under which a file is written until it is complete."""
+    """Return the path under which a file is written until it is complete.
+
+    It is the path of ``file`` with the ending `PART`.
+    """
     return file.with_name(file.name + PART)
 
 
@@ -157,8 +160,9 @@ def _why_not_mcap(file: Path) -> str | None:
 def create(file: Path) -> BinaryIO:
     """Open a new file for writing.
 
-    Raises FileExistsError if the file exists. Only a ``.part`` file may exist: it was left by a
-    killed process and is truncated. Raises BlockingIOError if another process is writing it.
+    Raises FileExistsError if the file exists. Only a ``.part`` file may exist, which a killed
+    process has left: it is truncated. Raises BlockingIOError if another process is writing the
+    file.
     """
     if file.suffix != PART:
         return file.open("xb")

@@ -268,7 +268,7 @@ def _require_no_copies(bag: Path, actual: dict[str, Extent | None]) -> None:
 
 
 def _extent(file: Path) -> Extent | None:
-    """Return the number of messages and the first log time (ns) of a file.
+    """Return the number of messages and the first log time (ns) of a bag's file.
 
     Returns None for an MCAP file that is not closed or has no statistics.
     """

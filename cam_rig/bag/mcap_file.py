@@ -35,8 +35,9 @@ from cam_rig.bag.records import (
     unpack_whole,
 )
 
-#: Message or start of a chunk of an MCAP file, to be sorted by time: log time (ns), position of the
-#: chunk in the file, connection (None at the start of a chunk), serialized message.
+#: Message, or start of a chunk, of an MCAP file. The elements, by which entries are sorted, are log
+#: time (ns), position of the chunk in the file, connection (None at the start of a chunk), and
+#: serialized message.
 Entry = tuple[int, int, Connection | None, bytes]
 
 
@@ -54,7 +55,10 @@ class Summary:
     statistics: Statistics | None = None
 
     def add(self, opcode: int, data: bytes) -> None:
-        """Store a schema, a channel, a chunk index or the statistics, and ignore other records."""
+        """Store a record of the summary: a schema, channel, chunk index or statistics.
+
+        Other records are ignored. `opcode` is the type of the record and `data` its content.
+        """
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(fields(data))
             self.schemas[schema.id] = schema

@@ -34,7 +34,7 @@ def read_states(bag: Path, namespace: str | None = None) -> Iterator[CamState]:
 
 
 def read_pressures(bag: Path, namespace: str | None = None) -> dict[int, float]:
-    """Return the r.m.s. sound pressure (Pa) of each tick.
+    """Return the r.m.s. sound pressure (Pa) of each tick, the time between cam states.
 
     The key is the stamp (ns) of the end of the tick. `namespace` chooses the rig of a bag with
     several rigs.

@@ -133,7 +133,7 @@ def _write(bag: Path, path: Path, data: bytes) -> None:
 
 
 def parse_attachment(data: bytes) -> Attachment:
-    """Return the attachment in the bytes of a record.
+    """Return the attachment in the content of an MCAP record.
 
     Raises ValueError if its checksum is wrong.
     """
@@ -146,7 +146,8 @@ def parse_attachment(data: bytes) -> Attachment:
 
 #: Name by which files of this package identify their writer in the header.
 LIBRARY = "cam_rig"
-#: Opcodes of records that a recovery writes again, so that their loss does not matter.
+#: Opcodes of MCAP records that a recovery writes again. Their loss in a damaged file does not
+#: matter.
 INDEXES = {
     Opcode.MESSAGE_INDEX,
     Opcode.CHUNK_INDEX,
@@ -155,8 +156,8 @@ INDEXES = {
     Opcode.STATISTICS,
     Opcode.SUMMARY_OFFSET,
 }
-#: Values of `Topic.per` (occasion of a message) of those topics whose messages are logged at the
-#: time of their stamp.
+#: Values of `Topic.per` (occasion of a message) of the topics whose messages have their stamp as
+#: log time.
 STAMP_LOGGED = ("state", "tick", "instant", "speed")
 #: Largest number of MCAP channels (topics) of a file that are read. Rigs have fewer topics.
 MAX_CHANNELS = 1000
@@ -318,8 +319,9 @@ class _PartialReader:
     def _is_plausible(self, entry: RecordedMessage, head: ChunkHead) -> bool:
         """Return True if a message of a chunk with a wrong checksum is plausible.
 
-        It must be readable and its log time must lie in the chunk. In a file of this package the
-        log time of a topic in `STAMP_LOGGED` must be its stamp. The time is noted in the report.
+        It must be readable, and its log time must lie in the time range of the chunk. In a file of
+        this package the log time of a topic in `STAMP_LOGGED` must be its stamp. The time is noted
+        in the report.
         """
         log_time, data = entry.message.log_time, entry.message.data
         topic = recorded_topic(entry.channel.topic)

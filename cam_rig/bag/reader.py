@@ -93,8 +93,8 @@ def raw_messages(
 ) -> Iterator[tuple[Connection, int, bytes]]:
     """Yield connection, rig time (ns) and data of serialized messages, in order.
 
-    `names` are names of topics without namespace, and `chosen` is the namespace of a rig. The topic
-    of a connection is returned without the namespace.
+    A connection is a topic in a file. `names` are names of topics without namespace, and `chosen`
+    is the namespace of a rig. The topic of a connection is returned without the namespace.
     """
     try:
         rigs = set[str]()
@@ -147,8 +147,8 @@ def _sources(bag: Path) -> tuple[Path, ...]:
 def _namespace(bag: Path, reader: BagReader, rigs: set[str]) -> str:
     """Return the namespace of the only rig in a bag, empty for the root.
 
-    The rigs in the file of `reader` are added to `rigs`, the rigs of the files before it. Raises
-    BagError if there are several rigs.
+    `rigs` are the namespaces in the files before that of `reader`, to which those of this file are
+    added. Raises BagError if there are several rigs.
     """
     rigs |= _rigs(reader)
     if len(rigs) > 1:
@@ -205,8 +205,8 @@ def require_rig(bag: Path) -> None:
 def shortcomings(bag: Path, loaded: LoadedScene, ticks: int) -> tuple[str, ...]:
     """Return notes on the damage of a recording.
 
-    These are the reports of recoveries, and a line if the bag has fewer ticks than its scene.
-    `ticks` is the number of recorded ticks.
+    They are the reports of recoveries, and a line if the bag has fewer ticks (times between two cam
+    states) than its scene. `ticks` is the number of recorded ticks.
     """
     planned = tick_count(loaded.scene)
     notes = [f"not complete: {ticks} of {planned} ticks"] if ticks < planned else []
@@ -216,9 +216,9 @@ def shortcomings(bag: Path, loaded: LoadedScene, ticks: int) -> tuple[str, ...]:
 def read_ticks(bag: Path, namespace: str | None = None) -> Iterator[TickSamples]:
     """Yield the follower's samples per tick, with the cam states before and after it.
 
-    A tick is left out if its states are missing, because the cam angle is unknown then. States and
-    samples are stored only until they are combined. `namespace` chooses the rig of a bag with
-    several rigs.
+    A tick is the time between two cam states. It is left out if its states are missing, because the
+    cam angle is then unknown. States and samples are stored only until they are combined.
+    `namespace` chooses the rig of a bag with several rigs.
     """
     states: deque[CamState] = deque()
     waiting: deque[FloatArray] = deque(maxlen=4 * HISTORY_DEPTH)

@@ -114,7 +114,7 @@ def read_content(stream: BinaryIO, record: Record) -> bytes:
 def fields(data: bytes) -> ReadDataStream:
     """Return a stream of a record's content for the readers of the mcap package.
 
-    The readers cannot read beyond the record.
+    The readers cannot read beyond the end of the record.
     """
     return ReadDataStream(BytesIO(data))
 
@@ -136,9 +136,9 @@ CONTENT_READERS: dict[int, Callable[[bytes], Any]] = {
 
 @dataclass(frozen=True)
 class ChunkHead:
-    """Head of a chunk of an MCAP file: claimed times in ns and sizes in bytes.
+    """Head of a chunk of an MCAP file: times in ns and sizes in bytes that it states.
 
-    `packed_at` is the position of the packed data in the file.
+    `packed_at` is the position of the compressed data in the file.
     """
 
     start: int
@@ -151,10 +151,10 @@ class ChunkHead:
 
 
 def chunk_head(stream: BinaryIO, record: Record) -> ChunkHead:
-    """Return the head of a chunk.
+    """Return the head of a chunk of an MCAP file.
 
-    The chunk may be truncated after its head. Raises ValueError if it claims more data than its
-    length.
+    The chunk may be truncated after its head. Raises ValueError if the head states more data than
+    the length of the record.
     """
     data = os.pread(stream.fileno(), min(record.available, CHUNK_HEAD.size + 32 + 8), record.start)
     first, last, unpacked, crc, letters = CHUNK_HEAD.unpack_from(data)
@@ -167,10 +167,10 @@ def chunk_head(stream: BinaryIO, record: Record) -> ChunkHead:
 
 
 def unpack(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
-    """Return the bytes of a chunk as far as it can be unpacked.
+    """Return the uncompressed bytes of a chunk of an MCAP file, as far as possible.
 
-    The result is shorter than claimed if the chunk is truncated or damaged. It is one byte longer
-    than claimed if the chunk contains more.
+    The result is shorter than the head states if the chunk is truncated or damaged. It is one byte
+    longer than stated if the chunk contains more.
     """
     check_claims(head)
     available = min(head.packed, record.start + record.available - head.packed_at)
@@ -203,9 +203,10 @@ def unpack_whole(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
 
 
 def check_claims(head: ChunkHead) -> None:
-    """Raise ValueError if a chunk claims an unknown compression or too large a size.
+    """Raise ValueError if the head of a chunk states an invalid compression or size.
 
-    The check uses the head only, before anything is unpacked.
+    The compression must be known, and the size within the limits. The check is done before anything
+    is uncompressed.
     """
     if head.compression not in ("", "zstd", "lz4"):
         raise ValueError(f"compression of a chunk must be zstd or lz4, got {head.compression!r}")
@@ -247,10 +248,10 @@ def _unpack_steps(compression: str, packed: bytes) -> Iterator[bytes]:
 
 # Limits of the memory that a reader needs for a file, checked before anything is unpacked.
 
-#: Unpacked size of the compressed chunks that is allowed for a file of any size, bytes.
+#: Uncompressed size of all chunks together that is allowed for a file of any size, bytes.
 FREE_UNPACKED = 16 * MIB
-#: Unpacked size of the compressed chunks that is allowed on top of `FREE_UNPACKED`, as a multiple
-#: of the size of the file.
+#: Uncompressed size of all chunks together that is allowed in addition to `FREE_UNPACKED`, as a
+#: multiple of the size of the file.
 MAX_RATIO = 100
 #: Largest unpacked size of all chunks that are in memory together, bytes. Readers sort chunks with
 #: overlapping times.

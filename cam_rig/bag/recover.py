@@ -50,7 +50,7 @@ class Recovery:
     last_ns: int
     reports: tuple[FileReport, ...]
     loss: Loss
-    #: Time (ns) that is printed as 0: 0 for rig time, the start of the bag for wall-clock time.
+    #: Time (ns) that texts print as 0: 0 for rig time, the start of the bag for wall-clock time.
     origin_ns: int = 0
     #: Number of messages that metadata.yaml lists but the file does not have, by file name.
     fewer: dict[str, int] = field(default_factory=dict)
@@ -58,7 +58,7 @@ class Recovery:
     notes: tuple[str, ...] = ()
 
     def any_file_is(self, condition: Condition) -> bool:
-        """Return True if at least one file of the bag has a condition."""
+        """Return True if at least one file of the damaged bag has a `Condition`."""
         return any(condition in report.condition for report in self.reports)
 
     @property

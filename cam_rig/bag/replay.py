@@ -22,8 +22,8 @@ from cam_rig.show.result import Column, Records, Result
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import FloatArray
 
-#: Topics of follower and microphone that are compared: those with one message per tick. All other
-#: results follow from them.
+#: Topics of follower and microphone that are compared: those with one message per tick, the time
+#: between two cam states. All other results follow from them.
 COMPARED = tuple(topic for topic in topics.RECEIVED if topic.per == "tick")
 
 

@@ -29,7 +29,8 @@ from cam_rig.simulation.schedule import CamState
 #: Largest number of stored messages whose cam state is not known yet. Fewer are in flight in a
 #: normal run.
 MAX_WAITING = 4 * HISTORY_DEPTH
-#: Number of messages that are evicted together, so that a flood does not cost a search per message.
+#: Number of stored messages that are removed together, so that a flood of messages does not cost
+#: one search per message.
 EVICTED_AT_ONCE = MAX_WAITING // 8
 #: For each topic with a stamp, the topics without a stamp that the same node publishes with it.
 #: Their messages with equal numbers have the same time.
@@ -54,9 +55,9 @@ def make_room(stored: dict[Key, Any], is_awaited: Callable[[Key], bool] = lambda
 
 
 class Waiting:
-    """Messages by topic and stamp (ns) that wait until their cam state is written.
+    """Messages by topic and stamp (ns) that are kept until their cam state is written.
 
-    `awaited` contains the stamps of the states that wait to be written. The messages of such a
+    `awaited` contains the stamps of the states that are still to be written. The messages of such a
     state are never dropped. The `number` of a message counts the messages of its topic, which has
     one publisher.
     """
@@ -92,9 +93,9 @@ class Waiting:
     def pair(self, topic: Topic, number: int, half: int | bytes) -> None:
         """Combine a message without a stamp with the stamp of its twin topic.
 
-        `half` is the serialized message or the stamp (ns), which may arrive in any order. `number`
-        is the number of the message within its topic. The message is stored when both halves have
-        arrived.
+        Twin topics are published together by one node (see `TWINS`). `half` is the serialized
+        message or the stamp (ns), which may arrive in any order. `number` is the number of the
+        message within its topic. The message is stored when both halves have arrived.
         """
         key = (topic.name, number)
         other = self._halves.pop(key, None)
@@ -118,7 +119,7 @@ class Waiting:
 
 # Messages on /diagnostics of the rig's nodes, each once, in the order of rig time.
 
-#: Names on /diagnostics whose messages have a wall-clock time.
+#: Names of the statuses on /diagnostics whose messages are stamped with wall-clock time.
 WALL_TIME_DIAGNOSTICS = (topics.PACE, topics.SHOWN_MOTION)
 
 
@@ -175,7 +176,8 @@ class PendingDiagnostics:
 #: Number of bytes at the start of a serialized cam state that contain its stamp. A serialized clock
 #: message consists of the same bytes.
 CLOCK_BYTES = 12
-#: Topics with a stamp: those of a tick, and the law of a new speed.
+#: Topics whose messages have a stamp: those with one message per tick (time between two cam
+#: states), and the law of a new speed.
 STAMPED = tuple(topic for topic in topics.RECEIVED if topic.per in ("speed", "tick"))
 #: Topics with one message per cam.
 CAM_TOPICS = tuple(topic for topic in topics.RECEIVED if topic.per == "cam")

@@ -12,7 +12,8 @@ from cam_rig.units import NS
 MIN_FILE_BYTES = 1_000_000
 #: Smallest accepted limit of the duration of a file, s of rig time.
 MIN_FILE_S = 1.0
-#: Largest file number for which a file name must have room, which is checked before a run.
+#: Largest number of a file in a bag for which the file name must have room. This is checked before
+#: a run.
 MAX_NUMBER = 99_999
 #: Largest accepted limit of the duration of a file, s: ten years.
 MAX_FILE_S = 3.2e8

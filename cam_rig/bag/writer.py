@@ -221,7 +221,7 @@ class BagWriter:
     def _creation_errors(self, path: Path) -> Iterator[None]:
         """Convert an OSError within the block into a BagError.
 
-        `path` is the file or folder that is created, which the error names.
+        `path` is the file or folder that is being created, which the error names.
         """
         try:
             yield

@@ -421,14 +421,17 @@ class Block(NamedRows):
 
 
 def add_cam_state(state: FollowerState, interval: Interval) -> FollowerState:
-    """Return a follower state with the cam's angle and speed at the end of an interval."""
+    """Return a follower state with the cam's angle and speed added.
+
+    They are those at the end of ``interval``.
+    """
     _, angle = wrap(interval.angle_at(interval.duration))
     speed = interval.speed_at(interval.duration)
     return replace(state, cam_angle=angle, cam_speed=speed)
 
 
 def require_continuation(state: FollowerState | None, interval: Interval) -> None:
-    """Raise a `DynamicsError` if an interval does not continue a state of the follower.
+    """Raise a `DynamicsError` if an interval does not continue a follower state.
 
     It must start at the cam angle of ``state``. A state without a cam angle, or None, is always
     accepted.

@@ -100,7 +100,7 @@ def require_turning(speed: object) -> None:
 
 
 def check_row(name: str, values: object) -> FloatArray:
-    """Return a one-dimensional input of a model as an array of finite numbers, ``(n,)``.
+    """Return a one-dimensional model input as an array of finite numbers, ``(n,)``.
 
     ``name`` is the name of the input in the error message.
 

@@ -32,7 +32,7 @@ from cam_rig.units import RPM
 
 #: Rate (Hz, wall clock) of /clock in a paced run. A busy machine reaches about 100 Hz.
 CLOCK_HZ = 125.0
-#: Period (s, wall clock) at which a waiting paced run counts the node that it waits for.
+#: Period (s, wall clock) at which a paced run that waits counts the node that it waits for.
 WAIT_SAMPLE_S = 0.1
 #: Name of the law server's node in the drive's namespace.
 LAW_SERVER = "law_server"
@@ -223,7 +223,10 @@ class CamDrive(ClockSource):
             self._clock_timer.reset()
 
     def send_due(self) -> None:
-        """Publish the states that may be published now, and continue a waiting step request."""
+        """Publish all cam states that may be published now.
+
+        A waiting request for steps is continued.
+        """
         super().send_due()
         if self._simulation is not None:
             self._simulation.update()
@@ -236,7 +239,7 @@ class CamDrive(ClockSource):
         return True
 
     def send(self, state: CamState) -> None:
-        """Publish a state, its diagnostics and its report to the runner."""
+        """Publish a cam state and its diagnostics, and report it to the runner."""
         level, text = OK, "turning" if state.speed else "stands"
         if self.program.halted and state.speed == 0.0:
             level, text = ERROR, "emergency stop"
@@ -255,7 +258,10 @@ class CamDrive(ClockSource):
         self.report_sent(state, self.program.sent - 1)
 
     def _check_pace(self) -> None:
-        """Count waits of a paced run by node, and warn if the run is too slow."""
+        """Count the waits of a paced run by node, and warn if the run is too slow.
+
+        A paced run has a real-time factor. The count shows which node delays it.
+        """
         flow = self.program.flow
         if self._not_ready:
             self._lost_time = LostTime(time.monotonic())
@@ -269,7 +275,7 @@ class CamDrive(ClockSource):
             self.get_logger().warning(text)
 
     def conclude(self, spin_once: Callable[..., None]) -> None:
-        """Warn if the last seconds were too slow, and publish the end of the run."""
+        """Publish the end of the run, and warn if the last seconds were too slow."""
         self._warn_if_slow(MIN_PACE_WINDOW_S)
         super().conclude(spin_once)
 
@@ -290,21 +296,28 @@ class CamDrive(ClockSource):
         self.send_due()
 
     def time_until_due(self) -> float:
-        """Return the time (s, wall clock) until the next state is due, or 0 in a free run."""
+        """Return the time (s, wall clock) until the next cam state is due.
+
+        It is 0 in a free run, which has no real-time factor.
+        """
         return self.program.wait(time.monotonic())
 
     def is_done(self) -> bool:
-        """Return True if every state is published and every tick acknowledged."""
+        """Return True if every cam state is published and every tick is acknowledged.
+
+        A tick is the time between two states. The consumers acknowledge it when they have processed
+        it.
+        """
         return self.program.done
 
     def is_idle(self) -> bool:
-        """Return True if the cam is stopped or the next state is not due yet."""
+        """Return True if the cam is stopped, or the next cam state is not due yet."""
         is_stopped = not self.program.running and self.program.flow.in_flight == 0
         return is_stopped or self.time_until_due() > 0.0
 
     @property
     def is_commanded(self) -> bool:
-        """True if the cam turns at a commanded speed instead of the scene's."""
+        """True if the cam turns at an operator's speed instead of that of the scene."""
         return self.program.schedule.state.speed is not None
 
     def activity(self) -> Activity:
@@ -316,7 +329,7 @@ class CamDrive(ClockSource):
         return Activity("stopped", (), "stopped, waiting for ~/start")
 
     def pending_text(self) -> str:
-        """Return the progress and the nodes waited for, as text for an error message."""
+        """Return a text for an error: the progress, and the nodes that the drive waits for."""
         program = self.program
         behind = blocking_text(program.flow.behind() or [LAW_SERVER])
         return f"{program.sent} of {program.ticks + 1} states from: {behind}"

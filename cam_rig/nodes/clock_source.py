@@ -29,14 +29,16 @@ from cam_rig.units import NS, to_rpm
 #: Period (s, wall clock) of the check for missing optional consumers and for a run that waits
 #: longer than the parameter progress_timeout.
 CHECK_PERIOD_S = 0.1
-#: Time (s, wall clock) without progress after which the activity names the nodes waited for.
+#: Time (s, wall clock) without progress after which the reported activity names the nodes that are
+#: waited for.
 WAITING_AFTER_S = 1.0
 #: Time (s, wall clock) for which a run waits if only optional consumers do not answer. Then it
 #: continues without them. At most half of progress_timeout is waited.
 MAX_OPTIONAL_WAIT_S = 15.0
 #: Shortest period (ns) of the timer for the next state. rclpy rejects a period of zero.
 MIN_TIMER_NS = 100_000
-#: Stamped topic by which each consumer acknowledges a tick.
+#: Topic with a stamp by which each consumer acknowledges a processed tick, the time between two cam
+#: states.
 ACKNOWLEDGEMENTS = {
     "follower": topics.FOLLOWER_STATE,
     "microphone": topics.PRESSURE,
@@ -93,28 +95,35 @@ class ClockSource(RigNode):
     # To be implemented by drive and player.
 
     def send_next(self) -> bool:
-        """Publish the next state and return True, or return False if it must wait."""
+        """Publish the next cam state and return True, or return False if it must wait."""
         raise NotImplementedError
 
     def is_done(self) -> bool:
-        """Return True if every state is published and every tick acknowledged."""
+        """Return True if every cam state is published and every tick is acknowledged.
+
+        A tick is the time between two states. The consumers acknowledge it when they have processed
+        it.
+        """
         raise NotImplementedError
 
     def pending_text(self) -> str:
-        """Return the progress and the nodes waited for, as text for an error message."""
+        """Return a text for an error: the progress, and the nodes that are waited for."""
         raise NotImplementedError
 
     def time_until_due(self) -> float:
-        """Return the time (s, wall clock) until the next state is due, or 0 in a free run."""
+        """Return the time (s, wall clock) until the next cam state is due.
+
+        It is 0 in a free run, which has no real-time factor.
+        """
         return 0.0
 
     def is_idle(self) -> bool:
-        """Return True if the node waits for an operator or for its pacing, not for a node."""
+        """Return True if the node waits for an operator or its pacing, not for other nodes."""
         return False
 
     @property
     def is_commanded(self) -> bool:
-        """True if the cam turns at a commanded speed instead of the scene's."""
+        """True if the cam turns at an operator's speed instead of that of the scene."""
         return False
 
     # Publishing of the states, as the acknowledgements of the consumers permit.
@@ -140,7 +149,10 @@ class ClockSource(RigNode):
         self.get_logger().info(self.activity().text)
 
     def send_due(self) -> None:
-        """Publish the states that may be published now, and fail after too long a wait."""
+        """Publish the cam states that may be published now.
+
+        If no consumer answers for too long, the node fails.
+        """
         if self.done.done():
             return
         while not self._not_ready and self.send_next():
@@ -234,7 +246,7 @@ class ClockSource(RigNode):
         self._state_publisher.publish(to_joint_state(header, **joints))
 
     def publish_factor(self, factor: float | None) -> None:
-        """Publish the real-time factor, 0 for a free run."""
+        """Publish the real-time factor of the run, 0 for a free run (as fast as possible)."""
         self._factor_publisher.publish(Float64(data=factor or 0.0))
 
     def publish_time(self, time_ns: int) -> None:
@@ -244,7 +256,10 @@ class ClockSource(RigNode):
             self._clock_publisher.publish(Clock(clock=to_time(time_ns)))
 
     def report_sent(self, state: CamState, tick: int) -> None:
-        """Report a published state to the runner, and log a new speed."""
+        """Report a published cam state to the runner, and log a new speed.
+
+        `tick` is the number of ticks (times between two states) up to the state.
+        """
         self._progress_at, self.ticks, self.newest = time.monotonic(), tick, state
         seconds = state.time_ns / NS
         self._report_progress(tick=tick, cam=state.cam, rpm=to_rpm(state.speed), time=seconds)
@@ -272,7 +287,7 @@ class ClockSource(RigNode):
         self._is_bag_closed = True
 
     def drain(self, spin_once: Callable[..., None]) -> None:
-        """Process messages in transit, unless every tick is acknowledged."""
+        """Process messages in transit, unless every tick is acknowledged already."""
         if not self.is_done():
             super().drain(spin_once)
 

@@ -27,7 +27,10 @@ from cam_rig.units import to_rpm
 
 
 class Follower(RigNode):
-    """Publishes the follower's samples, state and displayed motion for each tick."""
+    """Publishes the follower's samples, state and displayed motion for each tick.
+
+    A tick is the time between two cam states.
+    """
 
     waits_for = ("cam_drive", "law_server")
 

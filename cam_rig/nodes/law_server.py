@@ -31,8 +31,9 @@ LAW_INTERVALS = 180
 class LawServer(RigNode):
     """Mounts cams, and publishes law, contour and markers of the mounted cam.
 
-    /cam/law, the motion over one turn at the present speed, is published for each new speed.
-    All topics are latched, so a node that subscribes later receives the mounted cam.
+    The topic /cam/law contains the motion over one turn at the present speed, and is published for
+    each new speed. All topics are latched, so a node that subscribes later receives the mounted
+    cam.
     """
 
     def __init__(self) -> None:

@@ -23,7 +23,10 @@ from cam_rig.simulation.simulate import MicrophoneSimulator
 
 
 class Microphone(RigNode):
-    """Publishes sound level (dB) and sound pressure (Pa, r.m.s.) for each tick."""
+    """Publishes sound level (dB) and sound pressure (Pa, r.m.s.) for each tick.
+
+    A tick is the time between two cam states.
+    """
 
     waits_for = ("cam_drive", "follower")
 

@@ -25,7 +25,7 @@ from cam_rig.units import FloatArray
 #: Time (s, wall clock) for which a topic is not published after a slow subscriber has blocked its
 #: writer. It limits the lost time, because each attempt to publish blocks for 0.1 s.
 SKIP_S = 1.0
-#: Period (s, wall clock) of the reports of the delay between drive and playback.
+#: Period (s, wall clock) at which the delay of the playback behind the drive is reported.
 REPORT_PERIOD_S = 1.0
 #: Maximum number of instants whose messages are prepared together. One call for 16 instants takes
 #: little longer than one call for a single instant.
@@ -33,7 +33,7 @@ MAX_BATCH = 16
 
 
 class Instant(NamedTuple):
-    """Messages of one instant, and the index of its sample in `samples`."""
+    """Messages for one instant of the motion, and the index of its sample in `samples`."""
 
     samples: PlaybackSamples
     sample_index: int
@@ -71,7 +71,7 @@ class MotionPublisher:
         node.create_wall_timer(REPORT_PERIOD_S, self._report)
 
     def publish(self, tick: Tick, received_at: float) -> None:
-        """Publish a finished tick.
+        """Publish the motion of a finished tick, the time between two cam states.
 
         Its last state was received at `received_at` (s, monotonic clock).
         """
@@ -137,7 +137,10 @@ class MotionPublisher:
         return [Instant(samples, index, list(group)) for index, (_, group) in enumerate(groups)]
 
     def _responsive_topics(self) -> set[Topic]:
-        """Return the topics that are not being skipped because of a slow subscriber."""
+        """Return the topics without a slow subscriber.
+
+        A topic whose subscriber has blocked the writer is skipped for some time (see `SKIP_S`).
+        """
         now = time.monotonic()
         return {topic for topic, until in self._skipped_until.items() if until <= now}
 
@@ -169,7 +172,7 @@ class MotionPublisher:
             )
 
     def _report(self) -> None:
-        """Publish the delay between drive and playback if a new sample was displayed."""
+        """Publish the delay of the playback behind the drive, if a new sample was displayed."""
         with self._lock:
             lag, time_ns = self._playback.lag, self._playback.shown_ns
         if time_ns == self._reported_ns:

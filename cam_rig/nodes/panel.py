@@ -25,9 +25,11 @@ from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.parameters import ABOUT, LIVE
 from cam_rig.units import to_rpm
 
-#: Period (s, wall clock) at which commands are read, and queued messages are sent to the page.
+#: Period (s, wall clock) at which commands of the page are read, and queued messages are sent to
+#: it.
 EXCHANGE_PERIOD_S = 0.02
-#: Number of exchanges between two requests for the parameters of a node that has not answered.
+#: If a node has not answered a request for its parameters, the request is repeated after this
+#: number of exchanges with the page.
 EXCHANGES_PER_REQUEST = 25
 
 

@@ -129,7 +129,7 @@ _FRAME_PREFIX = Spec(
 )
 #: Topics that every node publishes.
 COMMON = (topics.DIAGNOSTICS, topics.READY)
-#: Consumers that the drive waits for by default. Displays are optional.
+#: Consumers of the cam states that the drive waits for by default. Displays are optional.
 ESSENTIAL = tuple(name for name in CONSUMERS if name not in OPTIONAL)
 #: Names of the microphone's weighting parameters, in the order of their letters in a quantity such
 #: as LAF.

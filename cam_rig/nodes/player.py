@@ -43,7 +43,7 @@ class Player(ClockSource):
         self.start_flow(consumers, FlowControl(consumers))
 
     def send_next(self) -> bool:
-        """Publish the next state and its messages, or return False if it must wait."""
+        """Publish the next cam state and its messages, or return False if it must wait."""
         step = self._next
         if step is None or not self._flow.may_send() or not self._is_weighted(step):
             return False
@@ -56,9 +56,10 @@ class Player(ClockSource):
         return True
 
     def _is_weighted(self, step: ReplayStep) -> bool:
-        """Return True if the microphone measures the recorded quantity of a step.
+        """Return True if the microphone measures the quantity that a step was recorded with.
 
-        Otherwise set the weightings of the microphone when no tick is in flight.
+        The quantity is a sound level such as LAF. If it differs, the weightings of the microphone
+        are set as soon as no tick is being processed.
         """
         quantity = step.quantity or self._quantity
         if quantity == self._quantity:
@@ -80,9 +81,12 @@ class Player(ClockSource):
         return False
 
     def is_done(self) -> bool:
-        """Return True if every state is published and every tick acknowledged."""
+        """Return True if every recorded cam state is published and its tick acknowledged.
+
+        A tick is the time between two states.
+        """
         return self._next is None and self._flow.in_flight == 0
 
     def pending_text(self) -> str:
-        """Return the progress and the nodes waited for, as text for an error message."""
+        """Return a text for an error: the progress, and the nodes that are waited for."""
         return f"{self._sent} states from: {blocking_text(self._flow.behind())}"

@@ -46,7 +46,7 @@ ROSOUT_DISCOVERY_S = 0.5
 #: Longest time (s, wall clock) to wait until a discovered subscriber of /rosout is connected, and
 #: again until it has acknowledged the error message.
 ROSOUT_DELIVERY_S = 5.0
-#: Polling period (s, wall clock) of both waits above.
+#: Polling period (s, wall clock) of the waits for a subscriber of /rosout.
 ROSOUT_POLL_S = 0.02
 
 
@@ -171,7 +171,10 @@ def _run(name: str, make: Callable[[], RigNode], request: StopRequest) -> int:
 
 
 def _spin(node: RigNode, request: StopRequest) -> int:
-    """Process a node's callbacks until it ends, destroy it, and return the exit code."""
+    """Process a node's callbacks until it ends, and return the exit code.
+
+    The node is destroyed at the end. `request` reports a signal to stop.
+    """
     request.act = node.interrupt
     if request.received:
         node.interrupt()

@@ -34,8 +34,8 @@ from cam_rig.simulation.scene import open_scene
 
 #: Number of nodes that may publish on /diagnostics in one run, for the depth of its queue.
 MAX_NODES = 16
-#: Time (s, wall clock) without a message after which the recorder of a finished run no longer waits
-#: for missing messages of the last ticks.
+#: Time (s, wall clock) without a message after which the recorder of a finished run stops waiting
+#: for missing messages of the last ticks (times between two cam states).
 QUIET_S = 3.0
 #: Period (s, wall clock) at which written messages are flushed to the file of the bag.
 FLUSH_PERIOD_S = 0.25
@@ -46,7 +46,10 @@ UNKNOWN_GID = b"?"
 
 
 class Recorder(RigNode):
-    """Writes the messages of the topics `RECEIVED`, and acknowledges written ticks."""
+    """Writes the messages of the topics `RECEIVED`, and acknowledges written ticks.
+
+    A tick is the time between two cam states.
+    """
 
     needs_message_info = True
 

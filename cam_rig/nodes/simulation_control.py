@@ -138,9 +138,10 @@ class SimulationControl:
         return SimulateSteps.Result(result=result)
 
     async def _run_ticks(self, steps: int, goal: Any = None) -> Any:
-        """Turn the cam by a number of ticks, wait until they are processed, and return a Result.
+        """Turn the cam by a number of ticks, wait for their processing, and return a Result.
 
-        A `goal` of the action receives feedback for each tick, and may cancel the remaining ticks.
+        A tick is the time between two cam states. A `goal` of the action receives feedback for each
+        tick, and may cancel the remaining ticks.
         """
         program = self._program
         text = ""

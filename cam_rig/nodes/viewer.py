@@ -25,8 +25,8 @@ from cam_rig.viewer.recording import SEND_EVERY_S, LiveView, polygon
 #: Number of messages in the queue of each subscription, so many that a slow viewer does not block
 #: the publishers.
 QUEUE_DEPTH = 256
-#: Number of spins between two checks for further messages at the end of a run. It is larger than
-#: the number of subscriptions, because a spin handles one message.
+#: Number of spins of the executor between two checks for further messages at the end of a run. It
+#: is larger than the number of subscriptions, because a spin handles one message.
 SPINS_PER_DRAIN = 10
 #: Longest time (s, wall clock) to wait for the sound level of the last tick, for which the drive
 #: does not wait.
@@ -74,7 +74,7 @@ class Viewer(RigNode):
     def _drawing(self, handle: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return a callback that passes a message to `handle` and draws complete ticks.
 
-        Each drawn tick is acknowledged to the drive.
+        A tick is the time between two cam states. Each drawn tick is acknowledged to the drive.
         """
 
         def draw(message: Any) -> None:

@@ -132,7 +132,7 @@ def _disc_checks(
 ) -> Iterator[Check]:
     """Yield the checks of one disc of a cam.
 
-    ``min_base`` is the minimum base radius (m), None if it is not known.
+    ``min_base`` is the smallest base radius (m) that passes the checks, None if it is not known.
     """
     scan = Scan(law, disc.element)
     yield from reach_checks(scan)
@@ -215,5 +215,5 @@ class CheckedCam:
 
     @property
     def least_base_radius(self) -> float | None:
-        """Minimum base radius of the cam in m, None if it is not known."""
+        """Smallest base radius (m) with which the cam passes its checks, None if unknown."""
         return next((check.limit for check in self.checks if check.name == "base radius"), None)

@@ -127,7 +127,7 @@ CROSSING_POINTS = 3600
 
 
 def reach_checks(scan: Scan) -> Iterator[Check]:
-    """Yield the checks that the follower can be at all positions of the law.
+    """Yield the checks that the follower can reach all positions of the law.
 
     They compare the distance from the cam's axis, and for a follower on an arm the angle of the arm
     and the distance of the cam from the pivot, with their geometric limits.
@@ -202,8 +202,8 @@ def crossing_check(disc: Disc, law: Law) -> Check:
 # Radius of curvature: undercut, cusps, and rollers that are too large (profile thesis,
 # §2.3.1-2.3.2).
 
-#: Radius of curvature up to which a contour has a cusp, as a fraction of the base radius. The
-#: radius then counts as 0.
+#: Largest radius of curvature that counts as a cusp (radius 0) of the contour, as a fraction of the
+#: base radius.
 CUSP_RATIO = 1e-9
 
 
@@ -276,8 +276,8 @@ def corner_check(law: Law, tolerance: float) -> Check:
 
 # Minimum base radius without undercut (profile thesis, eq. 2.42, and its counterpart for rollers).
 
-#: Factor by which the search for the minimum base radius decreases a base radius without undercut.
-#: A base radius with undercut is divided by it.
+#: In the search for the minimum base radius, a base radius without undercut is multiplied by this
+#: factor, and one with undercut is divided by it.
 BASE_STEP = 0.5
 #: Smallest base radius in the search for the minimum, as a fraction of the cam's base radius.
 MIN_BASE_RATIO = 1e-2

@@ -25,7 +25,7 @@ from cam_rig.units import TURN, ComplexArray, FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of a follower at some cam angles: four arrays of one shape."""
+    """Motion of a follower at some cam angles: four arrays of the same shape."""
 
     angle: FloatArray  #: cam angle θ, rad
     s: FloatArray  #: displacement s, m
@@ -81,7 +81,7 @@ STRAIGHT_CURVATURE = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """Contact of a follower with its cam at each cam angle: arrays of one shape.
+    """Contact of a follower with its cam at each cam angle: arrays of the same shape.
 
     Parameters
     ----------
@@ -162,9 +162,10 @@ class Element(ABC):
 
     @abstractmethod
     def moves(self, points: ComplexArray) -> ComplexArray:
-        """Return the velocity of the follower at points, divided by ṡ.
+        """Return the velocity of points that move with the follower, divided by ṡ.
 
-        The points move with the follower. They are given in the guide's frame, in m.
+        ṡ is the velocity of the displacement. The points and the velocities are complex numbers in
+        the guide's frame, points in m.
         """
 
 
@@ -206,10 +207,10 @@ MIN_PIECE_SAMPLES = 65
 MAX_PIECE_SAMPLES = 513
 #: Number of points at which `zoom` evaluates a function in each round.
 ZOOM_POINTS = 33
-#: Number of rounds of `zoom`. They locate the maximum to 1e-9 of a piece of the law, and its value
-#: to rounding.
+#: Number of rounds of `zoom`. They locate the maximum to 1e-9 of a polynomial piece of the law, and
+#: its value to rounding.
 ZOOM_ROUNDS = 5
-#: Function of one variable that is evaluated for an array of arguments.
+#: Function of one variable that accepts an array of arguments.
 Curve = Callable[[FloatArray], FloatArray]
 
 
@@ -234,9 +235,9 @@ def _samples(pieces: int) -> FloatArray:
 
 @lru_cache(maxsize=4)
 def _dense(law: Law) -> Motion:
-    """Return the motion of a law at dense samples of all its pieces.
+    """Return the motion of a law at many samples of all its polynomial pieces.
 
-    `Motion.on_pieces` describes the arrays. The result is cached for searches that evaluate one law
+    `Motion.on_pieces` describes the arrays. The result is cached, because searches evaluate one law
     many times.
     """
     return Motion.on_pieces(law, _samples(law.spans.size))

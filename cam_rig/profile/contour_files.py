@@ -84,7 +84,7 @@ class Placement:
         return np.array([placed.real, placed.imag])
 
 
-#: Placement that leaves a contour unchanged.
+#: Placement that leaves the coordinates of a contour file unchanged.
 UNPLACED = Placement()
 
 
@@ -319,6 +319,9 @@ class _ContourTable(CellTable):
                 )
 
     def discs(self, headings: list[Heading]) -> list[str]:
-        """Return the name of the disc of each row, empty if the table has no such column."""
+        """Return the disc that each row of the table belongs to.
+
+        The result contains names. It is empty if the table has no column of discs.
+        """
         column = next((i for i, heading in enumerate(headings) if heading.text == "disc"), None)
         return ["" if column is None else cells[column] for _, cells in self.rows[self.first :]]

@@ -20,7 +20,7 @@ from cam_rig.units import ComplexArray, FloatArray
 
 @dataclass(frozen=True)
 class Disc:
-    """Plate of a cam, with the roller, point or face of the follower that touches it.
+    """Disc of a cam, with the roller, point or face of the follower that touches it.
 
     Parameters
     ----------

@@ -73,10 +73,10 @@ class Swung(Element):
         return self.side * (position - self.arm * self.start)
 
     def moves(self, points: ComplexArray) -> ComplexArray:
-        """Return the velocity of the rotating follower at points, divided by ṡ.
+        """Return the velocity of points of the rotating follower, divided by ṡ.
 
-        The points are in the guide's frame, m. The rotation about the pivot is clockwise as s
-        increases, on both sides of the cam.
+        ṡ is the velocity of the displacement. The points are in the guide's frame, m. The rotation
+        about the pivot is clockwise as s increases, on both sides of the cam.
         """
         return np.asarray(1j * (self.pivot - points) / self.arm)
 

@@ -31,8 +31,8 @@ ROUNDS = 5
 #: Number of points of the contour in each round, between the neighbours of the best point of the
 #: previous round.
 ROUND_POINTS = 33
-#: Number of bisections that refine the crossing of a point's path with the contour, from a
-#: parameter step of 2π/COARSE_POINTS to rounding.
+#: Number of bisections that locate the crossing of the contour with the path of a pointed follower,
+#: from a step of 2π/COARSE_POINTS of the contour's parameter to rounding.
 BISECTIONS = 44
 #: Number of cam angles that are processed together. It limits the memory.
 BLOCK = 64
@@ -291,8 +291,9 @@ def both_elements(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
 def closure(follower: Follower, law: Law) -> FloatArray:
     """Return the backlash (m) of a follower on its computed contours, ``(360,)``.
 
-    The cam moves the follower in both directions. The backlash is computed at `READINGS` equally
-    spaced cam angles over the turn. The contours are splines through `CONTOUR_POINTS` points.
+    The backlash is the play of a follower that the cam moves in both directions. It is computed at
+    `READINGS` equally spaced cam angles over the turn. The contours are splines through
+    `CONTOUR_POINTS` points.
     """
     cam_contours = contours(follower, law, CONTOUR_POINTS)
     curves = [closed_curve(contour.points) for contour in cam_contours]

@@ -100,7 +100,7 @@ def pitch_paths(follower: Follower, law: Law) -> list[ContourPath]:
     return paths
 
 
-#: Number of samples of the path per turn, from which the number of chords is estimated.
+#: Number of samples of a path per turn. The number of chords is estimated from them.
 PATH_SAMPLES = 8192
 #: Number of samples of the path per chord, at which the chord error is measured.
 CHORD_SAMPLES = 12

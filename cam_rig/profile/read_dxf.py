@@ -64,8 +64,8 @@ ARC_POINTS = 20_000
 ARC_SEGMENTS = 96
 #: Number of points of a curve at which its refinement stops.
 MAX_POINTS = 1_000_000
-#: Largest distance (m) between the ends of two entities that are joined. Programs write 3 to 16
-#: decimals of mm.
+#: Largest distance (m) between the ends of two entities of a drawing that are joined. Programs
+#: write 3 to 16 decimals of mm.
 JOIN_DISTANCE = 5e-6
 #: Largest difference of the distances of a curve's points from the cam's axis (m) with which the
 #: curve counts as a circle around the axis.
@@ -290,7 +290,7 @@ def _find_unit(path: Path, document: Drawing, placement: Placement) -> str:
 
 
 def _select_visible(document: Drawing, entities: list[DXFEntity]) -> list[DXFEntity]:
-    """Return the entities that are visible in a CAD program."""
+    """Return the entities of a drawing that a CAD program displays."""
     off = {layer.dxf.name.lower() for layer in document.layers if layer.is_off()}
     frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
 
@@ -501,8 +501,8 @@ def _select_outer(every: list[_Curve]) -> list[_Curve]:
 def _describe_contents(document: Drawing, layer: str | None) -> str:
     """Return a text with the number of entities of each type in a drawing.
 
-    The text also states the entities that are needed. It is part of a message for a drawing without
-    a closed curve. `layer` is the only layer that was read, or None.
+    The text also states which entities are needed. It is part of a message for a drawing without a
+    closed curve. `layer` is the only layer that was read, or None.
     """
     counts = Counter(entity.dxftype() for entity in document.modelspace())
     listed = ", ".join(f"{count} {kind}" for kind, count in counts.most_common(8)) or "nothing"

@@ -72,13 +72,16 @@ def distances(points: FloatArray, strip: FloatArray) -> FloatArray:
 
 #: Angle between two numbers of the ring of degrees around a drawn cam, degrees.
 NUMBER_STEP = 30
-#: Angle between two ticks of the ring of degrees around a drawn cam, degrees.
+#: Angle between two tick marks of the ring of degrees around a drawn cam, degrees.
 TICK_STEP = 10
-#: Radius of the outer end of a short tick, as a multiple of the radius of the ring of degrees.
+#: Radius of the outer end of a short tick mark, as a multiple of the radius of the ring of degrees
+#: around a drawn cam.
 SHORT_TICK = 1.03
-#: Radius of the outer end of a long tick, as a multiple of the radius of the ring of degrees.
+#: Radius of the outer end of a long tick mark, as a multiple of the radius of the ring of degrees
+#: around a drawn cam.
 LONG_TICK = 1.07
-#: Radius of the middle of a number, as a multiple of the radius of the ring of degrees.
+#: Radius at which the middle of a number is placed, as a multiple of the radius of the ring of
+#: degrees around a drawn cam.
 NUMBER_RADIUS = 1.17
 #: Number of polylines that fill the picture of a cam. They are few, because browsers without a
 #: graphics card are slow.

@@ -101,7 +101,7 @@ class Contents:
 
 
 def chunks(ticks: Iterable[TickSamples]) -> Iterator[Chunk]:
-    """Join the samples of ticks to chunks of rows of the exported file, and yield them.
+    """Join the samples of ticks to chunks of rows of a file, and yield them.
 
     A tick is the time between two cam states. At most one chunk is in memory.
     """

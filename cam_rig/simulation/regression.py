@@ -97,7 +97,7 @@ def nearest_crossing(
     scale: float,
     shift: float = 0.0,
 ) -> float | None:
-    """Return the cam speed (rpm) nearest to `near` (rpm) at which two regressions cross.
+    """Return the speed (rpm) nearest to `near` (rpm) at which two regressions cross.
 
     It is None without a crossing. The other parameters are those of `crossings`.
     """

@@ -434,7 +434,7 @@ class Turns:
         return Turns(self.speeds[::step], self.forces[::step], self.impulses[::step])
 
     def contact_power(self, corner_rate: float) -> FloatArray:
-        """Return the mean square of ω_c (F − q) in the periodic turn at each speed, (N/s)².
+        """Return the mean square of ω_c (F − q) of the turn at each speed, (N/s)².
 
         F is the contact force and q its low-pass filtered value. ω_c is `corner_rate` in rad/s. The
         shape is `(n,)`.

@@ -102,7 +102,7 @@ def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
 
 @contextmanager
 def listening(*arguments: str, ports: tuple[int, ...]) -> Iterator[subprocess.Popen[bytes]]:
-    """Start a Rerun viewer, wait until it listens at all ``ports``, and yield its process.
+    """Start a Rerun viewer, and wait until it listens at all ``ports``.
 
     ``arguments`` are those of the viewer. It is terminated when the context ends.
     """

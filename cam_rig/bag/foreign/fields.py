@@ -10,10 +10,11 @@ import numpy as np
 
 from cam_rig.errors import did_you_mean
 
-#: Largest number of fields that an error message lists, and of elements that are listed per array.
+#: Largest number of message fields that an error message lists, and largest number of elements that
+#: are listed per array.
 MAX_NAMED = 24
-#: Pattern of one part of a field's path: name of the field, and in brackets the index of an array
-#: element or the name of a joint.
+#: Pattern of one part of the path of a message field: name of the field, and in brackets the index
+#: of an array element or the name of a joint.
 PART = re.compile(r"(?P<name>\w+)(?:\[(?P<index>[\w/-]+)\])?")
 
 
@@ -39,10 +40,11 @@ def number_at(message: Any, path: str) -> float:
 
 
 def _entry(owner: Any, values: Any, name: str, index: str) -> Any:
-    """Return the element of an array field at an index, or of a joint.
+    """Return the element of an array field at an index, or of a named joint.
 
-    `index` is a number from 0, or an entry of the list ``name`` of the message `owner`, as in
-    sensor_msgs/JointState. `name` is the name of the array. Raises ValueError for any other index.
+    `values` is the array, and `name` is its name. `index` is a number from 0, or an entry of the
+    list ``name`` of the message `owner`, as in sensor_msgs/JointState. Raises ValueError for any
+    other index.
     """
     if not hasattr(values, "__len__"):
         raise ValueError(f"{name!r} is not an array; remove [{index}]")

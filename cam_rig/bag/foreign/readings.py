@@ -31,8 +31,8 @@ LIFT_WINDOW = 15
 #: Deviation from the running median of the lift, as a multiple of the lift range, above which a
 #: number is not a reading but a code such as -999. The lift of a bouncing follower deviates less.
 SENTINEL_RATIO = 5.0
-#: Fraction of the largest and of the smallest lift readings that is left out when the lift range is
-#: determined. Codes such as -999 are recognized if they are fewer than this fraction at each end.
+#: Fraction of the readings that is left out at each end when the range of the lift is determined.
+#: Codes such as -999 are recognized if they are fewer than this fraction at each end.
 MAX_SENTINELS = 0.01
 
 
@@ -87,7 +87,7 @@ class _Readings:
 
     @property
     def headed(self) -> bool:
-        """True if the time of the readings is that of the message's header.
+        """True if the time of the readings is the stamp in the message's header.
 
         Otherwise it is the log time of the bag.
         """

@@ -25,8 +25,8 @@ MAX_OUTSIDE = 0.02
 #: Quantile of the differences between successive readings (absolute values) that is taken as the
 #: step at the full speed of a run.
 USUAL_STEP_QUANTILE = 0.9
-#: Largest part of the range of a counter's integer type that may be without readings, in usual
-#: steps. With less of the range filled, the counter does not wrap at the end of its type.
+#: A counter wraps at the end of its integer type only if its readings fill the range of the type,
+#: apart from this number of usual steps between readings.
 MAX_USUAL_STEPS = 3.0
 #: Smallest range of the readings, as a fraction of the period, for which wrapping is detected
 #: without a step of more than half a period.
@@ -58,22 +58,22 @@ MAD_SIGMA = 1.4826
 #: readings. In a gap the cam may have turned by any angle.
 GAP_FACTOR = 4.0
 #: Largest number of successive readings that are treated as wrong angles. If more readings deviate,
-#: the angle of the encoder has jumped.
+#: the angle of the encoder has jumped instead.
 MAX_RUN = 100
 #: Largest fraction of wrong angles in a recording. A larger fraction is an error.
 MAX_WRONG = 0.1
 #: Relative tolerance of the angle that is predicted across removed readings.
 PREDICTION_RTOL = 0.05
-#: Largest deviation of a jump from whole turns at which it is treated as whole turns, as a fraction
-#: of the usual step. `WHOLE_TURNS_SCATTER` is added.
+#: Largest deviation of a jump of the angle from whole turns at which it is treated as whole turns,
+#: as a fraction of the usual step between readings. `WHOLE_TURNS_SCATTER` is added.
 WHOLE_TURNS_RTOL = 0.25
-#: Largest deviation of a jump from whole turns due to the scatter of the steps, in standard
-#: deviations.
+#: Deviation of a jump of the angle from whole turns that scatter of the steps may cause, in
+#: standard deviations. It is added to `WHOLE_TURNS_RTOL`.
 WHOLE_TURNS_SCATTER = 4.0
 #: Largest tolerance of a step between two readings, as a fraction of the period after which the
 #: angle wraps.
 MAX_TOLERANCE = 0.3
-#: Jump of an angle per turn if the angle is in degrees but is read as radians.
+#: Jump of the readings per turn (in their unit) if an angle in degrees is read as radians.
 DEGREES_PER_TURN = 360.0
 #: Tolerance of a jump of `DEGREES_PER_TURN`, in the unit of the readings. The scatter of the steps
 #: is added.
@@ -310,10 +310,11 @@ class _Steps:
     ) -> tuple[list[int], list[int]]:
         """Return the wrong readings, and the readings before jumps, from runs of readings.
 
-        A run is a series of consistent readings from `starts` to `stops`. The first run is correct.
-        If one of the next runs is consistent with the last correct run, it is correct and the
-        readings between them are wrong. Otherwise the next run follows a jump of the encoder and is
-        correct, except a short run at the end, which is wrong. The results are indices of readings.
+        A run is a series of consistent angle readings, with indices from `starts` to `stops`. The
+        first run is correct. If one of the next runs is consistent with the last correct run, it is
+        correct and the readings between them are wrong. Otherwise the next run follows a jump of
+        the encoder and is correct, except a short run at the end, which is wrong. The results are
+        indices of readings.
         """
         wrong, jumps, k = list[int](), list[int](), 0
         while k < starts.size - 1:

@@ -312,7 +312,7 @@ def compute_stem_stretch(run: RunTable, vibration: StemVibration, cam: CamMotion
 
 
 def _next_limit(jumps: Jumps, state: np.void) -> float:
-    """Return the time (s) at which the present contact or flight must end at the latest.
+    """Return the time (s) at which the present contact or flight ends at the latest.
 
     It is the time of the next velocity jump of the law, or the end of the interval.
     """

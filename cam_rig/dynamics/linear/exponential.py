@@ -184,7 +184,7 @@ class FreeSystem:
 
     @cached_property
     def window(self) -> float:
-        """Longest time (s) over which the power series of the acceleration is exact to rounding.
+        """Longest time (s) over which the series of the acceleration is exact to rounding.
 
         The degree of the series is `SERIES_DEGREE`.
         """

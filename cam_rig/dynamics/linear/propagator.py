@@ -173,7 +173,7 @@ def _solve(
     parts: int,
     terms: int,
 ) -> list[ForcingPiece]:
-    """Return the responses on m pieces of the forcing with the same slow and fast modes.
+    """Return the responses on m forcing pieces with the same slow and fast modes.
 
     The system is ẋ = A x + f with A = ``matrix``. ``modes`` is the result of `_modes`. ``forcing``
     are the Bernstein ordinates of f, ``(n, p + 1, m)``, and ``durations`` are in s. Each piece is

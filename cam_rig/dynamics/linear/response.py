@@ -256,9 +256,9 @@ class LinearResponse:
 
     @cached_property
     def _maps(self) -> list[TurnMap]:
-        """Maps of the state at cam angle 0 to the states at the start of each part of the turn.
+        """Maps of the state at cam angle 0 to the state at the start of each part.
 
-        The last map leads to the end of the turn.
+        A part is a part of the turn (see `Part`). The last map leads to the end of the turn.
         """
         flow, offset = np.eye(self.constant.size), np.zeros(self.constant.size)
         maps = []

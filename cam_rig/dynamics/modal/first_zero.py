@@ -146,7 +146,10 @@ class Bracket(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Planned step of the cam speed, and the bounds that are to prove that the output is positive in it."""
+    """Planned step of the cam speed, and the bounds that are to prove it.
+
+    A step is proven if the output is proven to stay positive in it.
+    """
 
     kind: int  #: kind of the bounds, a `StepKind`
     width: float  #: difference of the cam speeds at the ends of the step, rad/s

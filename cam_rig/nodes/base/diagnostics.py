@@ -29,7 +29,7 @@ STATUS_VALID_S = 0.9
 
 
 class Activity(NamedTuple):
-    """Current activity of a node."""
+    """Current activity of a node, as its heartbeat reports it."""
 
     state: str  #: waiting, turning, stopped or emergency
     waits_for: Sequence[str]  #: names of the nodes that this node waits for

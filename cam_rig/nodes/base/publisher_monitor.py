@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 #: Period (s, wall clock) at which the publishers of each monitored topic are counted.
 CHECK_PERIOD_S = 0.25
-#: Time (s, wall clock) for which the check waits for the name of a second publisher's node. DDS may
-#: announce an endpoint before the name of its node; a program without ROS never has a name.
+#: Longest time (s, wall clock) to wait for the node name of a second publisher. DDS may announce an
+#: endpoint before the name of its node, and a program without ROS never has a name.
 MAX_NAME_WAIT_S = 5.0
 #: Text for a publisher whose node has no name yet.
 UNNAMED = "a program that is not a ROS node"
@@ -29,7 +29,8 @@ class PublisherMonitor:
     def __init__(self, node: RigNode) -> None:
         self._node = node
         self._topics: list[Topic] = []
-        #: Time (s, monotonic clock) until which the check waits for a name, 0 without a wait.
+        #: Time (s, monotonic clock) until which the monitor waits for the node name of a second
+        #: publisher, 0 if it does not wait.
         self._named_by = 0.0
         node.create_wall_timer(CHECK_PERIOD_S, self._check)
 
@@ -51,7 +52,11 @@ class PublisherMonitor:
         return {gid: UNNAMED if "UNKNOWN" in name else name for gid, name in names.items()}
 
     def _check(self) -> None:
-        """End the run if a topic has a second publisher, as soon as its name is known."""
+        """End the run if a monitored topic has a second publisher.
+
+        The error names its node. If DDS has not announced the name yet, the check waits for it, at
+        most `MAX_NAME_WAIT_S`.
+        """
         # the count is cheap, but includes publishers of another message type
         suspected = [t for t in self._topics if self._node.count_publishers(t.relative) > 1]
         named_by, self._named_by = self._named_by or time.monotonic() + MAX_NAME_WAIT_S, 0.0

@@ -139,7 +139,8 @@ class RigNode(Node):
     #: executor of rclpy does not pass them. The other executor uses 0.1 ms more CPU time per
     #: message.
     needs_message_info = False
-    #: Nodes whose messages this node needs before its first tick.
+    #: Names of the nodes whose messages this node needs before its first tick (time between two cam
+    #: states).
     waits_for: tuple[str, ...] = ("cam_drive",)
     #: Number of runs that this process has completed (parameter on_finish: stay).
     runs_before: ClassVar[int] = 0
@@ -150,9 +151,10 @@ class RigNode(Node):
         self.done: Future = Future()
         self.failure: CamRigError | None = None
         self.received = self.ticks = self.interrupts = 0
-        #: Number of ticks of the scene; 0 if unknown.
+        #: Number of ticks (times between two cam states) of the scene, 0 if unknown.
         self.total_ticks = 0
-        #: Endpoints that published on the rig's topics when the run ended; empty before.
+        #: DDS identifiers of the publishers of the rig's topics when the run ended, by topic. Empty
+        #: before.
         self.rig_endpoints: dict[str, set[bytes]] = {}
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self.parameter_table = ParameterTable(self, PARAMETERS[name])
@@ -378,7 +380,7 @@ class RigNode(Node):
     def remember_endpoints(self) -> None:
         """Store the present publishers of the rig's topics in `rig_endpoints`.
 
-        A staying node starts its next run when all of them have left.
+        A node that stays for another run starts it when all of them have left.
         """
         names = (self.resolve_topic_name(topic.relative) for topic in TOPICS if topic.owner)
         self.rig_endpoints = find_endpoints(self, *names)
@@ -416,7 +418,7 @@ class RigNode(Node):
             quiet = quiet + 1 if self.received == before else 0
 
     def conclude(self, spin_once: Callable[..., None]) -> None:
-        """Notify the other nodes that this node ends.
+        """Announce the end of this node to the other nodes.
 
         The method is called once, while messages are still received. A subclass may call
         `spin_once` to process them.
@@ -430,9 +432,10 @@ class RigNode(Node):
 
 
 def progress_text(done: int, total: int, is_complete: bool, unit: str = "ticks") -> str:
-    """Return a text on the number of ticks that a node has processed at its end.
+    """Return a text on the number of ticks that a node has processed when it ends.
 
-    `total` is the expected number, 0 if it is unknown.
+    A tick is the time between two cam states. `done` is the processed number, and `total` the
+    expected number, 0 if it is unknown. `unit` names what is counted.
     """
     if is_complete:
         return f"done with {done} {unit}"

@@ -73,7 +73,7 @@ def create_staying_node(name: str) -> Node:
 
 
 class FinishedRun(NamedTuple):
-    """End of a run: the content of a message on /rig/finished."""
+    """Content of a message on /rig/finished, which reports the end of a run."""
 
     level: bytes  #: level of diagnostic_msgs/DiagnosticStatus: OK, WARN (stopped), ERROR
     text: str
@@ -98,9 +98,10 @@ class FinishedRun(NamedTuple):
 
 
 class LostDriveMonitor:
-    """Ends a node whose drive has left without publishing /rig/finished.
+    """Ends a node if the drive has left without publishing /rig/finished.
 
-    The subscription to /rig/finished calls `on_drives` with the number of connected drives.
+    The drive is the node that turns the cam. The subscription to /rig/finished calls `on_drives`
+    with the number of connected drives.
     """
 
     def __init__(self, node: RigNode) -> None:
