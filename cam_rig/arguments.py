@@ -36,7 +36,8 @@ ALLOWED_TEXTS: dict[Any, str] = {
     Callable: "a function",
     np.ndarray: "an array of real numbers",
 }
-#: Name of a class -> description of its objects, and the function or module that makes them.
+#: Description of the objects of a class, and the function or module that creates them, by the name
+#: of the class.
 MAKERS = {
     "CamConfig": ("a cam", "load_cam"),
     "RigConfig": ("a rig", "load_rig"),
@@ -48,9 +49,9 @@ MAKERS = {
 }
 #: Pattern of a long option of a command in a message.
 OPTION = re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)")
-#: Parameter of a Python function by the name of the command's option, if the names differ. A
-#: parameter may also have the name of the option with a unit as suffix, such as offset_deg for
-#: --offset.
+#: Name of a parameter of a Python function, by the name of the command-line option with the same
+#: meaning, if the names differ. A parameter may also have the name of the option with a unit as
+#: suffix, such as offset_deg for --offset.
 ALIASES = {"cam": "one_cam", "all": "every", "limit": "limits", "from": "start", "range": "values"}
 
 

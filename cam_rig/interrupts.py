@@ -52,7 +52,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 class _Interrupt:
-    """State of the first signal of this process."""
+    """State of the first signal that this process has received."""
 
     def __init__(self) -> None:
         self.number: int | None = None  # of the first signal

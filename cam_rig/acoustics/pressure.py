@@ -219,14 +219,14 @@ SEED = 1
 class SoundSource:
     """Generator of the sound pressure of a rig, block by block.
 
-    The pressure is the sum of the sound of the structure, of the landings and of the background.
-    The state between two blocks is stored.
+    A block is a series of samples of the contact force. The pressure is the sum of the sound of the
+    structure, of the landings and of the background. The state between two blocks is stored.
     """
 
     parameters: RadiationParameters  #: acoustic constants of the rig
     block_rate: int  #: sample rate of the contact force, Hz
-    #: Lowest sample rate of the sound pressure, Hz. The rate used is the smallest multiple of
-    #: ``block_rate`` that is not below it.
+    #: Lowest sample rate of the computed sound pressure, Hz. The rate that is used is the smallest
+    #: multiple of ``block_rate`` that is not below it.
     least_rate: int = MIN_RATE
     seed: int = SEED  #: seed of the background noise
     _structure: float | None = field(default=None, init=False)
@@ -320,7 +320,7 @@ def _pulse(duration: float, rate: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class MicrophoneState:
-    """State of the structure that radiates sound, between two blocks."""
+    """State of the structure that radiates sound, between two blocks of samples."""
 
     structure: float  #: state q of the structure at the last sample, N
     force: float  #: contact force at the last sample, N

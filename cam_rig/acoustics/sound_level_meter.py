@@ -30,7 +30,7 @@ SILENCE_DB = -200.0
 
 @dataclass(frozen=True)
 class Reading:
-    """Reading of the sound-level meter for one block, with levels in dB re 20 µPa."""
+    """Reading of the sound-level meter for one block of samples, in dB re 20 µPa."""
 
     #: Time-weighted sound level, averaged as power over the block. If the sound is steady and the
     #: block covers whole turns, it is the equivalent level, whatever the cam angle at its end.
@@ -39,7 +39,7 @@ class Reading:
     highest: float  #: maximum of the time-weighted level in the block
     equivalent: float  #: equivalent level over the block
     #: True if the unweighted pressure exceeds the peak of a sine with the highest level of the
-    #: range.
+    #: measuring range.
     overload: bool
     under_range: bool  #: True if ``level`` is below the lowest level of the range
 
@@ -211,7 +211,8 @@ POLES = {
 }
 #: Number of zeros at 0 Hz of the weightings A and C.
 ZEROS = {"A": 4, "C": 2}
-#: Number of zeros of a digital weighting that are fitted to the magnitude of the analog filter.
+#: Number of zeros of a digital weighting filter that are fitted to the magnitude of the analog
+#: filter.
 FITTED_ZEROS = 6
 #: Frequency at which every weighting is 0 dB, Hz (IEC 61672-1).
 REFERENCE_FREQUENCY = 1000.0

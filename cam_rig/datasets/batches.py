@@ -13,15 +13,15 @@ from cam_rig.datasets.point_files import Batch, PointFiles
 from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.workers import friendly_executor_errors
 
-#: Target processor time (s) of a batch.
+#: Processor time (s) that a batch of points should take.
 BATCH_S = 1.0
-#: Target processor time (s) of a batch per worker, used if the product with the number of workers
-#: is more than `BATCH_S`. It is twice the time that scheduler and writer need for a batch, so that
-#: workers never wait for them.
+#: Processor time (s) per worker that a batch of points should take, used if the product with the
+#: number of workers is more than `BATCH_S`. It is twice the time that scheduler and writer need for
+#: a batch, so that workers never wait for them.
 BATCH_PER_WORKER_S = 0.01
 #: Approximate upper limit of the number of batches, and so of files.
 MAX_BATCHES = 20_000
-#: Largest number of batches in flight until the cost of the first is measured. Each of these
+#: Largest number of batches that are sent before the cost of the first is measured. Each of these
 #: batches has one point.
 MAX_PILOTS = 64
 #: Largest number of points of a batch.
@@ -128,10 +128,10 @@ class BatchSizes:
 
 
 def _batches(gaps: list[tuple[int, int]], sizes: BatchSizes) -> Iterator[tuple[int, int]]:
-    """Yield first point and end (exclusive) of the batches of all missing points.
+    """Yield the first point and the end (exclusive) of each batch of missing points.
 
-    `gaps` are the ranges of missing points. A batch has the size `sizes.next` of the moment at
-    which it is requested.
+    `gaps` are the ranges of missing points. The size of a batch is the value of `sizes.next` at the
+    time at which it is requested.
     """
     for start, last in gaps:
         first = start

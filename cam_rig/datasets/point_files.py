@@ -31,7 +31,7 @@ LOCK_FILE = ".lock"
 FILE_PATTERN = "points-*.parquet"
 #: Pattern of the name of a file, which contains first point, end (exclusive) and digest.
 _NAME = re.compile(r"points-(\d+)-(\d+)-([0-9a-f]{16})\.parquet")
-#: Suffix of the name of a damaged file, whose points are computed again.
+#: Suffix that is added to the name of a damaged file. Its points are computed again.
 DAMAGED_SUFFIX = ".damaged"
 #: Largest number of damaged files that a message names.
 MAX_NAMED_FILES = 3
@@ -43,7 +43,7 @@ MAX_NAMED_DIFFERENCES = 3
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Rows of consecutive points. A subclass adds the rows."""
+    """Rows of consecutive points of a dataset. A subclass adds the content of the rows."""
 
     first: int  #: index of the first point
     last: int  #: end of the points, exclusive
@@ -51,11 +51,11 @@ class Batch:
 
 
 class Study(Protocol):
-    """Study whose points are the rows of a dataset."""
+    """Computation whose points are the rows of a dataset."""
 
     @property
     def text(self) -> str:
-        """All data that a row depends on, apart from its index, as JSON."""
+        """JSON text of all data on which a row depends, apart from its index."""
 
     @property
     def total(self) -> int:
@@ -64,7 +64,7 @@ class Study(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PointFiles:
-    """Rows of a study in a folder of Parquet files.
+    """Rows of a computed study in a folder of Parquet files, one row per point.
 
     A subclass defines the columns in `_to_table`.
     """
@@ -110,7 +110,10 @@ class PointFiles:
         return sorted((int(match[1]), int(match[2]), path) for match, path in matches if match)
 
     def missing(self) -> list[tuple[int, int]]:
-        """Return first missing point and end (exclusive) of each gap, in order."""
+        """Return the ranges of missing points, in order.
+
+        A range is its first point and its end (exclusive).
+        """
         gaps, start, end = [], 0, self.campaign.total
         for first, last in [*(batch[:2] for batch in self.batches()), (end, end)]:
             if first > start:
@@ -283,7 +286,10 @@ def _damage_message(damaged: list[Path]) -> str:
 
 
 def _digest(first: int, last: int, data: bytes) -> str:
-    """Return the digest of the range and the file of a batch, as in the file's name."""
+    """Return the digest in the name of a batch's file.
+
+    It is that of the range of points, ``first`` to ``last`` (exclusive), and the content ``data``.
+    """
     return hashlib.sha256(b"%d-%d\n" % (first, last) + data).hexdigest()[:16]
 
 

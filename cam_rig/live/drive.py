@@ -55,16 +55,16 @@ class ScheduleState:
 class SetpointSchedule:
     """Sequence of the cam states of a scene under live commands.
 
-    A commanded speed (rad/s) or cam applies from the next state on. At a commanded speed each tick
-    still turns by the planned angle. A commanded cam stays mounted until the scene mounts another.
-    The angle θ is always continued, it is never set. Without a command the states are equal to
-    those of the scene, bit for bit.
+    A commanded speed (rad/s) or cam applies from the next state on. At a commanded speed the cam
+    still turns by the planned angle in each tick, the time between two states. A commanded cam
+    stays mounted until the scene mounts another. The angle θ is always continued, it is never set.
+    Without a command the states are equal to those of the scene, bit for bit.
     """
 
     def __init__(self, scene: SceneConfig) -> None:
         self._scene = scene
-        #: Shortest permitted tick, ns: the sampling period. Without this limit a short tick of a
-        #: ramp that is commanded to a higher speed could contain no sample.
+        #: Shortest permitted tick (time between two cam states), ns: the sampling period. Without
+        #: this limit a tick of a speed ramp could contain no sample if a higher speed is commanded.
         self._min_tick = math.ceil(NS / scene.sample_rate.si)
         self.state = ScheduleState()
         self._start_plan()
@@ -119,7 +119,8 @@ class SetpointSchedule:
     def halt(self) -> CamState | None:
         """Stop the cam at the end of the current tick, until `rewind`.
 
-        Returns the state with speed 0, or None if the cam is stopped already.
+        A tick is the time between two cam states. Returns the state with speed 0, or None if the
+        cam is stopped already.
         """
         last = self.state.last
         if self._planned is None or self.state.halted:
@@ -151,7 +152,11 @@ class SetpointSchedule:
 
     @property
     def _commanded_speed(self) -> float | None:
-        """Commanded speed (rad/s) of the tick that starts with the next state, or None."""
+        """Commanded speed (rad/s) of the tick that starts with the next cam state.
+
+        A tick is the time between two cam states. The result is None without a command, or if the
+        cam does not turn in this tick.
+        """
         planned, following = self._planned, self._following
         turns = planned is not None and following is not None and planned.turns_until(following)
         return self.state.speed if turns else None
@@ -197,12 +202,13 @@ REQUEST_RETRY_S = 1.0
 
 
 class DriveProgram:
-    """Program of the drive, which releases the scene's states in order.
+    """Program of the drive, which releases the scene's cam states in order.
 
-    A state is released when fewer than `MAX_TICKS_IN_FLIGHT` ticks are in flight, the law of its
-    cam is known and its time has come. A new cam is requested when every tick of the previous cam
-    is acknowledged. Therefore no message is dropped, and every run of a scene publishes the same
-    messages.
+    A tick is the time between two states, and it is in flight until all consumers have acknowledged
+    it. A state is released when fewer than `MAX_TICKS_IN_FLIGHT` ticks are in flight, the law of
+    its cam is known and its time has come. A new cam is requested when every tick of the previous
+    cam is acknowledged. Therefore no message is dropped, and every run of a scene publishes the
+    same messages.
 
     Parameters
     ----------
@@ -234,7 +240,7 @@ class DriveProgram:
 
     @property
     def done(self) -> bool:
-        """True if every state is sent and acknowledged and the drive is not halted."""
+        """True if every cam state is sent and acknowledged, without an emergency stop."""
         at_end = self.schedule.next_state is None and not self.halted
         return at_end and self.flow.in_flight == 0
 
@@ -288,9 +294,9 @@ class DriveProgram:
             self.schedule.mount("")
 
     def wait(self, now: float) -> float:
-        """Return the time (s, wall clock) until the next state is due.
+        """Return the time (s, wall clock) from ``now`` until the next cam state is due.
 
-        The time is 0 if the state waits for a node.
+        It is 0 if the state is due already and waits for a node.
         """
         state = self.schedule.next_state
         return 0.0 if state is None else self.pacing.wait(state.time_ns, now)
@@ -325,9 +331,10 @@ class DriveProgram:
             )
 
     def run(self, running: bool) -> None:
-        """Resume the motion, or stop it after the current tick.
+        """Start or resume the motion, or stop it after the current tick.
 
-        Rig time stops with the cam.
+        A tick is the time between two cam states. Rig time stops with the cam. ``running`` is True
+        to start.
         """
         if not running or not self.running:
             self.pacing.pause()
@@ -371,7 +378,8 @@ class DriveProgram:
     def _is_ready(self, state: CamState, now: float) -> bool:
         """Return True if the cam of a state is requested and its law is known.
 
-        Otherwise request the cam, as soon as the ticks of the previous cam are acknowledged.
+        Otherwise request the cam, as soon as the consumers have acknowledged all ticks (times
+        between two states) of the previous cam. ``now`` is the wall-clock time (s).
         """
         has_law, is_overridden = state.cam in self.laws, self.schedule.overrides_cam
         if has_law and (is_overridden or state.cam == self._requested_cam):

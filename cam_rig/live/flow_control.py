@@ -16,7 +16,8 @@ from decimal import Decimal
 from cam_rig.errors import ConfigError
 from cam_rig.units import NS
 
-#: Maximum number of ticks published by the drive and not yet acknowledged by every consumer.
+#: Largest number of ticks (times between two cam states) that the drive has published and that not
+#: every consumer has acknowledged.
 MAX_TICKS_IN_FLIGHT = 4
 #: Maximum number of states that the recorder writes between two flushes; a kill can lose them.
 MAX_STATES_UNFLUSHED = 8
@@ -30,9 +31,10 @@ MAX_WAITING = 2 * HISTORY_DEPTH
 
 
 class FlowControl:
-    """Stamps of the states in flight, and the last acknowledged stamp per consumer.
+    """Stamps of the cam states in flight, and the last acknowledged stamp per consumer.
 
-    A stamp is the rig time (ns) of a state.
+    A stamp is the rig time (ns) of a state. A state is in flight until every consumer has
+    acknowledged it.
     """
 
     def __init__(self, consumers: list[str]) -> None:
@@ -41,11 +43,17 @@ class FlowControl:
 
     @property
     def in_flight(self) -> int:
-        """Number of ticks that at least one consumer has not acknowledged."""
+        """Number of ticks that at least one consumer has not acknowledged.
+
+        A tick is the time between two cam states.
+        """
         return max(0, len(self._sent) - 1)
 
     def may_send(self) -> bool:
-        """Return True if the next state may be sent."""
+        """Return True if the next cam state may be sent.
+
+        It must wait while too many ticks are not acknowledged.
+        """
         return self.in_flight < MAX_TICKS_IN_FLIGHT
 
     def record_sent(self, stamp_ns: int) -> None:
@@ -66,12 +74,12 @@ class FlowControl:
         return True
 
     def drop(self, consumer: str) -> None:
-        """Stop waiting for a consumer."""
+        """Stop waiting for the acknowledgements of a consumer."""
         self._acknowledged.pop(consumer, None)
         self._release()
 
     def behind(self) -> list[str]:
-        """Return the consumers that have not acknowledged every tick."""
+        """Return the names of the consumers that have not acknowledged every tick."""
         if self.in_flight == 0:
             return []
         return [name for name, stamp in self._acknowledged.items() if stamp < self._sent[-1]]
@@ -87,7 +95,7 @@ class FlowControl:
 #: Longest delay (s, wall clock) of a state that a paced run makes up by sending the next states
 #: sooner. A longer delay is reported as lost time, and the run continues from there.
 MAX_LATENESS_S = 0.1
-#: Smallest and largest real-time factor that can be requested.
+#: Smallest real-time factor that can be requested. `MAX_FACTOR` is the largest.
 MIN_FACTOR = 1e-3
 MAX_FACTOR = 1e3
 
@@ -129,9 +137,11 @@ class Pacing:
 
     #: Real-time factor, None for a free run, which never waits.
     factor: float | None = None
-    #: Time (s, wall clock) given up at the last state, 0 while the run is on time.
+    #: Time (s, wall clock) that was lost at the last cam state because it was sent too late, 0
+    #: while the run is on time.
     late: float = 0.0
-    #: Rig time (ns) and wall-clock time (s) from which due times are computed.
+    #: Rig time (ns) and wall-clock time (s) of the same moment, from which the times of all states
+    #: are computed.
     _reference: tuple[int, float] | None = field(default=None, repr=False)
     _is_paused: bool = field(default=False, repr=False)
 
@@ -179,7 +189,8 @@ class Pacing:
 
 #: Period (s, wall clock) over which the real-time factor of a run is compared with the requested.
 PACE_WINDOW_S = 10.0
-#: Shortest duration (s, wall clock) since the last comparison for a last one at the end of a run.
+#: Shortest duration (s, wall clock) over which the real-time factor is compared once more at the
+#: end of a run.
 MIN_PACE_WINDOW_S = 2.0
 #: Largest fraction of the requested real-time factor that a run may lose without a warning.
 MAX_LOST = 0.1
@@ -188,7 +199,8 @@ MAX_LOST = 0.1
 class LostTime:
     """Wall-clock time that a paced run lost since the last report, and the slow nodes.
 
-    `start` is the wall-clock time (s) from which lost time is counted.
+    A paced run has a requested real-time factor. `start` is the wall-clock time (s) from which lost
+    time is counted.
     """
 
     def __init__(self, start: float) -> None:

@@ -52,7 +52,7 @@ class CamMounting:
         return True
 
     def follow(self, state: CamState) -> Law | None:
-        """Return the law to publish for a state of the cam.
+        """Return the law to publish for a cam state.
 
         Returns None if the cam is stopped, or if cam and speed are those of the previous state.
         """

@@ -27,7 +27,7 @@ MAX_GRADUAL_DELAY_S = 0.1
 
 
 class Tick(NamedTuple):
-    """Tick between two states of the cam, with the samples `rows`, shape (6, n)."""
+    """Time between two cam states, with the samples `rows`, shape (6, n)."""
 
     start: CamState
     end: CamState
@@ -37,7 +37,7 @@ class Tick(NamedTuple):
 class PlaybackSamples(NamedTuple):
     """Samples of a tick to display: their indices, and display times (s, wall clock).
 
-    Both arrays have shape (n,).
+    A tick is the time between two cam states. Both arrays have shape (n,).
     """
 
     tick: Tick
@@ -48,17 +48,10 @@ class PlaybackSamples(NamedTuple):
 class Playback:
     """Buffer of finished ticks, which selects the samples to display at a time.
 
-    The playback position is a rig time. It moves at the rate at which it reaches the end of the
-    newest tick one margin after the next tick is due. The displayed cam therefore turns as fast as
-    the drive turns it at present, also if ticks become longer or shorter. The position never moves
-    backwards.
-
-    Parameters
-    ----------
-    sample_rate : int
-        Sample rate in Hz.
-    margin : float
-        Time (s, wall clock) that a tick may be late without a pause of the playback.
+    A tick is the time between two cam states. The playback position is a rig time. Its rate is such
+    that it reaches the end of the newest tick shortly (one margin) after the next tick is due. The
+    displayed cam therefore turns as fast as the drive turns it at present, also if ticks become
+    longer or shorter. The position never moves backwards.
     """
 
     def __init__(self, sample_rate: int, margin: float = MARGIN_S) -> None:
@@ -69,11 +62,12 @@ class Playback:
         #: End of the newest tick (ns), wall-clock time (s) of its arrival, and real-time factor.
         self._end_ns, self._received_at, self._factor = 0, 0.0, 1.0
         self._last_sample = -1  # number in the run
-        #: Number of changes of the ticks. A result of `samples_at` is valid until the next change.
+        #: Number of changes of the stored ticks. A result of `samples_at` is valid until the next
+        #: change.
         self.version = 0
         #: Rig time (ns) of the sample that was shown last, -1 before the first.
         self.shown_ns = -1
-        #: Delay (s, wall clock) of this sample behind the drive.
+        #: Delay (s, wall clock) of the sample that was shown last behind the drive.
         self.lag = 0.0
 
     def clear(self) -> None:

@@ -26,7 +26,10 @@ SAMPLE_TIME_ATOL_S = 1e-6
 
 
 class FollowerQueue:
-    """Combines the states of the drive and the laws of the law server into ticks."""
+    """Queue that combines the drive's states and the law server's laws into ticks.
+
+    A tick is the time between two cam states.
+    """
 
     def __init__(self, simulator: FollowerSimulator, scene: SceneConfig) -> None:
         self._simulator = simulator
@@ -34,7 +37,7 @@ class FollowerQueue:
         self._waiting: deque[CamState] = deque()
 
     def add_law(self, law: Law) -> None:
-        """Add a law unless there is a law of this name."""
+        """Add a law, unless the queue has a law of this name."""
         try:
             self._simulator.model.require(law)
         except DynamicsError as error:
@@ -65,11 +68,11 @@ class FollowerQueue:
 
 
 class TickMatcher:
-    """Matches blocks of samples with the two states at the ends of their ticks.
+    """Matches blocks of samples with the two cam states at the ends of their ticks.
 
-    With a `sample_rate` (Hz) every block must contain exactly the samples of its tick, and no tick
-    is skipped once the first has been matched. With None (for display) any block is accepted, and
-    ticks without a block are skipped.
+    A tick is the time between two cam states. With a `sample_rate` (Hz) every block must contain
+    exactly the samples of its tick, and no tick is skipped once the first has been matched. With
+    None (for display) any block is accepted, and ticks without a block are skipped.
     """
 
     def __init__(self, sample_rate: int | None = None) -> None:

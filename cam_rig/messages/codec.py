@@ -26,7 +26,8 @@ Dimensions = list[tuple[str, int]]
 #: Label of the columns of a law in a message, one row per polynomial piece: cam angle (rad) at the
 #: start of the piece, then its ordinates in Bernstein form (m).
 PIECE_LABEL = "break_rad, ordinates_m"
-#: Label of the rows of the samples of one tick in a message: the names of the quantities.
+#: Label of the rows of the samples of one tick (time between two cam states) in a message: the
+#: names of the quantities.
 BLOCK_LABEL = ", ".join(COLUMNS)
 #: Label of the columns of the samples of one tick in a message: one column per sample.
 SAMPLE_LABEL = "sample"
@@ -106,8 +107,9 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
 def encode_block(rows: FloatArray) -> tuple[Dimensions, FloatArray]:
     """Return the dimensions and the data of a message with the samples of one tick.
 
-    `rows` has the shape (6, n), with one row per entry of `COLUMNS`. The first result is the label
-    and the size of each dimension, and the second are the samples.
+    A tick is the time between two cam states. `rows` has the shape (6, n), with one row per entry
+    of `COLUMNS`. The first result is the label and the size of each dimension, and the second are
+    the samples.
     """
     return [(BLOCK_LABEL, rows.shape[0]), (SAMPLE_LABEL, rows.shape[1])], rows
 
@@ -118,7 +120,7 @@ def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
     Raises
     ------
     RefusedError
-        If the array is not a block, or is beyond the limits of this module.
+        If the array does not contain samples in this form, or is beyond the limits of this module.
     """
     rows = _shaped(dimensions, data, "follower samples")
     if dimensions[0] != (BLOCK_LABEL, len(COLUMNS)):

@@ -33,7 +33,8 @@ BASE, GUIDE, MOTOR, MICROPHONE, CAM, FOLLOWER, ARC = FRAMES
 #: Name of the joint that turns an oscillating follower. Its position follows that of the joint
 #: ``follower``.
 ARM = "follower_arm"
-#: Roll, pitch and yaw (rad) of the guide in base_link: x of the guide is y, its y is z.
+#: Roll, pitch and yaw (rad) of the frame ``guide`` in base_link. The axis x of the guide is y of
+#: base_link, and its y is z of base_link.
 GUIDE_RPY = (0.5 * math.pi, 0.0, 0.5 * math.pi)
 #: Travel of the follower's joint that is added for lift-off above the largest lift of the scene, as
 #: a multiple of this lift.

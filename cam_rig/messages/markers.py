@@ -96,7 +96,8 @@ MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
 NAMESPACE = "contact"
 #: Largest gap (µm) that fits in `_GAP_TEXT`. A larger gap is displayed as this value.
 MAX_GAP_UM = 9_999_999.9
-#: Placeholder for the text of the gap in the template of the message. All texts have its length.
+#: Placeholder for the text of the gap in the template of the message. All texts of a gap have the
+#: length of this one.
 _GAP_TEXT = "gap 0000000.0 µm"
 
 

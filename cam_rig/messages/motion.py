@@ -202,7 +202,8 @@ def _transform(
 
 # Functions that make the serialized messages of each topic, for a robot with its mounted cam.
 
-#: Function that returns a message for each of the instants of a tick.
+#: Function that returns a message for each of the instants (selected samples) of a tick, the time
+#: between two cam states.
 InstantMaker = Callable[[Instants], list[bytes]]
 
 
@@ -252,18 +253,18 @@ def transforms(robot: Robot) -> InstantMaker:
     return lambda i: robot_transforms.moving(i.time_ns, i.angle_in_turn, i.lift)
 
 
-#: Names of the joints of /joint_states, which are those of the URDF.
+#: Names of the joints in /joint_states, the same as in the URDF.
 JOINTS = ("cam", "follower")
-#: Functions that make the messages of each topic with a message per instant, in the order of the
-#: topics at one instant.
+#: Functions that create the messages of the topics with one message per instant (selected sample of
+#: a tick), in the order of the topics at one instant.
 INSTANT_MAKERS = {
     topics.JOINT_STATES: joint_states,
     topics.FOLLOWER_CONTACT: contact_force,
     topics.FOLLOWER_MARKERS: follower_markers,
     topics.TF: transforms,
 }
-#: Functions that make the message of each topic with a message per mounted cam. Their arguments are
-#: the robot and the rig time (ns) of the mounting.
+#: Functions that create the message of the topics with one message per mounted cam. Their arguments
+#: are the robot and the rig time (ns) of the mounting.
 CAM_MAKERS: dict[Topic, Callable[[Robot, int], bytes]] = {
     topics.TF_STATIC: lambda robot, time_ns: Transforms(robot).fixed(time_ns),
     topics.ROBOT_DESCRIPTION: lambda robot, _: serialize(new("std_msgs/String", urdf(robot))),
@@ -276,7 +277,7 @@ LAW_SERVER_TOPICS = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
 
 
 class DerivedMessage(NamedTuple):
-    """Serialized message that is derived from messages of other topics.
+    """Serialized message that is computed from messages of other topics.
 
     ``time_ns`` is its rig time.
     """
@@ -315,7 +316,11 @@ class MotionMessages:
         self._maker = cache(lambda topic, cam: INSTANT_MAKERS[topic](self._robot(cam)))
 
     def of_cam(self, cam: str, time_ns: int = 0) -> list[DerivedMessage]:
-        """Return the derived messages of a cam that is mounted from a rig time (ns) on."""
+        """Return the messages that are derived from a cam when it is mounted.
+
+        They are, for example, its markers and the URDF. ``time_ns`` is the rig time of the
+        mounting.
+        """
         if cam not in self._loaded.laws:
             return []
         return [

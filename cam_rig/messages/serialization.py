@@ -59,7 +59,10 @@ def header(stamp_ns: int, frame: str) -> Any:
 
 
 def cam_of(message: Any) -> str:
-    """Return the name of the cam in a message of a law or profile, else an empty text."""
+    """Return the name of the cam in a message of a law or profile.
+
+    The result is empty for another message.
+    """
     if hasattr(message, "header"):
         return str(message.header.frame_id)
     return str(message.layout.dim[0].label) if message.layout.dim else ""
@@ -82,10 +85,10 @@ def stamp_of(cdr: bytes) -> int:
 
 # Many messages at once that differ only in their stamp and some numbers.
 
-#: Seconds and nanoseconds of the stamp of an example, chosen so that the same bytes do not occur
-#: elsewhere in a message.
+#: Seconds and nanoseconds of the stamp in the example message of a template, chosen so that the
+#: same bytes do not occur elsewhere in a message.
 EXAMPLE_STAMP = (0x5A17C0DE, 0x1B2D4F63)
-#: Make the header of an example, whose stamp `CdrTemplate.fill` replaces.
+#: Create the header of the example message of a template. `CdrTemplate.fill` replaces its stamp.
 example_header = partial(header, EXAMPLE_STAMP[0] * NS + EXAMPLE_STAMP[1])
 
 

@@ -16,8 +16,9 @@ from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.live.state_validation import MAX_SAMPLES
 from cam_rig.simulation.schedule import CamState
 
-#: Smallest history (messages) of topics with a message per instant. It covers several turns at the
-#: usual number of points per turn, for slow subscribers (see `motion_depth`).
+#: Smallest history depth (messages) of topics with one message per instant, a selected sample of a
+#: tick. It covers several turns at the usual number of instants per turn, for slow subscribers (see
+#: `motion_depth`).
 MOTION_DEPTH = 1000
 #: Topics that all namespaces share in ROS, so that they get no namespace.
 GLOBAL_TOPICS = ("/parameter_events", "/tf", "/tf_static")
@@ -129,25 +130,28 @@ RECORDING = tuple(value for value in vars().values() if isinstance(value, Topic)
 RECEIVED = tuple(topic for topic in RECORDING if not topic.derived)
 #: Nodes that publish on /diagnostics, in the order of their messages in a bag.
 DIAGNOSED_NODES = ("cam_drive", "law_server", "follower", "microphone", "recorder")
-#: Name on /diagnostics under which the follower reports the playback of the motion in a paced run.
-#: It depends on the wall clock.
+#: Name of the status on /diagnostics by which the follower reports the playback of the motion in a
+#: paced run. It depends on the wall clock.
 SHOWN_MOTION = "follower: motion"
-#: Name on /diagnostics under which the drive reports its pacing. It depends on the wall clock, so
-#: bags do not contain it.
+#: Name of the status on /diagnostics by which the drive reports its pacing. It depends on the wall
+#: clock, so bags do not contain it.
 PACE = "cam_drive: pace"
 #: Key on /diagnostics of the quantity that the microphone measures, such as LAF or LZS.
 QUANTITY = "quantity"
 #: Suffix of a node's name on /diagnostics that marks a heartbeat. Heartbeats depend on the wall
 #: clock.
 HEARTBEAT = ": heartbeat"
-#: Acknowledgement of the recorder: stamp of the newest tick of which all messages are written.
+#: Acknowledgement of the recorder: stamp of the newest tick (time between two cam states) of which
+#: all messages are written.
 RECORDER_ACK = Topic("/recorder/ack", "std_msgs/msg/Header", "tick", owner="recorder")
 #: Acknowledgement of the law server: stamp of the newest cam state that it has processed.
 LAW_SERVER_ACK = Topic("/law_server/ack", "std_msgs/msg/Header", "state", owner="law_server")
-#: Acknowledgement of the viewer: stamp of the newest tick that it has drawn.
+#: Acknowledgement of the viewer: stamp of the newest tick (time between two cam states) that it has
+#: drawn.
 VIEWER_ACK = Topic("/viewer/ack", "std_msgs/msg/Header", "tick")
 _event = partial(Topic, per="any", stamped=False)
-#: Message at the end of the run: its outcome (level, message), number of ticks and rig time.
+#: Topic of the message at the end of a run: its outcome (level, message), number of ticks (times
+#: between two cam states) and rig time.
 FINISHED = _event("/rig/finished", "diagnostic_msgs/msg/DiagnosticStatus", owner="cam_drive")
 #: State of the rig for supervisors: activity, cam, speed, progress and, at the end, the outcome.
 RIG_STATE = _event("/rig/state", "diagnostic_msgs/msg/DiagnosticStatus", depth=1, owner="cam_drive")
@@ -194,7 +198,8 @@ def recorded_topic(name: str) -> Topic | None:
 def occasions(before: CamState | None, state: CamState) -> set[str]:
     """Return the values of `Topic.per` for which a message is due at a cam state.
 
-    `before` is the previous state, None for the first.
+    These are the occasions of messages, such as each state or each new speed. `before` is the
+    previous state, None for the first.
     """
     previous = None if before is None else (before.cam, before.speed)
     result = {"state"}

@@ -176,9 +176,10 @@ def format_numbers(numbers: Sequence[float], digits: int = 6) -> str:
 DISC_THICKNESS = 0.24
 #: Thickness of the follower's bodies along the shaft, relative to the size of the robot.
 BODY_THICKNESS = 0.12
-#: Thickness of lines such as the stem, relative to the size of the robot.
+#: Thickness of bodies that stand for lines, such as the stem, relative to the size of the robot.
 LINE_THICKNESS = 0.04
-#: Size (m) to which wall, motor and microphone are scaled. It is the same for all cams.
+#: Size of the robot (m) to which wall, motor and microphone are scaled. It is the same for all
+#: cams.
 BENCH_SIZE = 0.125
 #: Number of significant digits of joints, from which other programs compute the positions of the
 #: links. All other numbers have six digits.

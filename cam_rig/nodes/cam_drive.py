@@ -329,7 +329,7 @@ class CamDrive(ClockSource):
         return Activity("stopped", (), "stopped, waiting for ~/start")
 
     def pending_text(self) -> str:
-        """Return a text for an error: the progress, and the nodes that the drive waits for."""
+        """Return the progress, and the nodes that the drive waits for, for an error text."""
         program = self.program
         behind = blocking_text(program.flow.behind() or [LAW_SERVER])
         return f"{program.sent} of {program.ticks + 1} states from: {behind}"

@@ -107,7 +107,7 @@ class ClockSource(RigNode):
         raise NotImplementedError
 
     def pending_text(self) -> str:
-        """Return a text for an error: the progress, and the nodes that are waited for."""
+        """Return the progress, and the nodes that are waited for, for an error text."""
         raise NotImplementedError
 
     def time_until_due(self) -> float:
@@ -118,7 +118,7 @@ class ClockSource(RigNode):
         return 0.0
 
     def is_idle(self) -> bool:
-        """Return True if the node waits for an operator or its pacing, not for other nodes."""
+        """Return True if the node waits for an operator or its pacing, not for a node."""
         return False
 
     @property

@@ -33,7 +33,10 @@ MAX_BATCH = 16
 
 
 class Instant(NamedTuple):
-    """Messages for one instant of the motion, and the index of its sample in `samples`."""
+    """Messages for one instant of the motion.
+
+    It also has the index of the instant's sample in `samples`.
+    """
 
     samples: PlaybackSamples
     sample_index: int
@@ -172,7 +175,10 @@ class MotionPublisher:
             )
 
     def _report(self) -> None:
-        """Publish the delay of the playback behind the drive, if a new sample was displayed."""
+        """Publish the delay of the playback behind the drive.
+
+        Nothing is published unless a new sample was displayed.
+        """
         with self._lock:
             lag, time_ns = self._playback.lag, self._playback.shown_ns
         if time_ns == self._reported_ns:

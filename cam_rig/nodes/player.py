@@ -56,7 +56,7 @@ class Player(ClockSource):
         return True
 
     def _is_weighted(self, step: ReplayStep) -> bool:
-        """Return True if the microphone measures the quantity that a step was recorded with.
+        """Return True if the microphone measures the quantity that a step recorded.
 
         The quantity is a sound level such as LAF. If it differs, the weightings of the microphone
         are set as soon as no tick is being processed.
@@ -88,5 +88,5 @@ class Player(ClockSource):
         return self._next is None and self._flow.in_flight == 0
 
     def pending_text(self) -> str:
-        """Return a text for an error: the progress, and the nodes that are waited for."""
+        """Return the progress, and the nodes that are waited for, for an error text."""
         return f"{self._sent} states from: {blocking_text(self._flow.behind())}"

@@ -138,7 +138,7 @@ class SimulationControl:
         return SimulateSteps.Result(result=result)
 
     async def _run_ticks(self, steps: int, goal: Any = None) -> Any:
-        """Turn the cam by a number of ticks, wait for their processing, and return a Result.
+        """Turn the cam by a number of ticks, wait for them, and return a Result.
 
         A tick is the time between two cam states. A `goal` of the action receives feedback for each
         tick, and may cancel the remaining ticks.

@@ -85,8 +85,8 @@ _DESIGN = (
     ),
 )  # fmt: skip
 
-#: Quantities that only campaigns measure. They are those of steady turns with the scene's follower
-#: model, the steady residual vibration and the twist of the shaft.
+#: Quantities that campaigns can measure, but no design can optimise or limit: those of steady turns
+#: with the scene's follower model, the steady residual vibration, and the twist of the shaft.
 _MEASURED = (
     _at_speed("residual_vibration_steady",
               "residual vibration of one mass on its stem in steady state", "um", _LENGTH,

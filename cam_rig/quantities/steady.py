@@ -43,8 +43,8 @@ from cam_rig.units import NS, RPM, TURN, FloatArray
 
 #: Sample rate (Hz) of simulated turns whose samples are not used. It is the smallest possible rate.
 UNMEASURED_RATE_HZ = 1
-#: Largest number of samples of a tick (one time step of a run). They are little more than fit in
-#: the cache of a core.
+#: Largest number of samples of a tick (time between two cam states). Their data fit approximately
+#: in the cache of a processor core.
 MAX_TICK_SAMPLES = 1 << 15
 #: Index of the contact force among the outputs of the model `elastic_stem`.
 FORCE_ROW = 3
@@ -52,7 +52,7 @@ FORCE_ROW = 3
 
 @dataclass(frozen=True)
 class SteadyStart:
-    """State of a follower at cam angle 0 from which its turns repeat.
+    """State of a follower at cam angle 0 from which its motion repeats each turn.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def _settle_from_rest(law: Law, rig: RigConfig, scene: SceneConfig, speed: float
 
 
 def _scale(law: Law, rig: RigConfig, speed: float) -> tuple[float, float]:
-    """Return a displacement (m) and a velocity (m/s) for the comparison of states.
+    """Return a displacement (m) and a velocity (m/s) as scales for comparing states.
 
     Differences of states are divided by them. The displacement is the compression of the stem, or
     of the spring if there is no stem, by the largest contact force. The velocity is that of a

@@ -42,13 +42,13 @@ SPEEDS = 41
 #: Number of speeds in a range of cam speeds at which a sound level with landings is computed. It is
 #: smaller than `SPEEDS`, because turns are simulated at each speed.
 SPEEDS_WITH_LANDINGS = 13
-#: Number of Gauss points per cell of the integral for the residual vibration. The pieces of a law
-#: are divided into cells.
+#: Number of Gauss points per cell of the integral for the residual vibration. The polynomial pieces
+#: of a law are divided into cells.
 GAUSS_POINTS = 12
 #: Largest change (rad) of the vibration's phase within a cell of the integral.
 MAX_CELL_PHASE = 2.0
-#: Largest relative distance below the maximum over a grid of speeds, or below a limit, at which the
-#: peak near a grid value is computed.
+#: A peak of the vibration over the speed is computed only if the value on the grid of speeds is
+#: below the maximum, or below a limit, by at most this relative distance.
 PEAK_SEARCH_RTOL = 0.01
 #: Number of speeds per beat, the distance between two peaks of the residual vibration over the
 #: speed. The largest amplitude between two of these speeds is higher by at most 0.4 %.
@@ -177,6 +177,8 @@ def forces(subject: Subject, term: Term) -> list[tuple[float, float]]:
 
 def span(subject: Subject, term: Term, _: Sense) -> float:
     """Return the span of an event, the motion between two dwells, in rad of cam angle.
+
+    ``term`` contains the number of the event.
 
     Raises
     ------
@@ -378,9 +380,10 @@ def steady_residual(subject: Subject, term: Term, _: Sense) -> float:
 
 
 def row_value(name: str) -> Callable[[Subject, Term, Sense], float]:
-    """Return a function that reads a result of the steady turns at the term's speed.
+    """Return a function that reads one result of the steady turns at a speed.
 
-    ``name`` is the field of the `SpeedRow`, such as ``min_force``.
+    ``name`` is the field of the `SpeedRow`, such as ``min_force``. The speed is that of the term, a
+    quantity with its domain.
     """
     return lambda subject, term, _: float(getattr(subject.run(term.low), name))
 
@@ -466,13 +469,14 @@ def level_with_jumps(subject: Subject, term: Term, *_: object) -> float:
 #: Function that returns b candidate values ``(b, ...)``, the branches, of a quantity at cam angles.
 #: The value of the quantity is the greatest of them.
 Branches = Callable[[Motion], FloatArray]
-#: Smallest number of samples of a piece of a law in the search for the maxima of a quantity.
+#: Smallest number of samples of each polynomial piece of a law in the search for the maxima of a
+#: quantity.
 SAMPLES = 65
-#: Number of samples of a turn in the search for the maxima of a quantity, divided among the pieces
-#: of the law.
+#: Number of samples of a turn in the search for the maxima of a quantity, divided among the
+#: polynomial pieces of the law.
 SAMPLES_PER_TURN = 4096
-#: Largest relative distance of a piece's maximum below the greatest one at which it is computed to
-#: rounding and returned.
+#: In a search for the maximum over a turn, the maximum of a piece of the law is computed to
+#: rounding and returned only if it is below the largest one by at most this relative distance.
 MAXIMUM_RTOL = 0.02
 
 
@@ -532,11 +536,11 @@ def torques(p: FollowerParameters, term: Term) -> Branches:
 
 
 def maxima(law: Law, branches: Branches) -> list[tuple[float, float]]:
-    """Return the maximum of a quantity in each piece of a law, and its cam angle (rad).
+    """Return the maximum of a quantity in each polynomial piece of a law.
 
-    ``branches`` returns the candidate values of the quantity, of which the greatest counts. Only
-    pieces whose maximum is within `MAXIMUM_RTOL` of that of the turn are in the list. If a value is
-    not finite, the list contains only (∞, 0).
+    Each maximum is returned with its cam angle (rad). ``branches`` returns the candidate values of
+    the quantity, of which the greatest counts. Only pieces whose maximum is within `MAXIMUM_RTOL`
+    of that of the turn are in the list. If a value is not finite, the list contains only (∞, 0).
     """
     count = max(SAMPLES, min(512, SAMPLES_PER_TURN // law.spans.size))
     u = np.linspace(0.0, 1.0, count)

@@ -160,7 +160,10 @@ class Graph:
             raise RunError(self._exit_text(RECORDER) + self._last_line(RECORDER))
 
     def _check_suspended(self) -> None:
-        """Raise RunError if an essential node is suspended for longer than the drive's timeout."""
+        """Raise RunError if an essential node is suspended for longer than allowed.
+
+        The limit is the timeout of the drive.
+        """
         now = time.monotonic()
         if now - self._suspension_checked_at < SUSPENSION_CHECK_S:
             return
@@ -198,7 +201,10 @@ class Graph:
         return f"node {self.processes[name].exit_summary()} {self._progress_text}"
 
     def _last_line(self, name: str) -> str:
-        """Return ": " and the error on a node's stderr, or "" if the node was killed."""
+        """Return the error on a node's stderr with a leading ": ", for a message.
+
+        The result is empty if the node was killed.
+        """
         process = self.processes[name]
         return "" if process.was_killed else f": {process.last_stderr_line()}"
 

@@ -44,17 +44,17 @@ PLAYER = NodeEntry("player")
 PANEL = NodeEntry("panel")
 #: All nodes by name.
 ENTRIES = {entry.name: entry for entry in (*NODES, PLAYER, PANEL)}
-#: Names of the nodes that publish the cam's laws and states, in a run or in a replay.
+#: Names of the nodes that publish the laws and states of the cam, in a run or in a replay.
 SOURCES = ("law_server", DRIVE, PLAYER.name)
 #: Names of the nodes for which the drive may wait in addition to the law server. The run can
 #: continue without the optional nodes.
 CONSUMERS = tuple(entry.name for entry in NODES if entry.name not in SOURCES)
-#: Names of the nodes without which a run continues.
+#: Names of the nodes without which a run can continue.
 OPTIONAL = frozenset(entry.name for entry in NODES if not entry.essential)
 
 
 def order_by_chain(names: Sequence[str]) -> list[str]:
-    """Sort nodes by the order of processing: each node waits for the nodes before it."""
+    """Sort nodes by the order of processing, in which each node waits for the previous."""
     order = [entry.name for entry in NODES]
     return sorted(names, key=order.index, reverse=True)
 

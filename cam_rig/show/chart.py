@@ -217,7 +217,7 @@ def step_marks(low: float, high: float, step: float, max_count: int = 4) -> dict
     return {float(v): f"{v:.6g}".replace("-", "−") for v in values}
 
 
-#: Name of the timeline of cam speeds, in whole rpm.
+#: Name of the Rerun timeline of cam speeds, in whole rpm.
 SPEED = "cam_rpm"
 #: Name of the application in recordings.
 APPLICATION = "cam_rig"

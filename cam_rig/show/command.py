@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 #: Suffixes of the files that a plot can be written to.
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf", ".jpg")
-#: Output path that means standard output.
+#: Output path by which the user selects standard output.
 STDOUT = Path("-")
 #: Wall-clock time between progress lines, in s, if there is no terminal for a bar.
 LOG_PERIOD_S = 10.0

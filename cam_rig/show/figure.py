@@ -131,9 +131,9 @@ def shade(axes: Axes, x: FloatArray, where: NDArray[np.bool_], label: str | None
 
 
 def line(cam: str) -> dict[str, Any]:
-    """Return the plot options of the curve of a cam, by its name.
+    """Return the plot options of a cam's curve, by the name of the cam.
 
-    The name may also be that of a rise, the motion law of a single segment.
+    The name may also be that of a rise, the motion law of a single segment of a cam.
     """
     look = cam_look(cam)
     style = {"color": web(look.colour), "ls": look.dash}
@@ -153,7 +153,7 @@ def colour(cam: str) -> str:
 
 
 def series(index: int) -> dict[str, Any]:
-    """Return colour and dash of a curve that does not belong to a cam.
+    """Return colour and dash of a curve that does not stand for a cam.
 
     `index` is the number of the curve in its figure, from 0.
     """
@@ -161,7 +161,7 @@ def series(index: int) -> dict[str, Any]:
 
 
 def series_marker(index: int) -> dict[str, Any]:
-    """Return colour and marker of points that do not belong to a cam.
+    """Return colour and marker of points that do not stand for a cam.
 
     `index` is the number of the series in its figure, from 0.
     """
@@ -170,7 +170,8 @@ def series_marker(index: int) -> dict[str, Any]:
 
 # Division of a tall figure into strips of panels, between which a page may break.
 
-#: Height of a strip, unless its panels are higher, in inches: a third of the text of an A4 page.
+#: Height (in) of a strip of a figure, a part that a page can contain: a third of the text of an A4
+#: page. A strip with higher panels is higher.
 STRIP_HEIGHT_IN = 3.4
 #: Largest overlap (in) of two rows of panels between which a page may still break. Rows can overlap
 #: slightly, because the boxes of texts are rounded up.

@@ -62,8 +62,8 @@ LISTED_NAMES = (
     "designed",
 )
 
-#: Number of looks reserved for listed names, including future names. The look of a user's cam does
-#: not change if a name is added.
+#: Number of looks (colour, dash and marker) that are reserved for listed names, including future
+#: names. The look of a user's cam does not change if a name is added.
 RESERVED_LOOKS = 48
 #: Names of rises that are the same curve as another rise, and the name of that rise. Both have the
 #: same look.
@@ -72,7 +72,7 @@ EQUAL_RISES = {"bezier5": "poly345", "bezier7": "poly4567"}
 
 @dataclass(frozen=True)
 class CamLook:
-    """Look of a cam in pictures."""
+    """Look of a cam in pictures: its colour, dash and marker."""
 
     colour: int  #: 0xRRGGBBAA
     dash: Any  #: in matplotlib's form
@@ -81,9 +81,10 @@ class CamLook:
 
 
 def cam_look(name: str) -> CamLook:
-    """Return the look of a cam or a rise.
+    """Return the look of a cam or a rise: its colour, dash and marker.
 
-    The look of a name that is not listed is made from its CRC-32, and differs from all listed ones.
+    The look of a name that is not listed is computed from its CRC-32, and differs from all listed
+    looks.
     """
     count, name = len(DASHES), EQUAL_RISES.get(name, name)
     if name in LISTED_NAMES:
@@ -182,8 +183,8 @@ def millimetres(points: FloatArray) -> list[list[float]]:
 MIN_DIFFERENCE = 1e-3
 #: Text that is displayed for two signals whose difference is rounding error.
 EQUAL = "equal to rounding"
-#: Half range (µm or N) of the axis of a difference that is rounding error, so that it is plotted as
-#: zero.
+#: Half range (µm for lifts, N for forces) of the axis on which a difference is plotted that is only
+#: rounding error. The difference then appears as zero.
 EQUAL_REACH = 1.0
 
 
@@ -218,7 +219,7 @@ MAX_PLAIN_POWER = 3
 
 
 def in_words(name: str) -> str:
-    """Return a title that is made from the name of a cam or rig.
+    """Return a title for a cam or a rig, computed from its name.
 
     For example, the title of poly345 is "Polynomial 3-4-5".
     """

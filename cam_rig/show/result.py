@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 
-#: SI unit in which data with a display unit are stored and exported, and size of the display unit
-#: in it, by display unit. Data in any other unit, such as rpm, dB or N, are not converted.
+#: SI unit in which data with a display unit are stored and exported, by display unit, and the size
+#: of the display unit in this SI unit. Data in any other unit, such as rpm, dB or N, are not
+#: converted.
 SI_UNITS = {
     "nm": ("m", 1e-9),
     "µm": ("m", 1e-6),
@@ -175,7 +176,7 @@ class Records:
     def select(self, group: Any) -> Records:
         """Return the table with the records of one group only.
 
-        These are the records with the value `group` in the column `layout.group_by`.
+        A group contains the records with the value `group` in the column `layout.group_by`.
         """
         group_of = self.column(self.layout.group_by).value
         return replace(self, records=[r for r in self.records if group_of(r) == group])
@@ -226,7 +227,7 @@ class Records:
 
 @dataclass(frozen=True)
 class ArrayRecords(Records):
-    """Exported table whose columns are arrays of one object, see `Result.array_table`."""
+    """Exported table whose columns are arrays of a result (see `Result.array_table`)."""
 
     source: Any = None
 

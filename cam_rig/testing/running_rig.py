@@ -301,6 +301,8 @@ class RunningRig(RigClient):
     def wait_for_tick(self, number: int = 1) -> dict[str, Any]:
         """Wait for a tick and return the drive's report: ``tick``, ``cam``, ``rpm``, ``time`` (s).
 
+        A tick is the time between two cam states, counted from 1.
+
         Raises
         ------
         RunError
@@ -317,7 +319,10 @@ class RunningRig(RigClient):
         return dict(self.wait_for(report_of_tick, f"tick {number}"))
 
     def wait_until_done(self) -> None:
-        """Wait until the scene is complete, all ticks are acknowledged and the bag is closed."""
+        """Wait until the scene is complete and the bag is closed.
+
+        All ticks (times between two cam states) are then acknowledged.
+        """
         self.wait_for(lambda: self._done, "the end of the run")
 
     def start_program(self, *command: str) -> StartedProgram:

@@ -27,15 +27,16 @@ from cam_rig.units import FloatArray, rms
 #: Largest radius (m) of the pitch curve of a flank that is visibly concave, as in the paper. With a
 #: larger radius, a flank of some millimetres is practically straight.
 MAX_FLANK = 0.5
-#: Level difference (dB) that a fit assigns to a geometry that cannot exist. It is far above that of
-#: any possible geometry.
+#: Level difference (dB) that a fit uses for a cam geometry that cannot exist. It is far above that
+#: of any possible geometry.
 IMPOSSIBLE = 50.0
 
 
 def with_geometry(cam: CamConfig, lift_mm: float, event_deg: float, nose_deg: float) -> CamConfig:
-    """Return an arc cam's file with another lift (mm), event and nose (degrees).
+    """Return the file of an arc cam with another lift, event angle and nose angle.
 
-    The event is the angle of rise and fall together. The nose is the arc at the top.
+    An arc cam consists of tangent circular arcs. `lift_mm` is the lift in mm. `event_deg` is the
+    angle of rise and fall together, and `nose_deg` the angle of the arc at the top, in degrees.
     """
     data = cam.model_dump(exclude_none=True)
     dwell = 180.0 - 0.5 * event_deg
@@ -53,7 +54,8 @@ LIFTS = (1.2, 1.0, 0.85, 0.72, 0.61)
 #: the cube root of the factor of the lift (see `LIFTS`). Shapes with about equal sound levels have
 #: lifts proportional to the cube of the event angle.
 EVENTS = (0.97, 1.0, 1.03)
-#: Initial steps of the Nelder-Mead search, relative to lift and event angle.
+#: Initial steps of the Nelder-Mead search, relative to lift and event angle (angle of rise and fall
+#: together).
 SIMPLEX = 0.03
 #: Largest number of shapes that the Nelder-Mead search evaluates.
 TRIALS = 32
@@ -86,7 +88,10 @@ class ArcShape:
         return 1.0 / self.curvature
 
     def scaled(self, lift: float, event: float) -> ArcShape:
-        """Return the shape with lift and event multiplied by factors, and the same flank."""
+        """Return the shape with lift and event angle multiplied by factors.
+
+        The curvature of the flank is unchanged.
+        """
         return ArcShape(lift * self.lift, event * self.event, self.curvature)
 
     def nose(self, base: float) -> float:
@@ -149,9 +154,10 @@ class ShapeProblem:
         return self._cache[shape]
 
     def sensitivity(self, shape: ArcShape, acoustics: Acoustics) -> FloatArray:
-        """Return the derivatives of the sound levels by lift and event, shape (n, 2).
+        """Return the derivatives of the sound levels by lift and event angle, (n, 2).
 
-        They are in dB per relative change.
+        They are in dB per relative change, one row per speed. The event angle is that of rise and
+        fall together.
         """
         changed = [shape.scaled(*(1.0 + DERIVATIVE_STEP * axis)) for axis in np.eye(2)]
         base, *levels = (acoustics.levels(self.cam_of(s).turns) for s in (shape, *changed))

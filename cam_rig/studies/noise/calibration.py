@@ -30,8 +30,9 @@ DERIVATIVE_STEP = 1e-4
 def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:
     """Fit gain and speed response to the published levels of the reference cam.
 
-    The speed response is the level over speed that the rig adds to the sound of any cam. The corner
-    frequency is that of `fit_two_constants`.
+    The reference is the cam on which the acoustic constants are calibrated. The speed response is
+    the level over speed that the rig adds to the sound of any cam. The corner frequency is that of
+    `fit_two_constants`.
 
     Five numbers are fitted to one cubic, which has four, so the curve of the reference tests
     nothing. The method is that of the reference sound source (ISO 3747): the transfer between
@@ -112,10 +113,10 @@ class Structure:
 
 @dataclass(frozen=True)
 class StructureFit:
-    """Accuracy of a transfer function on the cam it is fitted to, and on another cam.
+    """Accuracy of a transfer function (contact force to sound) on two cams.
 
-    `fitted_db` and `predicted_db` are the r.m.s. level differences (dB) on these two cams.
-    `numbers` is the number of fitted constants.
+    `fitted_db` is the r.m.s. level difference (dB) on the cam to which it is fitted, `predicted_db`
+    that on the other cam. `numbers` is the number of fitted constants.
     """
 
     name: str
@@ -145,9 +146,11 @@ def _modes(x: FloatArray, frequency: FloatArray) -> FloatArray:
 
 
 _POLE = (1e-4, 20.0)
-#: Initial values of the fit for the first resonance mode: gain, frequency (Hz) and damping ratio.
+#: Initial values of a fit for the first resonance mode between force and sound: gain, frequency
+#: (Hz) and damping ratio.
 _LOW_MODE = (1e-4, 12.0, 0.4)
-#: Initial values of the fit for the second resonance mode: gain, frequency (Hz) and damping ratio.
+#: Initial values of a fit for the second resonance mode between force and sound: gain, frequency
+#: (Hz) and damping ratio.
 _HIGH_MODE = (1e-4, 50.0, 0.4)
 STRUCTURES = (
     Structure("low-pass", _low_pass, _POLE),

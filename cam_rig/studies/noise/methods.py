@@ -36,8 +36,8 @@ from cam_rig.units import FloatArray, rms
 # Confidence intervals of the noise curves and of their crossings, by a bootstrap of the level
 # differences.
 
-#: Number of neighbouring speeds whose level differences are drawn together in the bootstrap: a
-#: third of all speeds.
+#: Number of neighbouring speeds whose level differences the bootstrap draws together: a third of
+#: all speeds.
 BLOCK = 7
 #: Number of random series that the bootstrap draws.
 DRAWS = 2000
@@ -77,7 +77,10 @@ class Band:
         return cls(low, high)
 
     def holds(self, level: FloatArray) -> float:
-        """Return the fraction of the speeds at which a noise curve (n,) is in the band."""
+        """Return the fraction of the speeds at which a noise curve is in the band.
+
+        ``level`` are the levels (dB) of the curve, ``(n,)``.
+        """
         return float(np.mean((level >= self.low) & (level <= self.high)))
 
 
@@ -121,8 +124,8 @@ def all_crossings(rpm: FloatArray, first: FloatArray, second: FloatArray) -> Flo
 def crossing(rpm: FloatArray, first: FloatArray, second: FloatArray, near: float) -> float | None:
     """Return the speed (rpm) at which two cubic regressions over speed cross.
 
-    Of several crossings it is the one nearest to ``near`` (rpm). The result is None if they do not
-    cross. ``first`` and ``second`` are their values at the speeds, ``(n,)``.
+    If there are several crossings, it is that nearest to ``near`` (rpm). The result is None if they
+    do not cross. ``first`` and ``second`` are their values at the speeds, ``(n,)``.
     """
     fit, scale = _difference(rpm, first, second)
     return nearest_crossing(fit, (rpm[0], rpm[-1]), near, scale=scale, shift=1.0)
@@ -144,8 +147,9 @@ def points_crossing(
 ) -> float | None:
     """Return the speed (rpm) at which two polylines of sound levels cross.
 
-    The polylines connect the levels at the speeds. Of several crossings it is the one nearest to
-    ``near`` (rpm). The result is None if they do not cross.
+    The polylines connect the levels ``first`` and ``second`` at the speeds ``rpm``. If there are
+    several crossings, it is that nearest to ``near`` (rpm). The result is None if they do not
+    cross.
     """
     gap = first - second
     index = np.flatnonzero(np.sign(gap[1:]) != np.sign(gap[:-1]))
@@ -220,9 +224,9 @@ class StudiedCurve:
 
     @property
     def largest(self) -> tuple[float, float]:
-        """Largest difference (dB) of a simulated to the published level, and its speed.
+        """Largest difference (dB) between simulated and published level, and its speed.
 
-        The speed is in rpm. An r.m.s. difference would hide this value.
+        The speed is in rpm. An r.m.s. difference would not show this value.
         """
         difference = self.level_db - self.published_db
         index = int(np.argmax(np.abs(difference)))
@@ -281,19 +285,21 @@ class Method:
 
 
 def with_two_constants(study: NoiseSetup, refit: bool) -> Method:
-    """Calibrate gain and corner frequency on the reference cam, and return its curves.
+    """Return the noise curves after a calibration of gain and corner frequency.
 
-    If `refit` is True, the geometry of the arc cam is fitted with these constants. Otherwise it is
-    that of its file.
+    They are calibrated on the reference cam. If `refit` is True, the geometry of the arc cam (of
+    tangent circular arcs) is fitted with these constants. Otherwise it is that of its file.
     """
     name = "two constants, arc cam refitted" if refit else "two constants"
     return _method(name, study, lambda cam: fit_two_constants([cam], study.start), refit)
 
 
 def with_substitution(study: NoiseSetup) -> Method:
-    """Calibrate gain and speed response on the reference cam, and refit the arc cam.
+    """Return the noise curves after a calibration of gain and speed response.
 
-    The result contains the noise curves with these constants.
+    They are calibrated on the reference cam, and the geometry of the arc cam (of tangent circular
+    arcs) is fitted with them. The speed response is the level over speed that the rig adds to the
+    sound of any cam.
     """
     return _method("by substitution", study, lambda cam: by_substitution(cam, study.start), True)
 
@@ -390,7 +396,8 @@ def _curve(
 # Leave-one-out test: the acoustic constants are fitted to two of the three cams, and tested on the
 # third.
 
-#: Number of times that the shape of the arc cam and the acoustic constants are fitted alternately.
+#: Number of times that the shape of the arc cam (of tangent circular arcs) and the acoustic
+#: constants are fitted in turn.
 ROUNDS = 2
 
 
@@ -425,7 +432,7 @@ class LeftOut:
 def leave_one_out(study: NoiseSetup) -> list[LeftOut]:
     """Fit the acoustic constants without each of the three cams in turn.
 
-    The results are in the order of the cams in the scene.
+    The results have the order of the cams in the scene. See `LeftOut`.
     """
     return [_leave_out(study, cam) for cam in study.cams]
 
@@ -451,8 +458,8 @@ def _leave_out(study: NoiseSetup, cam: str) -> LeftOut:
 # Claims of the paper on which cam is quieter, tested on its published curves and on the simulated
 # curves.
 
-#: Curves on which a claim of the paper is tested: table heading, and function that returns the
-#: levels.
+#: Noise curves on which a claim of the paper about the loudness of its cams is tested: table
+#: heading, and function that returns the levels.
 TESTED_ON: dict[str, Callable[[StudiedCurve], FloatArray]] = {
     "published curves": lambda curve: curve.published_db,
     "regressions": lambda curve: curve.regression_db,

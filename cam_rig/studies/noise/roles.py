@@ -21,10 +21,10 @@ from cam_rig.simulation.sound_constants import PublishedCam
 from cam_rig.studies.noise.arc_cam import ArcShape, ShapeProblem
 from cam_rig.units import FloatArray, to_rpm
 
-#: Stride of the speeds at which the shape of the arc cam is fitted: every second speed. The result
-#: is compared at all speeds.
+#: The shape of the arc cam (of tangent circular arcs) is fitted at every n-th speed only. The
+#: result is compared at all speeds.
 EVERY = 2
-#: Advice in the error message for a scene that does not fit a noise study.
+#: Advice at the end of the error message for a scene that does not fit a noise study.
 OTHERWISE = "for any other scene take cam-rig simulate or report"
 #: Smallest number of speeds of a noise study. Every second of them still gives more levels than the
 #: four coefficients of a cubic.
@@ -107,13 +107,13 @@ class NoiseSetup:
 
     @property
     def crossover(self) -> Crossover:
-        """Crossing that the paper states: two cams, and their speed of equal levels."""
+        """Two cams, and the speed of equal levels that the paper states for them."""
         assert self.loaded.published is not None  # scenes of a study have published levels
         return self.loaded.published.crossover
 
     @cached_property
     def problem(self) -> ShapeProblem:
-        """Fit of the arc cam's shape to its published sound levels at all speeds.
+        """Fit problem of the arc cam's shape to its published sound levels at all speeds.
 
         The follower is that of the scene's rig, as one rigid mass.
         """
@@ -124,7 +124,7 @@ class NoiseSetup:
         return self.shape_problem("one_mass", self.loaded.follower)
 
     def shape_problem(self, model: str, follower: Any, every: int = EVERY) -> ShapeProblem:
-        """Return the fit of the arc cam's shape with a follower and dynamic model.
+        """Return the fit problem of the arc cam's shape for a follower and dynamic model.
 
         Only every `every`-th speed is simulated, to save time.
         """
@@ -136,8 +136,9 @@ class NoiseSetup:
         return ShapeProblem(self.loaded.cams[self.roles.arcs], arcs.published, turn)
 
     def fit_shape(self, acoustics: Acoustics) -> ArcShape:
-        """Fit lift and event of the arc cam to its published levels.
+        """Fit lift and event angle of the arc cam to its published levels.
 
-        ``acoustics`` are the acoustic constants, which stay fixed. Every second speed is used.
+        The event angle is that of rise and fall together. ``acoustics`` are the acoustic constants,
+        which stay fixed. Only every `EVERY`-th speed is used.
         """
         return self._problem_at_some_speeds.fit(self.shape, acoustics)

@@ -52,7 +52,7 @@ PARTS = (
     "lift, high dwell and joints",
 )
 
-#: Stride of the speeds that have a row in the displayed table of levels: every second speed.
+#: The displayed table of levels has a row for every n-th speed.
 EVERY = 2
 
 
@@ -72,7 +72,7 @@ class LevelAt(NamedTuple):
 
 
 class OnCam(NamedTuple):
-    """Table row for one cam, of a result that covers several cams.
+    """Table row: one cam, and a result that covers several cams.
 
     ``of`` is the result: a rig, or a leave-one-out test.
     """
@@ -82,10 +82,10 @@ class OnCam(NamedTuple):
 
 
 class Changed(NamedTuple):
-    """Sound level (dB) of one cam of the factorial at one speed (rpm).
+    """Sound level (dB) of one cam of the factorial study at one speed (rpm).
 
-    The factorial varies lift (m), high dwell (rad) and rise. ``change`` are the smallest and the
-    largest difference to the reference cam over all speeds, dB.
+    The factorial study varies lift (m), high dwell (rad) and rise law. ``change`` are the smallest
+    and the largest difference from the reference cam over all speeds, dB.
     """
 
     lift: float
@@ -335,10 +335,10 @@ class NoiseStudyResult(Result):
         ]
 
     def _further(self) -> list[Records]:
-        """Return the tables that follow those of the calibrations.
+        """Return the tables that follow the tables of the calibrations.
 
-        They are transfer functions, cams left out, one rig for jump and noise, the factorial of
-        lift, high dwell and joints, and the levels.
+        They show the transfer functions, the cams left out, one rig for jump and noise, the
+        factorial study of lift, high dwell and joints, and the levels.
         """
         best, thinned = self.best, set(self.rpm[::EVERY])
         base, middle = self.methods[1], self.rpm[self.rpm.size // 2]

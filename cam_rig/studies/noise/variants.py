@@ -95,7 +95,8 @@ def with_elastic_stem(
 ) -> OneRig:
     """Return the noise of the cams with the complete two-mass follower of a rig.
 
-    With ``arcs`` the shape of the arc cam is fitted too, which takes minutes.
+    If ``arcs`` is True, the shape of the arc cam (of tangent circular arcs) is fitted too, which
+    takes minutes.
     """
     follower = TwoMassParameters.from_rig(rig)
     smooth = _smooth(study, "two_mass", follower)
@@ -109,9 +110,10 @@ def with_elastic_stem(
 
 
 def _smooth(study: NoiseSetup, model: str, follower: Any) -> dict[str, PublishedCam]:
-    """Return the turns of the reference and the predicted cam with another follower.
+    """Return the simulated turns of the two cams without arcs, with another follower.
 
-    They are simulated at all speeds of the study. ``model`` is the dynamic model of the follower.
+    They are the reference and the predicted cam, at all speeds of the study. ``model`` is the
+    dynamic model of the follower.
     """
     cams = (study.cams[cam] for cam in (study.roles.reference, study.roles.predicted))
     return {
@@ -181,9 +183,11 @@ def _result(
 # Factorial of three possible reasons why the arc cam is quiet: its lift, the missing high dwell,
 # and its joints.
 
-#: Rise whose acceleration jumps at a dwell, as it does at the joints of a cam of arcs.
+#: Name of a rise law whose acceleration jumps at a dwell, as it does at the joints between the arcs
+#: of a cam of arcs.
 WITH_JUMPS = "simple_harmonic"
-#: Names of the factors of the factorial, in order.
+#: Names of the factors of the factorial study, in their order. "Joints" means whether the
+#: acceleration jumps at the joints between rise and dwell.
 FACTORS = ("lift", "high dwell", "joints")
 
 
@@ -201,7 +205,7 @@ class Timing(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class HighDwellStudy:
-    """Result of the factorial of lift, high dwell and joints.
+    """Result of the factorial study of lift, high dwell and jumps at joints.
 
     Parameters
     ----------
@@ -277,8 +281,8 @@ def study_high_dwell(
 def two_levels(values: FloatArray) -> dict[tuple[int, ...], float]:
     """Return the fraction of the sum of squares due to each factor and interaction.
 
-    ``values`` are the results of a factorial with two levels per factor, shape (2, …, 2) with one
-    axis per factor. The keys are the interacting axes, such as ``(0,)`` or ``(0, 2)``. The
+    ``values`` are the results of a factorial study with two levels per factor, shape (2, …, 2) with
+    one axis per factor. The keys are the interacting axes, such as ``(0,)`` or ``(0, 2)``. The
     fractions add up to one, or are all zero if the values are equal.
     """
     signs = np.array([-1.0, 1.0])

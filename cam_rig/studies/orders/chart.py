@@ -20,7 +20,8 @@ from cam_rig.studies.orders.spectrum import QUANTITIES, RANGE, CamOrders, loudes
 
 #: Line width of a curve as a radius in screen points. Rerun uses negative values for screen units.
 STROKE = -1.2
-#: Line width of a cursor as a radius in screen points, negative as in `STROKE`.
+#: Line width of the mark of the present speed, as a radius in screen points, negative as in
+#: `STROKE`.
 CURSOR = -0.8
 #: Width of a chart in units of the Rerun view, in which the Campbell diagram is 100 high.
 WIDTH = 160.0
@@ -31,7 +32,7 @@ CHARTS = {"rays": "orders over speed", "lines": "by order, at one speed"}
 RIGHT_MARGIN = 0.12
 #: Free space below a chart for its axis labels, as a fraction of the width.
 BOTTOM_MARGIN = 0.1
-#: Colour map from dark to bright, RGB from 0 to 255, with even steps of lightness.
+#: Colour map of levels from dark to bright, RGB from 0 to 255, with even steps of lightness.
 SCALE = np.array(
     [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], dtype=np.float64
 )
@@ -78,7 +79,11 @@ def entity(study: CamOrders, quantity: str, chart: str) -> str:
 
 
 def _chart(study: CamOrders, quantity: str, chart: str, axes: Axes) -> rrb.Spatial2DView:
-    """Return the Rerun view of one chart, with its title."""
+    """Return the Rerun view of one chart, with its title.
+
+    `chart` is "rays" (Campbell diagram over speed) or "lines" (spectrum at one speed), and
+    `quantity` a key of `QUANTITIES`.
+    """
     name, below = (
         f"{QUANTITIES[quantity]}: {CHARTS[chart]}",
         BOTTOM_MARGIN * axes.width / axes.height,

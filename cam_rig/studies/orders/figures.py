@@ -21,7 +21,7 @@ from cam_rig.units import FloatArray
 MAX_LABELS = 8
 #: Name of the matplotlib colour map for levels.
 COLOURS = "viridis"
-#: Grey level of the background and of levels below the displayed range (0 black, 1 white).
+#: Grey level of the background, and of values below the displayed range (0 black, 1 white).
 GROUND = "0.12"
 
 

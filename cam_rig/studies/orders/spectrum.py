@@ -187,11 +187,11 @@ class OrderSpectrum:
 
     @property
     def loudest(self) -> int:
-        """Index of the order with the highest sound level in the arrays."""
+        """Index of the order with the highest sound level in the arrays of the spectrum."""
         return int(np.argmax(self.level[1:])) + 1
 
     def order_within(self, share: float) -> float:
-        """Return the order below which the fraction `share` of the sound power is.
+        """Return the order up to which the fraction `share` of the sound power occurs.
 
         The total is the power of all orders of this spectrum.
         """
@@ -274,7 +274,10 @@ HIGHEST = 100
 
 @dataclass(frozen=True, eq=False)
 class CamOrders:
-    """Spectra of one cam at several speeds, with a follower's model on a rig."""
+    """Spectra by orders of one cam at several speeds, for a follower model and a rig.
+
+    An order is a frequency as a multiple of the cam's rotational frequency.
+    """
 
     cam: str
     model: str
@@ -286,7 +289,7 @@ class CamOrders:
         return min(self.spectra, key=lambda spectrum: abs(spectrum.rpm - rpm))
 
     def only(self, *rpms: float) -> CamOrders:
-        """Return a copy with only the spectra at the speeds nearest to `rpms`."""
+        """Return a copy with only the spectra at the computed speeds nearest to `rpms`."""
         return replace(self, spectra=tuple(self.at(rpm) for rpm in rpms))
 
     def up_to(self, highest: float) -> CamOrders:

@@ -28,7 +28,7 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.schema import RigConfig
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Smallest overlap of the contacts of two turns at which they count as the same contact, as a
+#: Smallest overlap of the contact phases of two turns at which they count as the same contact, as a
 #: fraction of a turn. It is above rounding.
 OVERLAP = 1e-9
 
@@ -169,8 +169,9 @@ def _one_mass(law: Law, p: FollowerParameters, speed: float) -> SteadyForce:
 def _find_repetition(contacts: list[tuple[float, float]], turn: float) -> tuple[float, int] | None:
     """Return a time (s) in contact, and the number of turns after which it repeats.
 
-    ``contacts`` are start and end times (s), ``turn`` is the duration of a turn (s). Returns None
-    if no contact repeats.
+    A contact repeats if the follower is in contact at the same cam angle after this number of
+    turns. ``contacts`` are start and end times (s), ``turn`` is the duration of a turn (s). Returns
+    None if no contact repeats.
     """
     for turns in range(1, MAX_PERIOD_TURNS + 1):
         later = turns * turn
@@ -202,7 +203,10 @@ def _contact_pieces(
 
 
 def _restricted(ordinates: FloatArray, start: float, end: float) -> FloatArray:
-    """Return Bernstein ordinates of a polynomial on a part of its interval [0, 1]."""
+    """Return a polynomial on a part of its interval [0, 1], by Bernstein ordinates.
+
+    ``ordinates`` are those on [0, 1]. The results are those on ``start`` to ``end``.
+    """
     is_complete = start == 0.0 and end == 1.0
     return ordinates if is_complete else bernstein.restrict(ordinates, start, end)
 
@@ -285,7 +289,10 @@ def _period(trajectory: Separation, run: int, turn: float) -> int | None:
 def _phase_pieces(
     trajectory: Separation, model: LinearResponse, period_start: float, end: float
 ) -> Iterator[ForcePiece]:
-    """Yield the force in all contacts from `period_start` to `end` (s)."""
+    """Yield the force of two masses in all contacts from `period_start` to `end` (s).
+
+    It is yielded in pieces with a closed form.
+    """
     for phase in trajectory.phases:
         a, b = max(phase.begin, period_start), min(phase.end, end)
         if phase.flight is not None or b <= a:

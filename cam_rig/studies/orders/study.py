@@ -41,7 +41,7 @@ MAX_SHOWN_ROWS = 40
 
 
 class OrdersRow(NamedTuple):
-    """Table row: the spectrum of a cam at one speed, and the index of one order in it."""
+    """Table row: the spectrum of a cam at one speed, and the index of an order in it."""
 
     cam: str
     spectrum: OrderSpectrum
@@ -65,15 +65,19 @@ class OrdersRow(NamedTuple):
 
 
 def _at_order(name: str) -> Callable[[OrdersRow], float]:
-    """Return a function that reads the value of a spectrum at the order of a row.
+    """Return a function that reads one value of a table row from its spectrum.
 
-    ``name`` is an array property of `OrderSpectrum`.
+    ``name`` is an array property of `OrderSpectrum`. The function returns its element for the order
+    of the row.
     """
     return lambda row: float(getattr(row.spectrum, name)[row.order_index])
 
 
 def _loudest_column(rank: int) -> Column:
-    """Return the table column of the order with a given rank, and its level (dB)."""
+    """Return the table column of one of the loudest orders, with its level (dB).
+
+    ``rank`` is 0 for the loudest order.
+    """
 
     def text(row: OrdersRow) -> str | None:
         order = row.loudest(rank)

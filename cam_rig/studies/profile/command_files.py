@@ -231,7 +231,7 @@ class MeasuredContour:
 
 @dataclass(frozen=True, repr=False)
 class MeasuredResult(Result):
-    """Lifts of the cam's follower on the contours of a file."""
+    """Lifts of a cam's follower that were computed on the contours of a file."""
 
     schema = "cam_rig.profile_measured.1"
     columns: ClassVar = {
@@ -261,8 +261,8 @@ class MeasuredResult(Result):
         return [self.table("contours", caption, self.contours)]
 
 
-#: Ratio of the error of the mirrored contour to that of the contour as read, below which the
-#: mirrored contour is used. For a symmetrical cam the two errors are equal.
+#: The mirrored contour is used if its error is below this fraction of the error of the contour as
+#: read. For a symmetrical cam the two errors are equal.
 MIRRORED_IS_BETTER = 0.5
 
 
@@ -291,7 +291,7 @@ def _align(
 
 
 def _mirror(curve: Curve) -> Curve:
-    """Return a contour mirrored at the y axis: the cam viewed from its other side."""
+    """Return a contour mirrored at the y axis, as if the cam were viewed from behind."""
     return lambda parameter: -np.conj(curve(-parameter))
 
 

@@ -33,8 +33,8 @@ MAX_POINTS = 1_000_000
 def _of_discs(take: Callable[[Contour], Any]) -> Callable[[CamContour], Any]:
     """Return a function that maps a CamContour to one array over all its discs.
 
-    `take` returns the array of one disc. The arrays of the discs are concatenated. Conjugate cams
-    have two discs.
+    `take` returns the array of one disc. The arrays are concatenated, because conjugate cams have
+    two discs.
     """
     return lambda shape: np.concatenate([take(disc) for disc in shape.discs])
 

@@ -33,7 +33,8 @@ from cam_rig.units import ComplexArray, FloatArray
 FACE_MARGIN = 0.08
 #: Length of a drawn stem, as a fraction of the largest distance of the contour from the axis.
 STEM_LENGTH = 0.22
-#: Height of the elbow of a drawn L-shaped arm above its point, as a fraction of the arm's length.
+#: Height of the elbow of a drawn L-shaped follower arm above the follower's point, as a fraction of
+#: the arm's length.
 ELBOW_HEIGHT = 0.25
 
 
@@ -141,9 +142,9 @@ FLAT_LINE_HEIGHT = 0.66
 #: Largest |s'| at which a cam angle counts as part of a dwell, as a fraction of the largest |s'| of
 #: the law.
 DWELL_SLOPE_RATIO = 1e-6
-#: Smallest width of a stage (rise, dwell or fall) that is shaded in a panel, degrees.
+#: Smallest width of a rise, dwell or fall that is shaded in a panel, degrees.
 MIN_SHADED_DEG = 5.0
-#: Smallest width of a stage that is labelled with its name, degrees.
+#: Smallest width of a rise, dwell or fall that is labelled in a panel, degrees.
 MIN_LABELLED_DEG = 48.0
 
 
@@ -242,10 +243,10 @@ def _follower(axes: Axes, contour: Contour, law: Law, count: int) -> None:
 
 
 def _name_angles(axes: Axes, contour: Contour, law: Law, count: int) -> None:
-    """Label positions of the follower with their cam angle, at their outer ends.
+    """Label the drawn positions of the follower with their cam angle.
 
-    Up to `MAX_ALL_LABELLED` positions are all labelled. Of a larger number, about one every
-    `LABEL_STEP_DEG` is labelled.
+    The labels are at the outer ends of the follower. Up to `MAX_ALL_LABELLED` positions are all
+    labelled. Of a larger number, about one every `LABEL_STEP_DEG` is labelled.
     """
     step = 360.0 / count
     label_step = max(1, round(LABEL_STEP_DEG / step)) if count > MAX_ALL_LABELLED else 1
@@ -318,9 +319,10 @@ def _pressure(axes: Axes, law: Law, discs: tuple[Contour, ...], checks: list[Che
 
 
 def _stages(axes: Axes, law: Law, named: bool) -> None:
-    """Shade rise and dwell in a panel over the cam angle, by the sign of s'.
+    """Shade rises and dwells in a panel over the cam angle.
 
-    If ``named`` is True, rise, dwell and fall are labelled.
+    They are distinguished by the sign of s'. If ``named`` is True, rise, dwell and fall are
+    labelled.
     """
     angle = turn_angles(CONTOUR_POINTS)
     slope, steepest = law(angle, 1), max(float(np.abs(e.value)) for e in extremes(law, 1))

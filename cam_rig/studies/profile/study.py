@@ -34,9 +34,10 @@ NO_VALUE = "–"
 
 
 def _worst(key: str, unit: str, name: str, heading: str) -> Column:
-    """Return the table column of the worst value of a check: the nearest to its limit.
+    """Return the table column of the value of a check that is nearest to its limit.
 
-    `name` is the name of the check. A cam may have several checks of this name.
+    `name` is the name of the check, of which a cam may have several. `key`, `unit` and `heading`
+    are those of the column.
     """
     return Column(
         key, unit, ".4g", heading, lambda c: c.worst(name), missing=NO_VALUE, doc=f"worst {name}"
