@@ -22,7 +22,7 @@ from cam_rig.units import FloatArray
 FREQUENCY_WEIGHTINGS = ("A", "C", "Z")
 #: Time constants (s) of the time weightings F (fast) and S (slow) of IEC 61672-1.
 TIME_WEIGHTINGS = {"F": 0.125, "S": 1.0}
-#: Measuring range in dB of the sound-level meter in the paper, a JTS-1357.
+#: Measuring range in dB of the JTS-1357, the sound-level meter of the published noise measurements.
 RANGE_DB = (30.0, 130.0)
 #: Level that the meter reads for silence, dB, because the exact level would be −∞.
 SILENCE_DB = -200.0

@@ -31,7 +31,8 @@ def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
 
     The key of the result is the name of the topic. Raises BagError if the bag has fewer cam states
     than its scene plans, or if a topic does not have one message for each recorded state, tick,
-    speed or cam, as its entry in the table of topics requires.
+    speed or cam, as its entry in the table of topics requires. A tick is the time between two cam
+    states.
     """
     counts = read_counts(bag)
     states = [state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of})]
@@ -71,9 +72,9 @@ def expected_counts(states: list[CamState]) -> dict[str, int]:
     return {per: counts[per] for per in ("tick", "state", "cam", "speed")}
 
 
-#: Largest number of ticks of a scene for which the ticks missing at the end of an unclosed
-#: recording are counted one by one. For a longer scene this takes too long, and the loss at the end
-#: is reported without a number.
+#: Largest number of ticks (times between two cam states) of a scene for which the ticks missing at
+#: the end of an unclosed recording are counted one by one. For a longer scene this takes too long,
+#: and the loss at the end is reported without a number.
 MAX_COUNTED = 100_000
 #: Largest number of gaps that a text on missing messages lists. For further gaps it only states
 #: their number.
@@ -246,7 +247,8 @@ def _runs(missing: MissingMessages) -> Iterator[MissingMessages]:
     """Group the missing messages by successive cam states that lack the same topics.
 
     Each group becomes one entry of a text, such as "ticks 3 to 7". States without any message form
-    one group, even if a new speed or cam requires additional messages.
+    one group, even if a new speed or cam requires additional messages. A tick is the time between
+    two cam states.
     """
 
     def run_key(item: tuple[int, tuple[int, frozenset[str]]]) -> tuple[int, frozenset[str] | bool]:

@@ -95,7 +95,8 @@ def own_namespace(bag: Path, namespace: str | None) -> str:
 def _read_rig(bag: Path, cam: str | None, namespace: str) -> MeasuredRun:
     """Return the measured run of one cam from a recording of the rig.
 
-    It contains angle, lift and force samples, and the sound level per tick.
+    It contains angle, lift and force samples, and the sound level per tick. A tick is the time
+    between two cam states.
     """
     parts: dict[str, list[FloatArray]] = {}
     ends: dict[str, set[int]] = {}
@@ -129,7 +130,8 @@ def _choose_cam(bag: Path, cams: list[str], cam: str | None) -> str:
 def _levels(bag: Path, namespace: str, ends: set[int]) -> Signal | None:
     """Return the sound level (dB) of each tick of a cam, at the end of the tick.
 
-    `ends` contains the stamps (ns) of the ends. Returns None without a pressure above 0.
+    `ends` contains the stamps (ns) of the ends. Returns None without a pressure above 0. A tick is
+    the time between two cam states.
     """
     pressures = read_pressures(bag, namespace).items()
     by_stamp = {

@@ -83,7 +83,8 @@ def decoded(
 def pressure_of(message: Any) -> tuple[int, float]:
     """Return the stamp (ns) and the r.m.s. sound pressure (Pa) of a pressure message.
 
-    The stamp is the end of the tick for which the pressure was computed.
+    The stamp is the end of the tick for which the pressure was computed. A tick is the time between
+    two cam states.
     """
     return stamp_ns(message.header.stamp), float(message.fluid_pressure)
 
@@ -236,7 +237,7 @@ def _join_tick(states: deque[CamState], rows: FloatArray) -> TickSamples | None:
 
     `states` contains the cam states from before the tick on. States that are no longer needed are
     removed from it. `rows` contains the samples, with the times (s) in the first row. Returns None
-    if the states before or after the tick are missing.
+    if the states before or after the tick are missing. A tick is the time between two cam states.
     """
     middle = 0.5 * (rows[0, 0] + rows[0, -1])
     while len(states) > 1 and states[1].time_ns / NS <= middle:

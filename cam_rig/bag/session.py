@@ -309,7 +309,7 @@ class RecordingSession:
         """Return the motion messages of the tick that ends at a cam state.
 
         The recorder computes them from the samples of the tick. The result is empty if the samples
-        are missing.
+        are missing. A tick is the time between two cam states.
         """
         before, samples = self._before, self._waiting.get(topics.FOLLOWER_SAMPLES, state.time_ns)
         if self._motion is None or before is None or samples is None:

@@ -31,7 +31,8 @@ class Split:
 
     The value 0 is no limit. `size` is the number of bytes of messages, without the files that are
     attached. `duration` is rig time in s. A file ends with the tick that reaches a limit. The next
-    cam state starts the next file, so that a tick is never divided.
+    cam state starts the next file, so that a tick is never divided. A tick is the time between two
+    cam states.
     """
 
     size: int = 0

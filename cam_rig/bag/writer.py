@@ -119,7 +119,7 @@ class BagWriter:
         """Continue in a new file of the bag if the current file has reached a limit.
 
         The method is called before the messages of the state at `stamp` (ns) are written. A tick is
-        therefore never divided between two files.
+        therefore never divided between two files. A tick is the time between two cam states.
         """
         start = stamp if self._file_start is None else self._file_start
         if self._file.part is None and self.split.is_due(self._file.size, start, stamp):

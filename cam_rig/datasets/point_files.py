@@ -43,7 +43,7 @@ MAX_NAMED_DIFFERENCES = 3
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Rows of consecutive points of a dataset. A subclass adds the content of the rows."""
+    """Rows of consecutive points of a dataset. A subclass adds their content."""
 
     first: int  #: index of the first point
     last: int  #: end of the points, exclusive

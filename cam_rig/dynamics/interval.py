@@ -394,6 +394,8 @@ class FollowerState:
 class Block(NamedRows):
     """Samples and events of one interval.
 
+    An event is a lift-off or a landing.
+
     Parameters
     ----------
     interval : Interval

@@ -166,7 +166,7 @@ class SetpointSchedule:
 
         If this interrupts a ramp, the tick before the state changes, and with it the time of the
         state. The tick still turns by its planned angle: at the speed at its start, or, if it
-        starts at rest, along a ramp to the new speed.
+        starts at rest, along a ramp to the new speed. A tick is the time between two cam states.
         """
         last = self.state.last
         if last is None or speed == planned.speed or not last.turns_until(planned):

@@ -31,7 +31,7 @@ MAX_WAITING = 2 * HISTORY_DEPTH
 
 
 class FlowControl:
-    """Stamps of the cam states in flight, and the last acknowledged stamp per consumer.
+    """Stamps of the cam states in flight, and the last stamp of each consumer.
 
     A stamp is the rig time (ns) of a state. A state is in flight until every consumer has
     acknowledged it.
@@ -52,7 +52,8 @@ class FlowControl:
     def may_send(self) -> bool:
         """Return True if the next cam state may be sent.
 
-        It must wait while too many ticks are not acknowledged.
+        It must wait while too many ticks are not acknowledged. A tick is the time between two cam
+        states.
         """
         return self.in_flight < MAX_TICKS_IN_FLIGHT
 
@@ -64,7 +65,7 @@ class FlowControl:
         """Record that a consumer has processed all ticks up to a stamp (ns).
 
         Returns False, without an effect, if the consumer is unknown, no state of this stamp is in
-        flight, or the stamp is acknowledged already.
+        flight, or the stamp is acknowledged already. A tick is the time between two cam states.
         """
         previous = self._acknowledged.get(consumer)
         if previous is None or stamp_ns not in self._sent or stamp_ns <= previous:
@@ -79,7 +80,10 @@ class FlowControl:
         self._release()
 
     def behind(self) -> list[str]:
-        """Return the names of the consumers that have not acknowledged every tick."""
+        """Return the names of the consumers that have not acknowledged every tick.
+
+        A tick is the time between two cam states.
+        """
         if self.in_flight == 0:
             return []
         return [name for name, stamp in self._acknowledged.items() if stamp < self._sent[-1]]

@@ -15,14 +15,16 @@ from numpy.typing import NDArray
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, FloatArray
 
-#: Default time (s, wall clock) that a tick may arrive late without a pause of the playback. It
-#: covers the time that drive, network and follower need for a tick.
+#: Default time (s, wall clock) that the samples of a tick (time between two cam states) may arrive
+#: late without a pause of the playback. It covers the time that drive, network and follower need
+#: for a tick.
 MARGIN_S = 0.03
 #: Time (s, wall clock) over which the playback corrects a deviation from its intended delay behind
 #: the drive. Ticks never arrive at an exactly constant rate.
 SETTLE_S = 0.5
-#: Largest delay (s, wall clock), in addition to half a tick, that is corrected gradually. After a
-#: larger delay samples are skipped: a viewer that starts late receives several ticks at once.
+#: Largest delay (s, wall clock), in addition to half a tick (time between two cam states), that is
+#: corrected gradually. After a larger delay samples are skipped: a viewer that starts late receives
+#: several ticks at once.
 MAX_GRADUAL_DELAY_S = 0.1
 
 
@@ -59,11 +61,12 @@ class Playback:
         self._ticks: deque[Tick] = deque()
         #: Position (ns) at the wall-clock time `_since` (s), and its rate (ns per wall-clock s).
         self._position, self._since, self._rate = 0.0, 0.0, 0.0
-        #: End of the newest tick (ns), wall-clock time (s) of its arrival, and real-time factor.
+        #: End of the newest tick (time between two cam states) in ns, wall-clock time (s) of its
+        #: arrival, and real-time factor.
         self._end_ns, self._received_at, self._factor = 0, 0.0, 1.0
         self._last_sample = -1  # number in the run
-        #: Number of changes of the stored ticks. A result of `samples_at` is valid until the next
-        #: change.
+        #: Number of changes of the stored ticks (times between two cam states). A result of
+        #: `samples_at` is valid until the next change.
         self.version = 0
         #: Rig time (ns) of the sample that was shown last, -1 before the first.
         self.shown_ns = -1
@@ -71,12 +74,17 @@ class Playback:
         self.lag = 0.0
 
     def clear(self) -> None:
-        """Remove all ticks, at the start of a free run or of another run."""
+        """Remove all ticks, at the start of a free run or of another run.
+
+        A tick is the time between two cam states.
+        """
         self._ticks.clear()
         self.version += 1
 
     def add(self, tick: Tick, factor: float, received_at: float, now: float) -> None:
         """Add the next finished tick.
+
+        A tick is the time between two cam states.
 
         Parameters
         ----------
@@ -112,7 +120,7 @@ class Playback:
     def position(self, now: float) -> float:
         """Return the playback position (ns) at wall-clock time `now` (s).
 
-        It is at most the end of the newest tick.
+        It is at most the end of the newest tick. A tick is the time between two cam states.
         """
         return min(self._position + self._rate * (now - self._since), self._end_ns)
 
@@ -120,7 +128,7 @@ class Playback:
         """Return the samples to display at rising times (s, wall clock).
 
         All samples are of one tick. Samples that were displayed before are left out. Returns None
-        if no sample remains.
+        if no sample remains. A tick is the time between two cam states.
         """
         if not self._ticks:
             return None
@@ -148,11 +156,17 @@ class Playback:
         self.lag = remainder + float(samples.wall_times[index]) - self._received_at
 
     def _drop_before(self, position: int) -> None:
-        """Remove the ticks before that of the sample at a position (ns)."""
+        """Remove the ticks before that of the sample at a position (ns).
+
+        A tick is the time between two cam states.
+        """
         sample = position * self._sample_rate // NS
         while len(self._ticks) > 1 and self._first_sample(self._ticks[1]) <= sample:
             self._ticks.popleft()
 
     def _first_sample(self, tick: Tick) -> int:
-        """Return the number of the first sample of a tick, counted over the whole run."""
+        """Return the number of the first sample of a tick, counted over the whole run.
+
+        A tick is the time between two cam states.
+        """
         return -(-tick.start.time_ns * self._sample_rate // NS)

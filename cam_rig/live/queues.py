@@ -58,7 +58,7 @@ class FollowerQueue:
         """Yield the result of each tick whose law is known, and remove its state.
 
         The result is the cam state at the start and at the end of the tick, the follower state at
-        the end, and the block of samples.
+        the end, and the block of samples. A tick is the time between two cam states.
         """
         while self._waiting and self._waiting[0].cam in self._simulator.laws:
             start, end = self._simulator.last, self._waiting.popleft()
@@ -91,6 +91,8 @@ class TickMatcher:
 
     def complete(self) -> Iterator[tuple[CamState, CamState, FloatArray]]:
         """Yield cam state at start and end, and samples, of each complete tick in order.
+
+        A tick is the time between two cam states.
 
         Raises
         ------

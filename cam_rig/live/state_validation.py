@@ -12,7 +12,8 @@ from cam_rig.schema.scene import MAX_SPEED, MIN_SAMPLES
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN
 
-#: Maximum number of samples in one tick. It bounds the size of a message of samples to 48 MB.
+#: Largest number of samples in one tick, the time between two cam states. It bounds the size of a
+#: message of samples to 48 MB.
 MAX_SAMPLES = 1_000_000
 
 
@@ -20,7 +21,7 @@ def speed_limits(scene: SceneConfig) -> tuple[float, float]:
     """Return the lowest and the highest speed (rad/s) of commands in a scene.
 
     At the highest speed a tick has `MIN_SAMPLES` samples. At the lowest speed it has half of
-    `MAX_SAMPLES`.
+    `MAX_SAMPLES`. A tick is the time between two cam states.
     """
     speed_of_one_sample = TURN / scene.schedule.ticks_per_turn * scene.sample_rate.si
     highest = min(MAX_SPEED, speed_of_one_sample / MIN_SAMPLES)
@@ -33,7 +34,7 @@ class StateValidator:
     After the cam has stopped, the next state may have any angle and any rig time. Any other state
     that does not follow from the previous one was sent by another publisher, or a state was lost;
     it is rejected, and the validator keeps its previous state. At `sample_rate` (Hz) the cam turns
-    at most `tick_angle` (rad) per tick.
+    at most `tick_angle` (rad) per tick. A tick is the time between two cam states.
     """
 
     def __init__(self, sample_rate: float, tick_angle: float = math.inf) -> None:

@@ -29,7 +29,8 @@ PIECE_LABEL = "break_rad, ordinates_m"
 #: Label of the rows of the samples of one tick (time between two cam states) in a message: the
 #: names of the quantities.
 BLOCK_LABEL = ", ".join(COLUMNS)
-#: Label of the columns of the samples of one tick in a message: one column per sample.
+#: Label of the columns of the samples of one tick (time between two cam states) in a message: one
+#: column per sample.
 SAMPLE_LABEL = "sample"
 #: Pattern of the names of cams, which are also the names of their files.
 CAM_NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")

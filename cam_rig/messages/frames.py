@@ -26,9 +26,9 @@ from cam_rig.schema.cam import FRAMES
 from cam_rig.simulation.scene import LoadedScene, max_contact_force
 from cam_rig.units import FloatArray
 
-#: Names of the links. In addition each cam has a link with the cam's name, which turns with the
-#: link ``cam``. The joint of an oscillating follower moves the link ``follower_arc``, its travel
-#: along the arc, which has no body.
+#: Names of the links. In addition each cam has a link with the name of the cam, which turns with
+#: the link ``cam``. An oscillating follower has the additional link ``follower_arc`` without a
+#: body. Its prismatic joint gives the travel along the arc.
 BASE, GUIDE, MOTOR, MICROPHONE, CAM, FOLLOWER, ARC = FRAMES
 #: Name of the joint that turns an oscillating follower. Its position follows that of the joint
 #: ``follower``.

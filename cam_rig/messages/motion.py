@@ -125,7 +125,8 @@ def select_samples(lift: FloatArray, force: FloatArray, count: int) -> Indices:
     The tick is divided into `count` bins of equal size with at least one sample each. The first
     sample of each bin is selected, except in the bins that contain the largest lift, the largest
     force and the smallest force of the tick. In these bins the extremes are selected instead. The
-    result has up to two more samples than `count` if several extremes are in one bin.
+    result has up to two more samples than `count` if several extremes are in one bin. A tick is the
+    time between two cam states.
     """
     bins = np.arange(min(count, lift.size)) * lift.size // min(count, lift.size)
     extremes = np.unique([lift.argmax(), force.argmax(), force.argmin()])
@@ -255,8 +256,8 @@ def transforms(robot: Robot) -> InstantMaker:
 
 #: Names of the joints in /joint_states, the same as in the URDF.
 JOINTS = ("cam", "follower")
-#: Functions that create the messages of the topics with one message per instant (selected sample of
-#: a tick), in the order of the topics at one instant.
+#: Functions that create the messages of the topics with one message per instant, in the order of
+#: the topics at one instant. An instant is a selected sample of the motion.
 INSTANT_MAKERS = {
     topics.JOINT_STATES: joint_states,
     topics.FOLLOWER_CONTACT: contact_force,

@@ -16,9 +16,9 @@ from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.live.state_validation import MAX_SAMPLES
 from cam_rig.simulation.schedule import CamState
 
-#: Smallest history depth (messages) of topics with one message per instant, a selected sample of a
-#: tick. It covers several turns at the usual number of instants per turn, for slow subscribers (see
-#: `motion_depth`).
+#: Smallest history depth (messages) of topics with one message per instant, a selected sample of
+#: the motion. It covers several turns at the usual number of instants per turn, for slow
+#: subscribers (see `motion_depth`).
 MOTION_DEPTH = 1000
 #: Topics that all namespaces share in ROS, so that they get no namespace.
 GLOBAL_TOPICS = ("/parameter_events", "/tf", "/tf_static")
@@ -165,10 +165,10 @@ READY = _event("/rig/ready", "std_msgs/msg/String")
 REAL_TIME_FACTOR = _event(
     "/rig/real_time_factor", "std_msgs/msg/Float64", depth=1, owner="cam_drive"
 )
-#: Command to the drive: cam speed (rpm) from the next tick on, 0 for the scene's speeds.
+#: Command to the drive: cam speed (rpm) from the next cam state on, 0 for the scene's speeds.
 CAM_RPM = _event("/cam/rpm", "std_msgs/msg/Float64", latched=False)
 #: Command of a ros2_control controller to the drive: velocity (rad/s) of the joint ``cam`` from the
-#: next tick on, 0 to stop.
+#: next cam state on, 0 to stop.
 JOINT_COMMANDS = _event("/joint_commands", "sensor_msgs/msg/JointState", latched=False)
 #: Parameter changes of all nodes. Those of the law server report the mounted cam.
 PARAMETER_EVENTS = Topic(
@@ -181,7 +181,8 @@ TOPICS = tuple(value for value in vars().values() if isinstance(value, Topic))
 def motion_depth(samples_per_turn: int) -> int:
     """Return the history depth of a topic with a message per instant: four turns.
 
-    The messages of a tick are published together in a free run, and a tick may be a whole turn.
+    The messages of a tick are published together in a free run, and a tick may be a whole turn. A
+    tick is the time between two cam states.
     """
     return max(MOTION_DEPTH, 4 * (samples_per_turn + 2))
 

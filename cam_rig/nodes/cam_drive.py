@@ -61,7 +61,7 @@ class DriveControls:
     def stop(self) -> str:
         """Stop the cam after the current tick.
 
-        Rig time stops with the cam.
+        Rig time stops with the cam. A tick is the time between two cam states.
         """
         self._program.run(False)
         return f"stopped after {self._program.sent} states"
@@ -76,7 +76,10 @@ class DriveControls:
         return "at the beginning of the scene"
 
     def emergency_stop(self) -> str:
-        """Stop the cam at the end of the current tick, until a reset."""
+        """Stop the cam at the end of the current tick, until a reset.
+
+        A tick is the time between two cam states.
+        """
         if (state := self._program.halt()) is not None:
             self._node.send(state)
         return "the cam is stopped; to continue, call reset, then start"

@@ -287,7 +287,10 @@ class ClockSource(RigNode):
         self._is_bag_closed = True
 
     def drain(self, spin_once: Callable[..., None]) -> None:
-        """Process messages in transit, unless every tick is acknowledged already."""
+        """Process messages in transit, unless every tick is acknowledged already.
+
+        A tick is the time between two cam states.
+        """
         if not self.is_done():
             super().drain(spin_once)
 

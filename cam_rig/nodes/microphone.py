@@ -46,7 +46,10 @@ class Microphone(RigNode):
         self.get_logger().info(f"measuring {self._meter.quantity}, {self.activity().text}")
 
     def _on_parameters(self, parameters: list[Parameter]) -> None:
-        """Apply new weightings, which take effect with the next tick."""
+        """Apply new weightings, which take effect with the next tick.
+
+        A tick is the time between two cam states.
+        """
         if any(parameter.name in WEIGHTING_PARAMETERS for parameter in parameters):
             self._meter.weigh(*(self.get_parameter(name).value for name in WEIGHTING_PARAMETERS))
 

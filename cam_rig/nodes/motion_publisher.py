@@ -48,12 +48,13 @@ class MotionPublisher:
 
     In a free run the messages of a tick are published together, at `points` instants per turn. In a
     paced run a playback thread publishes them one by one, at `rate` instants per second of wall
-    time, so that the computation of the next tick does not delay them.
+    time, so that the computation of the next tick does not delay them. A tick is the time between
+    two cam states.
 
-    Threads: `publish`, `close` and the callbacks run on the thread of the executor, `_play` and
-    the methods that it calls on the playback thread. `_lock` protects `_playback`, which both
-    threads use. It is always released before a publish call. `_skipped_until` is read by both
-    threads and written per topic in one assignment, which needs no lock.
+    Threads: `publish`, `close` and the callbacks run on the thread of the executor, `_play` and the
+    methods that it calls on the playback thread. `_lock` protects `_playback`, which both threads
+    use. It is always released before a publish call. `_skipped_until` is read by both threads and
+    written per topic in one assignment, which needs no lock.
     """
 
     def __init__(self, node: RigNode, motion: MotionMessages, points: int, rate: float) -> None:
@@ -157,7 +158,8 @@ class MotionPublisher:
     def _publish(self, messages: list[DerivedMessage], wanted: set[Topic], is_paced: bool) -> None:
         """Publish messages of the `wanted` topics.
 
-        A blocked topic is skipped for the rest of the tick, or for `SKIP_S` in a paced run.
+        A blocked topic is skipped for the rest of the tick, or for `SKIP_S` in a paced run. A tick
+        is the time between two cam states.
         """
         for topic, _, cdr in messages:
             if topic not in wanted or self._publishers[topic].try_publish(cdr):

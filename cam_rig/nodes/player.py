@@ -19,7 +19,8 @@ class Player(ClockSource):
     """Publishes recorded cam states and laws, at the pace of the consumers.
 
     The published messages are byte for byte those of the bag. If a tick was recorded with other
-    frequency and time weightings, the microphone's parameters are set before the tick.
+    frequency and time weightings, the microphone's parameters are set before the tick. A tick is
+    the time between two cam states.
     """
 
     def __init__(self) -> None:

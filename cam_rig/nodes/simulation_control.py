@@ -39,7 +39,7 @@ class SimulationControl:
 
     STATE_STOPPED is the start of the scene, STATE_PAUSED any other stopped cam. The callbacks run
     on the thread of the executor. A step request waits for the acknowledgements of its ticks in a
-    coroutine, which does not block the executor.
+    coroutine, which does not block the executor. A tick is the time between two cam states.
     """
 
     def __init__(self, node: CamDrive, controls: DriveControls) -> None:

@@ -28,8 +28,8 @@ QUEUE_DEPTH = 256
 #: Number of spins of the executor between two checks for further messages at the end of a run. It
 #: is larger than the number of subscriptions, because a spin handles one message.
 SPINS_PER_DRAIN = 10
-#: Longest time (s, wall clock) to wait for the sound level of the last tick, for which the drive
-#: does not wait.
+#: Longest time (s, wall clock) to wait at the end of a run for the last sound level, for which the
+#: drive does not wait.
 LEVEL_TIMEOUT_S = 2.0
 #: Period (s, wall clock) at which a free run sends drawn data to Rerun.
 FREE_PERIOD_S = SEND_EVERY_S
@@ -38,7 +38,10 @@ FRAME_S = 1.0 / 60.0
 
 
 class Viewer(RigNode):
-    """Draws the run in a window, viewer or page, and acknowledges drawn ticks."""
+    """Draws the run in a window, viewer or page, and acknowledges drawn ticks.
+
+    A tick is the time between two cam states.
+    """
 
     def __init__(self) -> None:
         super().__init__("viewer")
@@ -91,7 +94,10 @@ class Viewer(RigNode):
         return draw
 
     def drain(self, spin_once: Callable[..., None]) -> None:
-        """Draw all messages in transit, and wait for the level of the last tick."""
+        """Draw all messages in transit, and wait for the level of the last tick.
+
+        A tick is the time between two cam states.
+        """
         before, deadline = -1, time.monotonic() + LEVEL_TIMEOUT_S
         while before < self._received or (
             self._view.feed.is_behind and time.monotonic() < deadline

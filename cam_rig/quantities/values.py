@@ -277,7 +277,7 @@ def speeds_of(mode: VibrationMode, longest: float, low: float, high: float) -> F
 
     They are in falling order from `high` to `low` and equally spaced in 1/Ω, ``(n,)``. There are
     `SPEEDS_PER_BEAT` speeds per beat, in which the mode vibrates once more during the longest event
-    (``longest``, rad of cam angle).
+    (``longest``, rad of cam angle). An event is the motion between two dwells.
     """
     if low == high:
         return np.array([low])

@@ -54,7 +54,7 @@ OPTIONAL = frozenset(entry.name for entry in NODES if not entry.essential)
 
 
 def order_by_chain(names: Sequence[str]) -> list[str]:
-    """Sort nodes by the order of processing, in which each node waits for the previous."""
+    """Sort nodes by the order of processing: each waits for the nodes before it."""
     order = [entry.name for entry in NODES]
     return sorted(names, key=order.index, reverse=True)
 

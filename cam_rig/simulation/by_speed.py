@@ -178,7 +178,7 @@ class SpeedRows:
     def take(self, tick: TickSamples) -> None:
         """Add the samples of the next tick.
 
-        The ticks must be in the order of time.
+        The ticks must be in the order of time. A tick is the time between two cam states.
         """
         key = tick.cam, tick.start.speed
         steady_key = key if tick.steady else None

@@ -70,7 +70,7 @@ class Chunk:
 
 @dataclass
 class Contents:
-    """Summary of the exported rows, complete when the export is finished."""
+    """Summary of the exported samples, complete when the export is finished."""
 
     rate: int  #: sample rate, Hz
     rows: int = 0
@@ -138,9 +138,10 @@ def write_csv(path: Path, chunks: Iterable[Chunk], _about: dict[str, str], _rate
 
 
 def write_npz(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
-    """Write rows as a NumPy archive (.npz).
+    """Write the samples of a run as a NumPy archive (.npz).
 
-    The columns are stored in temporary files until their length is known.
+    `chunks` are successive rows of samples. The columns are stored in temporary files until their
+    length is known.
     """
     rows, cams = 0, dict[str, int]()
     with temporary_folder() as folder:

@@ -81,7 +81,8 @@ class CamState:
 def cam_states(scene: SceneConfig) -> Iterator[CamState]:
     """Yield all cam states of a scene in order, with a continuous angle.
 
-    In the last state the cam is stopped. It is the end of the last tick.
+    In the last state the cam is stopped. It is the end of the last tick. A tick is the time between
+    two cam states.
     """
     time_ns, turns, angle, schedule = 0, 0, 0.0, scene.schedule
     for cam in scene.cams:
@@ -133,7 +134,7 @@ def _ticks_end_ns(scene: SceneConfig, speed: float, ticks: int) -> int:
     """Return the time (ns) from the start of a speed to the end of `ticks` ticks.
 
     It is rounded from an exact fraction, so that the time of a whole turn does not depend on the
-    number of ticks per turn. `speed` is in rad/s.
+    number of ticks per turn. `speed` is in rad/s. A tick is the time between two cam states.
     """
     tick = Fraction(TURN) * NS / Fraction(speed) / scene.schedule.ticks_per_turn
     numerator, denominator = (2 * tick).as_integer_ratio()

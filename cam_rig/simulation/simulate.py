@@ -66,7 +66,8 @@ class TransientFilter:
     def is_over(self, start: CamState, steady: bool) -> bool:
         """Return True if the tick that starts at `start` is settled.
 
-        It must be called for each tick in order, with `steady` False on a ramp.
+        It must be called for each tick in order, with `steady` False on a ramp. A tick is the time
+        between two cam states.
         """
         if not steady:
             self.first = None
@@ -112,7 +113,8 @@ class WholeTurns(Generic[Part]):
 
         The result is empty if no turn is complete. `steady` is False on a ramp, and `turned` is the
         angle of the tick in rad. `span` is its start and end on any scale of whole numbers on which
-        successive ticks are adjacent. `part` is the data.
+        successive ticks are adjacent. `part` is the data. A tick is the time between two cam
+        states.
         """
         settled, first = self.settling.is_over(start, steady), self.settling.first
         if not settled or (self._step, self._stop) != (first, span[0]):
@@ -213,7 +215,7 @@ class TickSamples(NamedRows):
     def is_of(self, cam: str | None, rpm: float | None) -> bool:
         """Return True if the tick has this cam and this constant speed (rpm).
 
-        None accepts any cam or any speed.
+        None accepts any cam or any speed. A tick is the time between two cam states.
         """
         if cam is not None and cam != self.cam:
             return False
@@ -222,7 +224,10 @@ class TickSamples(NamedRows):
 
     @cached_property
     def _time_in_tick(self) -> FloatArray:
-        """Times of the samples since the start of the tick, s, shape `(n,)`."""
+        """Times of the samples since the start of the tick, s, shape `(n,)`.
+
+        A tick is the time between two cam states.
+        """
         return self.time - self.interval.start_ns / NS
 
     @property
@@ -243,7 +248,7 @@ class TickSamples(NamedRows):
     def turned_angle(self, rate: int) -> float:
         """Return the angle (rad) that the cam turns during the samples of the tick.
 
-        `rate` is the sample rate, Hz.
+        `rate` is the sample rate, Hz. A tick is the time between two cam states.
         """
         fraction = self.time.size / self.interval.grid(rate).count
         return fraction * self.interval.mean_speed * self.interval.duration
@@ -337,7 +342,10 @@ class MicrophoneSimulator:
         return pressure
 
     def measure(self, tick: TickSamples) -> MeasuredTick:
-        """Return the measured sound pressure over a tick."""
+        """Return the measured sound pressure over a tick.
+
+        A tick is the time between two cam states.
+        """
         return _measure(tick, self.listen(tick.rows, tick.interval.mean_speed))
 
 
@@ -377,7 +385,8 @@ def simulate(
     """Simulate a scene, and yield the measured sound pressure of each tick.
 
     `take` is called with the samples of each tick, which are not stored. The other parameters are
-    those of `simulate_ticks`. Ticks have no pressure if the rig has no acoustic constants.
+    those of `simulate_ticks`. Ticks have no pressure if the rig has no acoustic constants. A tick
+    is the time between two cam states.
     """
     microphone = None if loaded.missing_for_sound else MicrophoneSimulator.of(loaded)
     for tick in simulate_ticks(loaded, start_state, states):

@@ -299,9 +299,10 @@ class RunningRig(RigClient):
         return super().wait_for(checked, what)
 
     def wait_for_tick(self, number: int = 1) -> dict[str, Any]:
-        """Wait for a tick and return the drive's report: ``tick``, ``cam``, ``rpm``, ``time`` (s).
+        """Wait for a tick, and return the drive's report on it.
 
-        A tick is the time between two cam states, counted from 1.
+        A tick is the time between two cam states, counted from 1. The report has the keys ``tick``,
+        ``cam``, ``rpm`` and ``time`` (s).
 
         Raises
         ------

@@ -185,7 +185,10 @@ class ShaftTwist:
         self._end: tuple[str, tuple[float, ...], float] | None = None
 
     def tick(self, cam: str, interval: Interval, time: FloatArray) -> FloatArray:
-        """Return the twist (rad) at rig times ``time`` (s) of a tick, shape (n,)."""
+        """Return the twist (rad) at rig times ``time`` (s) of a tick, shape (n,).
+
+        A tick is the time between two cam states.
+        """
         is_same_cam = self._end is not None and self._end[0] == cam
         inner, speed = self._end[1:] if self._end is not None and is_same_cam else ((), None)
         law, start_time = self._loaded.laws[cam], interval.start_ns / NS

@@ -55,11 +55,14 @@ class RunReceiver(Protocol):
     def sound(self, end_ns: int, level: float, pressure: float) -> None:
         """Process sound level (dB) and pressure (Pa) of the tick that ended at a time.
 
-        ``end_ns`` is its rig time in ns.
+        ``end_ns`` is its rig time in ns. A tick is the time between two cam states.
         """
 
     def close(self) -> None:
-        """Finish the processing after the last tick of the run."""
+        """Finish the processing after the last tick of the run.
+
+        A tick is the time between two cam states.
+        """
 
 
 class RunFeed:
@@ -73,13 +76,15 @@ class RunFeed:
 
     def __init__(self, receiver: RunReceiver) -> None:
         self._receiver = receiver
-        #: Cam states and blocks of samples that are not yet combined into ticks.
+        #: Cam states and blocks of samples that are not yet combined into ticks (times between two
+        #: cam states).
         self.pairing = TickMatcher()
         #: Contour of each cam by name, m, shape (n, 2). The receiver uses the same dict.
         self.profiles = receiver.profiles
         #: Sound levels (dB) whose message of the pressure has not arrived, in their order.
         self.levels: deque[float] = deque()
-        #: Ends of ticks (ns) and r.m.s. pressures (Pa) whose level has not arrived, in their order.
+        #: Ends of ticks (times between two cam states) in ns and r.m.s. pressures (Pa) whose level
+        #: has not arrived, in their order.
         self.pressures: deque[tuple[int, float]] = deque()
         self._ticks: deque[Tick] = deque()
         self._sounds: deque[tuple[int, float, float]] = deque()
@@ -98,11 +103,17 @@ class RunFeed:
 
     @property
     def is_behind(self) -> bool:
-        """True if the sound level of a drawn tick has not arrived yet."""
+        """True if the sound level of a drawn tick has not arrived yet.
+
+        A tick is the time between two cam states.
+        """
         return self._sound_until < self._drawn
 
     def draw(self) -> Iterator[Tick]:
-        """Pass all complete ticks to the receiver, and yield each tick."""
+        """Pass all complete ticks to the receiver, and yield each tick.
+
+        A tick is the time between two cam states.
+        """
         self._ticks.extend(map(Tick._make, self.pairing.complete()))
         while self.levels and self.pressures:
             end_ns, pressure = self.pressures.popleft()
@@ -117,6 +128,8 @@ class RunFeed:
 
     def close(self) -> None:
         """Pass on the remaining ticks and close the receiver.
+
+        A tick is the time between two cam states.
 
         Raises
         ------
@@ -215,7 +228,10 @@ def _duration_and_speeds(bag: Path) -> tuple[float, set[float]]:
 
 
 def feed_bag(bag: Path, loaded: LoadedScene, feed: RunFeed, on_tick: Callable[[], None]) -> None:
-    """Pass every message of a bag to `feed`, and call ``on_tick`` after each tick."""
+    """Pass every message of a bag to `feed`, and call ``on_tick`` after each tick.
+
+    A tick is the time between two cam states.
+    """
     take = feed.handlers
     for topic, _, message in messages(bag, tuple(take)):
         take[topic](message)
@@ -304,13 +320,16 @@ class LiveView:
         """Set the real-time factor, in rig seconds per wall-clock second.
 
         In a paced run each tick is displayed while the drive computes the next one. With a factor
-        of 0 (free run) ticks are displayed immediately.
+        of 0 (free run) ticks are displayed immediately. A tick is the time between two cam states.
         """
         self._factor = factor
         self._playback.clear()
 
     def draw(self) -> Iterator[Tick]:
-        """Draw all complete ticks, and yield each tick."""
+        """Draw all complete ticks, and yield each tick.
+
+        A tick is the time between two cam states.
+        """
         for tick in self.feed.draw():
             if self._factor:
                 now = time.monotonic()

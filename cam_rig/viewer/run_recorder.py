@@ -34,7 +34,7 @@ SEND_EVERY_S = 5.0
 class RunRecorder:
     """Recorder that draws a run into a Rerun recording, tick by tick.
 
-    `close` sends the remaining data.
+    `close` sends the remaining data. A tick is the time between two cam states.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class RunRecorder:
     def sound(self, end_ns: int, level: float, pressure: float) -> None:
         """Draw sound level (dB) and r.m.s. pressure (Pa) of the tick that ended at a time.
 
-        ``end_ns`` is its rig time in ns.
+        ``end_ns`` is its rig time in ns. A tick is the time between two cam states.
         """
         if end_ns not in self._without_sound:
             return  # the tick ended before this node subscribed

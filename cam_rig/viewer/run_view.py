@@ -93,7 +93,8 @@ BANDS = "bands"
 class RunView:
     """View of a run in a recording, drawn tick by tick.
 
-    The parameters have the same meaning as those of `RunRecorder`.
+    The parameters have the same meaning as those of `RunRecorder`. A tick is the time between two
+    cam states.
     """
 
     def __init__(
@@ -158,7 +159,10 @@ class RunView:
             self._turn_chart.add(end, turn)
 
     def level(self, end: CamState, level: float) -> None:
-        """Draw the sound level (dB) of the tick that ended with a cam state."""
+        """Draw the sound level (dB) of the tick that ended with a cam state.
+
+        A tick is the time between two cam states.
+        """
         self._time_series.add(quantities.LEVEL, end, level)
 
     def close(self, end: CamState) -> None:

@@ -245,7 +245,8 @@ class TurnCollector:
         """Add the samples of the next tick, which starts at a cam state.
 
         `angle` is the unwrapped cam angle in rad, shape (n,). `rows` contains the samples as in
-        `Turn`. If the cam or its speed has changed, the earlier ticks are dropped.
+        `Turn`. If the cam or its speed has changed, the earlier ticks are dropped. A tick is the
+        time between two cam states.
         """
         last = self._ticks[-1][0] if self._ticks else start
         if (start.cam, start.speed) != (last.cam, last.speed):
@@ -262,7 +263,10 @@ class TurnCollector:
 
 
 def sample_angles(start: CamState, end: CamState, time: FloatArray) -> FloatArray:
-    """Return the unwrapped cam angles (rad) at rig times (s) within a tick, (n,)."""
+    """Return the unwrapped cam angles (rad) at rig times (s) within a tick, (n,).
+
+    A tick is the time between two cam states.
+    """
     interval, since = start.until(end), time - start.time_ns / NS
     return start.unwrapped + since * (interval.speed + 0.5 * interval.acceleration * since)
 

@@ -17,8 +17,8 @@ from cam_rig.units import TURN
 
 #: Float epsilon: distance between 1 and the next float.
 EPS = 2.0**-52
-#: Upper bound of the rounding error of an event's cam angle, as a multiple of the float epsilon of
-#: (angle + one turn).
+#: Upper bound of the rounding error of the cam angle of a lift-off or landing, as a multiple of the
+#: float epsilon of (angle + one turn).
 ANGLE_ROUNDING_ERRORS = 4.0
 #: Upper bound of the rounding error of the gap between follower and cam, as a multiple of the float
 #: epsilon of their displacements.

@@ -326,7 +326,8 @@ def _next_limit(jumps: Jumps, state: np.void) -> float:
 def _limit_event_time(run: RunTable, state: np.void, time: float) -> float:
     """Return the time (s) of an event, limited to the end that `_next_limit` returns.
 
-    An event within rounding of a velocity jump is moved to the jump.
+    An event within rounding of a velocity jump is moved to the jump. An event is a lift-off or a
+    landing.
     """
     has_jump = state["jumps_done"] < len(run.jumps.ahead)
     limit, rounding = _next_limit(run.jumps, state), SAME_ANGLE_RAD / run.cam.speed

@@ -51,8 +51,8 @@ FIRST_ROOM = 32
 #: Largest number of phases (contact or flight) that the arrays of a call of the event search can
 #: contain.
 MAX_ROOM = 4096
-#: To limit the number of events, the duration of a run is rounded up to whole turns. A smaller
-#: fraction of a turn than this is neglected.
+#: To limit the number of lift-offs and landings per turn, the duration of a run is rounded up to
+#: whole turns. A smaller fraction of a turn than this is neglected.
 TURN_ROUNDING = 1e-6
 #: Smallest abrupt change of the cam's velocity that is not rounding, relative to cam speed × lift
 #: (rad/s × m).
@@ -210,7 +210,7 @@ class Trajectory:
 
         ``block`` contains the samples of contact, ``before`` is the state at the start of the
         interval, ``end`` the state at its end. Returns the completed state and block. Events are in
-        rig time.
+        rig time. An event is a lift-off or a landing.
         """
         for phase in self.phases:
             if phase.flight is not None and (within := grid.find_samples(phase.begin, phase.end)):
@@ -240,7 +240,10 @@ def new_record(state: NDArray[np.void], room: int) -> RunRecord:
 
 @lru_cache(maxsize=64)
 def law_table(law: Law) -> LawTable:
-    """Return the polynomials of a law as arrays, for the search for events."""
+    """Return the polynomials of a law as arrays, for the search for events.
+
+    An event is a lift-off or a landing.
+    """
     pieces = np.zeros(law.spans.size, LAW_PIECE)
     pieces["start"], pieces["span"] = law.breaks[:-1], law.spans
     pieces["max_curvature"] = law.largest_curvatures
@@ -264,7 +267,8 @@ def law_table(law: Law) -> LawTable:
 def free_table(system: FreeSystem) -> NDArray[np.void]:
     """Return the coefficients of the masses in flight, as one record of `FREE_SYSTEM`.
 
-    ``system`` is their equation of motion. The search for events uses the record.
+    ``system`` is their equation of motion. The search for events uses the record. An event is a
+    lift-off or a landing.
     """
     table, pairs, n = np.zeros(1, FREE_SYSTEM), system.pairs, system.load.size
     record = table[0]

@@ -280,7 +280,7 @@ class BounceMap(Result):
         return sorted(within, key=lambda item: sweep.value(item.point))
 
     def summary(self) -> list[str]:
-        """Return one line: the first loss of contact, and the number of rows per kind.
+        """Return one line: the first loss of contact, and the number of motions per kind.
 
         The kinds are in contact, periodic, irregular and undetermined.
         """

@@ -135,7 +135,7 @@ def _rpm(factor: Callable[[JumpSensitivity], float]) -> Callable[[MeasureRow], f
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CampaignResult(Result):
-    """Result of a finished campaign: its rows, quantiles, yields and variance shares."""
+    """Result of a finished campaign: dataset, quantiles, yields and variance shares."""
 
     schema = "cam_rig.campaign.1"
     plot_function = "cam_rig.studies.campaign.figures:figure"

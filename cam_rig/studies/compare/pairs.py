@@ -77,7 +77,8 @@ class RecordedPairs:
     """Pairs of recorded and modelled values, from a recording of the rig.
 
     The pairs are those of all cams, or only of `cam`. `lost` is the number of ticks of the model
-    without samples in the bag. It is valid after `steps` is exhausted.
+    without samples in the bag. It is valid after `steps` is exhausted. A tick is the time between
+    two cam states.
     """
 
     loaded: LoadedScene
@@ -91,6 +92,7 @@ class RecordedPairs:
 
         The values are measured and modelled. `ticks` and `states` are those of the bag in their
         order. `pressures` is the measured r.m.s. pressure (Pa) by the stamp (ns) of the tick's end.
+        A tick is the time between two cam states.
         """
         settle = self.loaded.scene.schedule.transient_turns.si
         settling, parts = TransientFilter(settle), None

@@ -120,7 +120,7 @@ def _value_cell(digits: str) -> Callable[[Any], Cell]:
     return cell
 
 
-#: Footnote of the table of events that explains the delay.
+#: Footnote of the table of lift-offs and landings that explains their delay.
 LATER = Footnote(
     "Events later by: median of the lift-offs and landings that run and model have in common.",
     lambda row: row.contact is not None and row.contact.shift is not None,

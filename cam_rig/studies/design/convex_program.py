@@ -190,7 +190,8 @@ class ConvexProgram:
     def equal(self, name: str, rows: Affine) -> None:
         """Add the equations rows = 0 to the program.
 
-        ``name`` is that of the limit in messages.
+        ``rows`` is a function of the unknowns, with one value per equation. ``name`` is the name of
+        the limit in messages.
         """
         self.blocks.append(RowBlock(name, rows, np.zeros(rows.constant.size), "zero"))
 
@@ -434,9 +435,10 @@ class GrowingProgram:
         return solution_of(blocks, np.array(result.col_value), dual)
 
     def _start(self, program: ConvexProgram, highspy: Any) -> None:
-        """Create the solver with one variable per unknown of a program, and the level.
+        """Create the solver with one variable per unknown of a program, and its level.
 
-        It has no rows (inequalities and equations) yet.
+        The level is the variable that the program maximises. Inequalities and equations are added
+        later.
         """
         solver = self._solver = highspy.Highs()
         self._index, self._bounds = {}, {}

@@ -42,8 +42,8 @@ MAX_REACH = 2.0
 #: Trust region below which a local search ends: largest change of a B-spline ordinate in one step,
 #: relative to the lift.
 MIN_REACH = 1e-5
-#: Relative improvement of the goal below which a step of a local search counts as idle. Two idle
-#: steps in a row end the search.
+#: Relative improvement of the goal below which a step of a local search counts as idle. Two
+#: successive idle steps end the search.
 GAIN_RTOL = 2e-5
 #: Predicted improvement of the goal below which a local search ends, relative to the goal. It is
 #: the prediction of a linearised program within a trust region of `FIRST_REACH`.

@@ -42,19 +42,22 @@ SHORTEST = 0.5
 #: Default upper limit of the span of an event (motion between two dwells), if the design may change
 #: spans. It is a multiple of the span in the start law.
 LONGEST = 2.0
-#: Shortest length (rad) to which a dwell may shrink when the events become longer.
+#: Shortest length (rad of cam angle) of a dwell when the motions between the dwells become longer.
 MIN_DWELL = 1e-3
-#: Absolute tolerance of the event spans at which the Nelder-Mead search over the spans ends, rad.
+#: Tolerance at which the Nelder-Mead search for the spans of the events (motions between two
+#: dwells) ends, rad.
 SPAN_ATOL = 5e-4
-#: Tolerance of the goal at which the Nelder-Mead search over the event spans ends, relative to the
-#: first value of the goal.
+#: Tolerance of the goal at which the Nelder-Mead search for the spans of the events (motions
+#: between two dwells) ends, relative to the first value of the goal.
 GOAL_RTOL = 1e-5
-#: Resolution of event spans in degrees: every span in a cam file is a whole multiple of it.
+#: Resolution of the span of an event (motion between two dwells) in degrees: every span in a cam
+#: file is a whole multiple of it.
 STEP_DEG = 1e-4
 #: Largest number of designs that one Nelder-Mead search computes, per span that it varies.
 MAX_DESIGNS = 30
-#: If no law exists for randomly chosen event spans, the spans are moved halfway to the allowed
-#: spans nearest to those of the start law. This is the largest number of such moves.
+#: If no law exists for randomly chosen spans of the events (motions between two dwells), the spans
+#: are moved halfway to the allowed spans nearest to those of the start law. This is the largest
+#: number of such moves.
 MAX_HALVINGS = 4
 
 
@@ -96,14 +99,15 @@ class EventSpans:
             bounds = self.low if limit.sense == ">=" else self.high
             bounds[limit.term.event - 1] = limit.value
         self.base = self._base()
-        #: Number of event spans that are searched for. If the dwells keep their lengths, the last
-        #: span follows from the others.
+        #: Number of spans of events (motions between two dwells) that are searched for. If the
+        #: dwells keep their lengths, the last span follows from the others.
         self.size = self.start.size - self.keep_dwells
 
     def _base(self) -> FloatArray:
         """Return the allowed event spans (rad) that are nearest to those of the start law.
 
-        The random start points of the search are chosen around them.
+        The random start points of the search are chosen around them. An event is the motion between
+        two dwells.
         """
 
         def total(change: float) -> float:
@@ -124,7 +128,7 @@ class EventSpans:
         """Return spans (rad) of events rounded to the resolution `STEP_DEG` of a cam file.
 
         If the dwells are kept, the sum of the spans must not change, so the last span follows from
-        the others.
+        the others. An event is the motion between two dwells.
         """
         step = np.radians(STEP_DEG)
         rounded = step * np.rint(spans / step)
@@ -135,7 +139,8 @@ class EventSpans:
     def possible(self, spans: FloatArray) -> bool:
         """Return True if the limits and the dwells allow these spans (rad) of the events.
 
-        A dwell of the start law must not become shorter than `MIN_DWELL`.
+        A dwell of the start law must not become shorter than `MIN_DWELL`. An event is the motion
+        between two dwells.
         """
         slack = np.radians(STEP_DEG)
         if (spans < self.low - slack).any() or (spans > self.high + slack).any():
@@ -148,7 +153,8 @@ class EventSpans:
     def _edges(self, spans: FloatArray) -> FloatArray:
         """Return the ends of all events and of the turn (rad) for given spans.
 
-        They are 0, the start and end of each event in order, and 2π.
+        They are 0, the start and end of each event in order, and 2π. An event is the motion between
+        two dwells.
         """
         events = self.problem.space.events
         starts = np.array([event.start for event in events])
@@ -166,7 +172,7 @@ class EventSpans:
     def shift_events(self, spans: FloatArray) -> DesignProblem:
         """Return the design problem with the given spans (rad) of the events.
 
-        The start law is stretched to these spans.
+        The start law is stretched to these spans. An event is the motion between two dwells.
         """
         start = self.problem.start
         breaks = np.interp(start.breaks, self._edges(self.start), self._edges(spans))
@@ -183,7 +189,8 @@ class EventSpans:
         """Return the goal of the best law for given event spans, or ∞ if there is no law.
 
         The goal has the sign with which it is minimised. ``unknowns`` are the spans (rad) of the
-        events, without the last if the dwells keep their lengths.
+        events, without the last if the dwells keep their lengths. An event is the motion between
+        two dwells.
         """
         spans = self._spans(unknowns)
         key = tuple(spans.tolist())
@@ -201,7 +208,8 @@ class EventSpans:
         """Return the design problem with the best event spans, and the search options.
 
         The options are those of ``search``, completed with the number of start points from which
-        the search reached the best goal within the relative tolerance `MULTISTART_RTOL`.
+        the search reached the best goal within the relative tolerance `MULTISTART_RTOL`. An event
+        is the motion between two dwells.
         """
         size = self.size
         bounds = list(zip(self.low[:size], self.high[:size], strict=True))
@@ -234,7 +242,8 @@ class EventSpans:
         """Yield the spans of the events (rad) from which the searches start.
 
         The first are the allowed spans nearest to those of the start law. Random spans follow.
-        Random spans at which no law was found are moved towards the first spans.
+        Random spans at which no law was found are moved towards the first spans. An event is the
+        motion between two dwells.
         """
         random, size = np.random.default_rng(search.seed), self.size
         yield self.base[:size]

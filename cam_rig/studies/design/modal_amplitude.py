@@ -31,7 +31,8 @@ GAUSS = 5
 #: Largest phase change (rad) of the stem's vibration within a cell, an interval of numerical
 #: integration over the cam angle.
 CELL_PHASE = 0.3
-#: Largest number of cells (intervals of integration) per event. It limits time and memory.
+#: Largest number of cells (intervals of integration) per event, the motion between two dwells. It
+#: limits time and memory.
 MAX_CELLS = 8000
 #: Number of points per period of the stem's vibration at which the force in a dwell is evaluated.
 PER_PERIOD = 32
@@ -71,7 +72,7 @@ class Cells:
     def width(self, event: int) -> float:
         """Return the width (rad) of each cell of an event.
 
-        ``event`` is the number of the event, from 0.
+        ``event`` is the number of the event, from 0. An event is the motion between two dwells.
         """
         return self.space.events[event].span / self.count
 
@@ -107,7 +108,7 @@ class Cells:
         """Return a derivative of s at the same positions of each piece of an event.
 
         ``event`` is the number of the event, from 0, and ``order`` the order of the derivative.
-        ``u`` are the positions in a piece, from 0 to 1.
+        ``u`` are the positions in a piece, from 0 to 1. An event is the motion between two dwells.
         """
         degree, count = self.space.degree - order, self.space.law_class.pieces
         first = int(np.searchsorted(self.space.breaks, self.space.events[event].start))
@@ -118,7 +119,8 @@ class Cells:
     def stretches(self) -> Iterator[tuple[float, float, int | None]]:
         """Yield start angle, end angle (rad) and number of each event and dwell in order.
 
-        Events are numbered from 0. The number is None for a dwell.
+        Events are numbered from 0. The number is None for a dwell. An event is the motion between
+        two dwells.
         """
         angle = 0.0
         for index, event in enumerate(self.space.events):
@@ -133,7 +135,8 @@ class FirstTurn(NamedTuple):
 
     ``angles`` ``(n,)`` are the evaluated cam angles in rad, and ``moving`` is True for those within
     events. ``force`` is the contact force in N at the angles. ``end`` is the complex amplitude of
-    the vibration at the end of the turn. Both are functions of the unknowns.
+    the vibration at the end of the turn. Both are functions of the unknowns. An event is the motion
+    between two dwells.
     """
 
     angles: FloatArray
@@ -223,7 +226,7 @@ class ForceAtSpeed:
 
         In an event they are the ends of its cells. In a dwell (``event`` None) they are equally
         spaced over the first `PERIODS` periods of the stem. ``start`` and ``stop`` (rad) are the
-        ends of the event or dwell.
+        ends of the event or dwell. An event is the motion between two dwells.
         """
         if event is not None:
             width = self.cells.width(event)

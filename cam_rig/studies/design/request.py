@@ -67,19 +67,23 @@ def is_design(path: Path) -> bool:
     return isinstance(data, dict) and "start" in data
 
 
-#: Largest number of polynomial pieces into which an event can be divided.
+#: Largest number of polynomial pieces into which an event (motion between two dwells) can be
+#: divided.
 MAX_PIECES = 200
 #: Largest polynomial degree of a designed law.
 MAX_DEGREE = 15
 #: Largest order k of continuity Cᵏ between the polynomial pieces of a designed law.
 MAX_JOINTS = 6
-#: Largest number of B-spline ordinates (control values) per event, the same as in a cam file.
+#: Largest number of B-spline ordinates (control values) per event, the motion between two dwells.
+#: It is the same in a cam file.
 MAX_ORDINATES = 500
 
 
 @dataclass(frozen=True)
 class LawClass:
     """Class of laws that are B-splines in equal pieces of each event.
+
+    An event is the motion between two dwells.
 
     Parameters
     ----------
@@ -130,8 +134,9 @@ class LawClass:
     def knots(self) -> FloatArray:
         """Knot vector of the B-spline of one event, scaled to the interval [0, 1].
 
-        Both ends have ``degree + 1`` equal knots. Each inner joint between two pieces has ``degree
-        - joints`` equal knots, which gives the continuity Cᵏ with k = ``joints``.
+        An event is the motion between two dwells. Both ends have ``degree + 1`` equal knots. Each
+        inner joint between two pieces has a number of equal knots that gives the continuity Cᵏ with
+        k = ``joints``: the degree minus ``joints``.
         """
         inner = np.repeat(np.arange(1.0, self.pieces) / self.pieces, self.power - self.joints)
         ends = self.power + 1
@@ -139,7 +144,10 @@ class LawClass:
 
     @property
     def count(self) -> int:
-        """Number of B-spline ordinates (control values) of one event."""
+        """Number of B-spline ordinates (control values) of one event.
+
+        An event is the motion between two dwells.
+        """
         return (self.pieces - 1) * (self.power - self.joints) + self.power + 1
 
     @property
@@ -147,7 +155,7 @@ class LawClass:
         """Number of B-spline ordinates per event that a design can choose.
 
         The first and last ``joints`` + 1 ordinates of an event are fixed, because the law must
-        continue the neighbouring dwells.
+        continue the neighbouring dwells. An event is the motion between two dwells.
         """
         return self.count - 2 * (self.joints + 1)
 
@@ -210,7 +218,8 @@ def _parse_keep(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]
     """Check ``keep``, and return the matching entry of `KEEP`.
 
     ``keep`` contains the properties of the start law that the design keeps, in any order. A limit
-    on the span of an event conflicts with kept events and raises a `ConfigError`.
+    on the span of an event conflicts with kept events and raises a `ConfigError`. An event is the
+    motion between two dwells.
     """
     matches = [parts for parts in KEEP if set(parts) == {word.strip() for word in keep}]
     if not matches:
@@ -241,7 +250,8 @@ def parse_goal(text: str) -> Term:
 def parse_second(text: str) -> Term:
     """Parse the second quantity of a Pareto front, over which the goal is plotted.
 
-    It must be a quantity that can be a goal, or the span of an event.
+    It must be a quantity that can be a goal, or the span of an event. An event is the motion
+    between two dwells.
     """
     term = parse_term(text, DESIGN_QUANTITIES)
     return term if term.quantity.where == "event" else parse_goal(text)

@@ -65,6 +65,8 @@ def _value_column(key: str, **how: str) -> Column:
 class LawDesign(Result):
     """Best law of a design, with its cam and the text of its cam file.
 
+    An event is the motion between two dwells.
+
     Attributes
     ----------
     request : DesignRequest
@@ -241,7 +243,7 @@ class Front(Result):
 
     ``other`` is the other quantity, and ``allowed`` ``(n,)`` its values in SI (levels in dB). They
     are ordered from its best value, or from the shortest span of an event. An interrupted front has
-    fewer ``designs`` than ``requested_points``.
+    fewer ``designs`` than ``requested_points``. An event is the motion between two dwells.
     """
 
     schema = "cam_rig.front.1"
@@ -357,6 +359,8 @@ def spline_cam_data(
     free: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """Return the content of the file of a cam with a B-spline in each event.
+
+    An event is the motion between two dwells.
 
     Parameters
     ----------

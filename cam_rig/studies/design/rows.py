@@ -31,13 +31,14 @@ from cam_rig.studies.design.space import SPARE, DesignProblem, ScaledLimit, meas
 from cam_rig.units import TURN, FloatArray
 
 #: Number of parts into which each polynomial piece of the law is cut to bound the lift. It applies
-#: if the lift has no extremes within an event.
+#: if the lift has no maximum or minimum between two dwells.
 LIFT_PARTS = 2
 #: Number of parts into which each polynomial piece of the law is cut for a limit over a range of
 #: cam angles.
 RANGE_PARTS = 16
 #: Relative excess over the start law's lift that the limited Bernstein ordinates may have, if the
-#: lift has its maximum within an event. The ordinates (control values) lie above the curve there.
+#: lift has its maximum between two dwells. The ordinates (control values) lie above the curve
+#: there.
 TURNING_RTOL = 1e-4
 #: Number of harmonics per turn from which a sound level is computed.
 HARMONICS = 96
@@ -66,7 +67,8 @@ def keep_lift(program: ConvexProgram, problem: DesignProblem, sufficient: bool) 
     """Add the limits on the lift of the law to a program.
 
     The lift stays within the range of the start law's lift. If that reaches its minimum or maximum
-    inside an event, the lift is equal to it at this angle.
+    inside an event, the lift is equal to it at this angle. An event is the motion between two
+    dwells.
     """
     space, scale = problem.space, 1.0 / problem.start.lift
     low, high = (end.value for end in extremes(problem.start, 0))

@@ -133,7 +133,8 @@ def _to_bezier(law_class: LawClass, order: int = 0) -> Any:
 def _second_derivative(law_class: LawClass) -> Any:
     """Return the sparse matrix from the B-spline ordinates of s to those of s''.
 
-    It is for one event of unit length. For a span β the result must be divided by β².
+    It is for one event of unit length. For a span β the result must be divided by β². An event is
+    the motion between two dwells.
     """
     knots, degree = law_class.knots, law_class.power
     matrix = np.eye(law_class.count)
@@ -151,9 +152,9 @@ MIN_PARTS = 24
 MAX_PARTS = 48
 #: Smallest number of parts into which all polynomial pieces of a turn together are cut for bounds.
 PARTS_PER_TURN = 256
-#: Number of parts into which each polynomial piece is cut, divided by the number of pieces per
-#: event. Laws with more pieces come closer to their limits, so that their values need tighter
-#: bounds.
+#: Number of parts into which each polynomial piece of a law is cut, divided by the number of pieces
+#: per event (motion between two dwells). Laws with more pieces come closer to their limits, so that
+#: their values need tighter bounds.
 PARTS_PER_PIECE = 1.5
 
 
@@ -208,6 +209,7 @@ class Space:
 
         Their unit is the lift divided by the squared span of the event. They are unknowns
         themselves, so the function only selects them. ``index`` is the number of the event, from 0.
+        An event is the motion between two dwells.
         """
         count = self.law_class.count - 2
         matrix = sparse.eye_array(count, self.unknowns, k=self._offset(index), format="csr")
@@ -219,7 +221,7 @@ class Space:
 
         The start law is the law that the design starts from. Each point is a pair of lift (m) and
         cam angle (rad). An extreme lift that is also the lift at an end of an event is omitted,
-        because it is fixed already.
+        because it is fixed already. An event is the motion between two dwells.
         """
         ends = {level for event in self.events for level in (event.first[0], event.last[0])}
         tolerance = FLAT_RTOL * self.start.lift
@@ -234,7 +236,7 @@ class Space:
 
         They are a function of the unknowns. The first and last ``joints`` + 1 ordinates are fixed
         by the ends of the event and do not depend on the unknowns. ``index`` is the number of the
-        event, from 0.
+        event, from 0. An event is the motion between two dwells.
         """
         event, law_class = self.events[index], self.law_class
         fixed = law_class.joints + 1
@@ -254,7 +256,7 @@ class Space:
 
         They follow from the values of s and its derivatives at this end, ``derivatives``. They are
         ordered from the end inwards, shape ``(joints + 1,)``. ``end`` is 0 for the start of the
-        event and −1 for its end.
+        event and −1 for its end. An event is the motion between two dwells.
         """
         law_class = self.law_class
         if not any(derivatives[1:]):
@@ -437,7 +439,8 @@ class DesignProblem:
     ``free`` contains ``dwells`` and ``events`` if the spans of these differ from those of the start
     cam. The ``follower`` has two masses if the rig defines how its mass is split. ``rigid`` is the
     follower as one rigid mass. ``force_scale`` (N), the unit of contact forces in programs, is the
-    preload. Without a preload it is the force of the spring at half the lift.
+    preload. Without a preload it is the force of the spring at half the lift. An event is the
+    motion between two dwells.
     """
 
     cam: CamConfig

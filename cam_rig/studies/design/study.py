@@ -93,7 +93,8 @@ class DesignSearch:
     """Search for the best law of a design problem.
 
     ``name`` is that of the designed cam. ``on_best`` is called for each better law. ``spans`` is
-    the completed search for the spans of the events, or None if the spans are those of the cam.
+    the completed search for the spans of the events, or None if the spans are those of the cam. An
+    event is the motion between two dwells.
     """
 
     problem: DesignProblem
@@ -138,7 +139,7 @@ class DesignSearch:
         """Return a design with the values of the original start law for comparison.
 
         ``moved`` is the design problem with the event spans of ``design``. Values for the
-        ``limits`` on spans are added.
+        ``limits`` on spans are added. An event is the motion between two dwells.
         """
         goal, *others = design.measures
         other_limits, measures = iter(others), [replace(goal, bound=None)]
@@ -173,7 +174,10 @@ class DesignSearch:
         return measured(self.problem, self.problem.start, limit.term, limit.sense)
 
     def best(self) -> LawDesign:
-        """Return the best law for the spans of the events that the problem has."""
+        """Return the best law for the spans of the events that the problem has.
+
+        An event is the motion between two dwells.
+        """
         problem, request = self.problem, self.request
         limits = [
             scale_limit(problem, x.term, x.sense, self._limit_value(x)) for x in request.limits
@@ -353,8 +357,8 @@ def design(
 MIN_POINTS = 3
 #: Largest number of points (designs) of a Pareto front.
 MAX_POINTS = 200
-#: Tolerance of the shortest and the longest span of a front over the span of an event, as a
-#: fraction of the start law's span.
+#: Tolerance of the shortest and the longest span of a front over the span of an event (motion
+#: between two dwells), as a fraction of the start law's span.
 EDGE_TOLERANCE = 2e-3
 
 
@@ -370,7 +374,7 @@ def front(
 
     The values range from the best value of the other quantity to the value at which it no longer
     limits the goal. If ``other`` is the span of an event, they cover all possible spans. ``points``
-    is the number of values, 3 to 200.
+    is the number of values, 3 to 200. An event is the motion between two dwells.
 
     Raises
     ------
@@ -468,7 +472,7 @@ def _last_factor(condition: Callable[[float], bool], inside: float, outside: flo
     """Return the factor nearest to ``outside`` at which a condition is satisfied.
 
     The factor scales the spans of the events. ``condition`` must be True at the factor ``inside``.
-    The tolerance is `EDGE_TOLERANCE`.
+    The tolerance is `EDGE_TOLERANCE`. An event is the motion between two dwells.
     """
     if condition(outside):
         return outside

@@ -133,6 +133,8 @@ class JumpRow:
 class Comparison:
     """Agreement of computed jump speeds with the paper's Table 2.
 
+    The paper is the published study of the TM21 test rig on which the project is based.
+
     Parameters
     ----------
     rms : float
@@ -224,7 +226,10 @@ class JumpResult(Result):
 
     @property
     def comparison(self) -> Comparison | None:
-        """Agreement with the paper's Table 2, or None if no published speed is comparable."""
+        """Agreement with the paper's Table 2, or None if no published speed is comparable.
+
+        The paper is the published study of the TM21 test rig on which the project is based.
+        """
         fitted = [row for row in self.rows if row.role == "fitted"]
         compared = fitted or [row for row in self.rows if row.difference is not None]
         turns = [row.turns for row in self.rows if row.turns is not None]
@@ -246,7 +251,10 @@ class JumpResult(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return a sentence on the agreement with the paper's Table 2."""
+        """Return a sentence on the agreement with the paper's Table 2.
+
+        The paper is the published study of the TM21 test rig on which the project is based.
+        """
         if self.ramp is not None:
             return ["along a ramp: no comparison, because the speeds of Table 2 are constant"]
         comparison = self.comparison
@@ -267,9 +275,9 @@ class JumpResult(Result):
 
 
 def rms_difference(rows: Iterable[JumpRow]) -> float:
-    """Return the r.m.s. relative difference from the published speeds.
+    """Return the r.m.s. relative difference from the published jump speeds.
 
-    It is NaN if no row has a published speed.
+    It is NaN if no cam has a published speed. ``rows`` has one element per cam.
     """
     differences = [row.difference for row in rows if row.difference is not None]
     return rms(differences) if differences else math.nan

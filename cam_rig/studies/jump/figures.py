@@ -29,8 +29,8 @@ from cam_rig.studies.jump.comparison import JumpResult, JumpRow
 from cam_rig.studies.jump.jump_speed import JumpSpeed
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: Limits (rpm) of the inset in which the curves are magnified. Most of the paper's cams lose
-#: contact between them.
+#: Limits (rpm) of the inset in which the curves are magnified. Most cams of Table 2 of the paper
+#: lose contact between them.
 INSET = (380.0, 420.0)
 #: Highest speed to which the curve of a cam is drawn, relative to its jump speed. Beyond it the
 #: force is far below the axes, and at ten times the jump speed each point would require a thousand

@@ -24,8 +24,9 @@ from cam_rig.simulation.simulate import Acoustics, Turns
 from cam_rig.simulation.sound_constants import PublishedCam
 from cam_rig.units import FloatArray, rms
 
-#: Largest radius (m) of the pitch curve of a flank that is visibly concave, as in the paper. With a
-#: larger radius, a flank of some millimetres is practically straight.
+#: Largest radius (m) of the pitch curve of a flank that is visibly concave, as the flanks of the
+#: TM21 cam in the paper are. With a larger radius, a flank of some millimetres is practically
+#: straight.
 MAX_FLANK = 0.5
 #: Level difference (dB) that a fit uses for a cam geometry that cannot exist. It is far above that
 #: of any possible geometry.
@@ -164,10 +165,11 @@ class ShapeProblem:
         return np.stack([(level - base) / DERIVATIVE_STEP for level in levels], axis=1)
 
     def fit(self, near: ArcShape, acoustics: Acoustics) -> ArcShape:
-        """Fit lift and event of the arc cam to its published cubic regression.
+        """Fit lift and event angle of the arc cam to its published cubic regression.
 
-        The regression over speed of the simulated levels is compared with it. The search starts at
-        the shape `near` and at shapes with other lifts.
+        The event angle is that of rise and fall together. The regression over speed of the
+        simulated levels is compared with the published regression. The search starts at the shape
+        `near` and at shapes with other lifts.
         """
         projection = cubic_projection(self.cam_of(near).rpm)
 

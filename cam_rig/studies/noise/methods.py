@@ -494,10 +494,11 @@ class NoiseClaim:
 def noise_claims(
     roles: StudyRoles, curves: Mapping[str, StudiedCurve], crossover_rpm: float
 ) -> list[NoiseClaim]:
-    """Test the paper's claims on noise at speeds below and above a crossing.
+    """Test the published claims on which of the cams is quieter.
 
-    ``crossover_rpm`` is the speed (rpm) of equal levels that the paper states. ``curves`` are the
-    noise curves by cam.
+    The claims are those of the study on which the project is based. They are tested at the speeds
+    below and above ``crossover_rpm`` (rpm), the speed of equal levels that it states. ``curves``
+    are the noise curves by cam, and ``roles`` the roles of the cams.
     """
     rpm = curves[roles.arcs].rpm
     below, above = rpm < crossover_rpm, rpm > crossover_rpm

@@ -106,7 +106,8 @@ def _constants(of: str = "") -> tuple[Column, ...]:
 def _shape(of: str = "", hidden: bool = False) -> tuple[Column, ...]:
     """Return the table columns of the arc cam's geometry: lift, event and flank.
 
-    ``of`` is the path of the object with the shape, ending with a dot.
+    The event is the angle of rise and fall together. ``of`` is the path of the object with the
+    shape, ending with a dot.
     """
     return (
         Column("lift", "mm", ".2f", "arc cam: lift", f"{of}shape.lift", hidden=hidden),

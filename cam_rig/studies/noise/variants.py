@@ -36,8 +36,8 @@ from cam_rig.studies.noise.methods import crossing
 from cam_rig.studies.noise.roles import EVERY, NoiseSetup
 from cam_rig.units import FloatArray
 
-#: Bounds of the search for the shape of the arc cam: lift (m), event (rad) and curvature of the
-#: flank (1/m).
+#: Bounds of the search for the shape of the arc cam: lift (m), angle of rise and fall together
+#: (rad), and curvature of the flank (1/m).
 SEARCH_BOUNDS = Bounds([0.002, 1.2, 1.0 / MAX_FLANK], [0.02, 3.5, 40.0])
 #: Largest number of generations of the evolutionary search for the shape of the arc cam.
 GENERATIONS = 12

@@ -25,8 +25,8 @@ FINE_RESTITUTION_STEPS = 16
 #: Number of Gauss-Newton steps that fit the phase (cam angle minus encoder angle) of a steady-speed
 #: segment in a trial of a restitution.
 PHASE_STEPS = 4
-#: Step of a segment's phase (rad) for the difference quotients of the Gauss-Newton steps that fit
-#: the phase in a trial of a restitution.
+#: Step of the phase (rad) of a steady-speed segment for the difference quotients of the
+#: Gauss-Newton steps that fit the phase. The phase is the cam angle minus the encoder angle.
 PHASE_DERIVATIVE_STEP = 1e-6
 #: Largest mean squared residual, in squared standard deviations, at which a restitution explains
 #: the flights to their noise. It is above 1 because of samples next to landings.

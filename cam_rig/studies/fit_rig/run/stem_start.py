@@ -146,9 +146,9 @@ class PressingSamples:
     They include the contributions of the parameters of one mass to the steady force.
     """
 
-    #: Speed (rad/s) and cam angles (rad) of the samples of each segment.
+    #: Speed (rad/s) and cam angles (rad) of the samples of each steady-speed segment.
     segments: list[tuple[float, FloatArray]]
-    #: Measured contact forces of all segments in N, ``(n,)``.
+    #: Measured contact forces of all steady-speed segments in N, ``(n,)``.
     measured: FloatArray
     #: Contribution to the force per unit of each parameter of `FORCE_PARTS` at the samples, ``(n,
     #: 4)``.

@@ -53,7 +53,7 @@ class SteadySegment:
 
     @property
     def rpm(self) -> float:
-        """Cam speed in the segment in rpm."""
+        """Cam speed of the steady-speed segment in rpm."""
         return to_rpm(self.speed)
 
     @property
@@ -253,17 +253,17 @@ class MeasuredSegment:
 
     @property
     def speed(self) -> float:
-        """Cam speed of the segment by the encoder, rad/s."""
+        """Cam speed of the steady-speed segment by the encoder, rad/s."""
         return self.line.speed
 
     @property
     def angle(self) -> float:
-        """Encoder's angle in the middle of the segment, rad."""
+        """Encoder's angle in the middle of the steady-speed segment, rad."""
         return self.line.angle + self.speed * (self.line.middle - self.line.begin)
 
     @property
     def presses(self) -> bool:
-        """True if the measured force shows no loss of contact in the segment.
+        """True if the measured force shows no loss of contact at this steady speed.
 
         It is also True if no force was measured.
         """
