@@ -307,7 +307,8 @@ class SoundSource:
 def _pulse(duration: float, rate: float) -> FloatArray:
     """Return the half-sine pulse of a landing with unit area, as samples in 1/s.
 
-    A sample is the mean of the pulse over its sampling interval, so the area is exact.
+    A sample is the mean of the pulse over its sampling interval, so the area is exact. ``duration``
+    is that of the pulse in s, and ``rate`` the sample rate in Hz.
     """
     edges = np.arange(math.ceil(duration * rate) + 1) / rate
     integral = 0.5 * (1.0 - np.cos(math.pi * np.minimum(edges / duration, 1.0)))

@@ -205,7 +205,7 @@ def _loss_by_states(holdings: Holdings, closed: bool, own: bool) -> Loss:
     """Return the messages missing at the end of a recording, from its cam states.
 
     A topic must have its messages at the recorded states that follow its newest message. The caller
-    finds all other gaps from the sequence numbers.
+    finds all other gaps from the sequence numbers. The parameters are those of `loss_of`.
     """
     states = sorted((number - 1, state) for number, state in holdings.states) if own else []
     moves = [move for move in _moves(states) if move[0] == 0 or move[1] is not None]

@@ -125,7 +125,11 @@ def sum_contents(files: Iterable[FileContent]) -> FileContent:
 def information(
     files: Iterable[FileContent], topics: Iterable[Topic], namespace: str
 ) -> dict[str, Any]:
-    """Return the description of a bag for rosbag2, in version 9 of its metadata."""
+    """Return the description of a bag for rosbag2, in version 9 of its metadata.
+
+    `files` are the files of the bag, and `topics` its topics, also those without a message.
+    `namespace` is the prefix of all topic names, empty for the root.
+    """
     files = list(files)
     whole = sum_contents(files)
     all_topics = {topic.name: topic for topic in topics} | whole.topics

@@ -46,7 +46,10 @@ BAG = "a bag is a folder with metadata.yaml and .mcap files, or an .mcap file"
 
 
 def bag_file(directory: Path, number: int = 0) -> Path:
-    """Return the path of an MCAP file of a bag, by default of its first file."""
+    """Return the path of an MCAP file of the bag in a folder, by its number.
+
+    The first file has the number 0.
+    """
     return directory / f"{directory.name}_{number}.mcap"
 
 

@@ -173,7 +173,8 @@ class McapFile:
 
         An entry is log time (ns), position, connection and data. The chunk is unpacked only after
         the first entry was taken, so that a merge of all chunks by time keeps few of them in
-        memory.
+        memory. `record` and `head` are the chunk and its head, and `wanted` contains the
+        connections of the requested topics by channel id.
         """
         yield head.start, 0, None, b""
         entries = list[Entry]()

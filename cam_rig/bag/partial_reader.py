@@ -299,7 +299,8 @@ class _PartialReader:
         """Store a schema or a channel, or yield a message with its schema and channel.
 
         A message whose schema or channel is missing is skipped. Raises ValueError for another kind
-        of record, and for more than `MAX_CHANNELS` channels.
+        of record, and for more than `MAX_CHANNELS` channels. `opcode` is the type of the MCAP
+        record and `data` its content.
         """
         if opcode not in CONTENT_READERS:
             raise ValueError(f"a chunk contains a record of kind {opcode}")

@@ -99,7 +99,8 @@ def compare(first: Path, second: Path) -> list[Difference]:
     """Return the differences of all messages per tick of two recordings.
 
     These are the messages of the follower and the microphone. Raises BagError if the bags have
-    different numbers of messages or of values. A tick is the time between two cam states.
+    different numbers of messages or of values. A tick is the time between two cam states. `first`
+    and `second` are the bags of the recordings.
     """
     differences: dict[tuple[str, str], Difference] = {}
     for topic in COMPARED:

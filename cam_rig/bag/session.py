@@ -146,7 +146,8 @@ class PendingDiagnostics:
     def take(self, stamp: int, node: str, cdr: bytes) -> None:
         """Store a diagnostic message of a node of the rig.
 
-        Messages of other nodes are refused, and those with wall-clock time are ignored.
+        Messages of other nodes are refused, and those with wall-clock time are ignored. `stamp` is
+        its time in ns, `node` the name of the node, and `cdr` the serialized message.
         """
         if node in WALL_TIME_DIAGNOSTICS or node.endswith(topics.HEARTBEAT):
             return

@@ -63,7 +63,8 @@ class Split:
     def parse(cls, size: str | None, duration: str | None) -> Split:
         """Parse limits with units, such as ``100MB`` or ``1.5 GiB``, and ``60s`` or ``10min``.
 
-        Raises ConfigError for another text, or an amount that is out of range.
+        Raises ConfigError for another text, or an amount that is out of range. `size` and
+        `duration` are texts, None for no limit.
         """
         limits = cls()
         if size is not None:

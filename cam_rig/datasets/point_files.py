@@ -238,7 +238,11 @@ class PointFiles:
 
 
 def describe_differences(old: Mapping[str, str], new: Mapping[str, str]) -> str:
-    """Return the differences between two origins as text, with both values of each."""
+    """Return the differences between two origins as text, with both values of each.
+
+    An origin contains the study and the versions of packages with which rows were computed (see
+    `PointFiles.origin`).
+    """
     before, after = (
         _leaves(json.loads(origin.get("study") or "{}"))
         | {name: origin.get(name) for name in PACKAGES}

@@ -474,7 +474,8 @@ def add_impulses(
 
     ``rows`` are the samples of an interval, ``(6, n)``. ``pending`` is the impulse (N·s) of
     landings after the last sample of the previous interval, which is added to the first sample.
-    Returns the impulse (N·s) of the landings after the last sample of this interval.
+    Returns the impulse (N·s) of the landings after the last sample of this interval. ``events`` are
+    the lift-offs and landings, and ``grid`` contains the sample times.
     """
     late = 0.0
     due = [(0, pending)] + [(grid.index_after(event.time), event.impulse) for event in events]

@@ -61,7 +61,8 @@ def marker(
 
     `head` is its header, and `namespace` and `number` identify it. `shape` is its type, such as
     `ARROW`, and `scale` its size in m. If `frame_locked` is True, a viewer moves the marker
-    whenever its frame moves.
+    whenever its frame moves. `colour`, `points`, `position` and `text` are fields of the message,
+    lengths in m.
     """
     no_image = new("sensor_msgs/CompressedImage", header(0, ""), "", np.zeros(0, np.uint8))
     no_mesh = new("visualization_msgs/MeshFile", "", np.zeros(0, np.uint8))

@@ -254,7 +254,10 @@ class Publishers:
 
 
 def second_publisher(topic: Topic, node: str, other: str) -> RunError:
-    """Return the error of a run in which two publishers publish as one node."""
+    """Return the error of a run in which two publishers publish one node's topic.
+
+    `node` is the node to which `topic` belongs, and `other` the name of the other publisher's node.
+    """
     return RunError(
         f"{topic.name}: has a second publisher, {other}; only this rig's {node} may publish it; "
         "end the other program, or set ROS_DOMAIN_ID to another number"

@@ -142,7 +142,8 @@ def prism(outline: FloatArray, radius: float, thickness: float, material: str) -
 
     One face of each box is on a chord of the contour. The boxes reach inwards to the base circle of
     `radius` (m), which a cylinder fills. URDF does not support polygons, and a mesh would be a file
-    that cannot be sent with a message.
+    that cannot be sent with a message. `outline` is the contour, `thickness` the size along the
+    shaft (m), and `material` the name of the material.
     """
     start = outline[np.arange(PRISM_SIDES) * len(outline) // PRISM_SIDES]
     along = np.roll(start, -1, axis=0) - start
@@ -214,7 +215,10 @@ def urdf(robot: Robot, namespace: str | None = None) -> str:
 
 
 def _link(root: Element, robot: Robot, name: str, bodies: list[Body]) -> None:
-    """Add a URDF link with bodies, mass, inertia and a comment on the assumptions."""
+    """Add a URDF link with bodies, mass, inertia and a comment on the assumptions.
+
+    `root` is the URDF element of the robot, and `name` the name of the link.
+    """
     element, mass = SubElement(root, "link", name=name), None
     comment = "mass and inertia assumed: of solid bodies" if bodies else "1 g assumed: no body"
     if name == FOLLOWER:
@@ -254,7 +258,10 @@ def _joint(root: Element, robot: Robot, joint: RobotJoint) -> None:
 
 
 def _ros2_control(robot: Robot, namespace: str) -> Element:
-    """Return the element for ros2_control: velocity commands of the cam, states of both joints."""
+    """Return the element for ros2_control: velocity commands of the cam, states of both joints.
+
+    `namespace` is that of the topics of the rig.
+    """
     element = Element("ros2_control", name="cam_rig", type="system")
     hardware = SubElement(element, "hardware")
     SubElement(hardware, "plugin").text = CONTROL_PLUGIN
@@ -305,7 +312,8 @@ def _strip(strip: FloatArray, depth: float, line: float, material: str) -> Body:
     """Return the body of a polyline of the rig, with lengths in m.
 
     It is a bar for two points, a cylinder for more than five points (a circle), and otherwise the
-    bounding box. `depth` is its size along the shaft, and `line` the thickness of a bar.
+    bounding box. `depth` is its size along the shaft, and `line` the thickness of a bar. `strip`
+    contains the points, and `material` is the name of the material.
     """
     low, high = strip.min(axis=0), strip.max(axis=0)
     (x, y), (width, height) = 0.5 * (low + high), high - low

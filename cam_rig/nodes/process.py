@@ -145,7 +145,8 @@ def _wait_for(condition: Callable[[], bool], seconds: float) -> bool:
 def _run(name: str, make: Callable[[], RigNode], request: StopRequest) -> int:
     """Run a node until it is done, and return the exit code.
 
-    With on_finish `stay`, the node is created again for each further run of the rig.
+    With on_finish `stay`, the node is created again for each further run of the rig. `make` creates
+    the node, and `request` reports a signal to stop.
     """
     staying_node = None
     while True:

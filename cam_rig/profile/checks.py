@@ -79,7 +79,9 @@ class Check:
     ) -> Check:
         """Return the check of an extreme value over the turn, at its cam angle.
 
-        A cam that fails it cannot exist (``is_fatal`` is True).
+        A cam that fails it cannot exist (``is_fatal`` is True). `worst` is the extreme value with
+        its cam angle. It must have the `relation` to the `limit`, such as ≥. `remedy` is advice for
+        the message.
         """
         return cls(name, worst.value, relation, limit, unit, worst.angle, remedy)
 

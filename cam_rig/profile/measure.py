@@ -119,8 +119,9 @@ def _find_highest(
 ) -> FloatArray:
     """Return the position (m) of a roller or a face that rests on a contour, ``(k,)``.
 
-    It rests on the point of the contour that lifts it farthest. ``turn`` are the k rotations
-    e^{iθ} of the cam, ``(k, 1)``, and ``outline`` are coarse points of the contour.
+    It rests on the point of the contour that lifts it farthest. ``turn`` are the k rotations e^{iθ}
+    of the cam, ``(k, 1)``, and ``outline`` are coarse points of the contour. ``element`` is the
+    roller or face, and ``curve`` the contour.
     """
     best = np.argmax(element.place_on(outline * turn), axis=1)
     step = TURN / COARSE_POINTS
@@ -140,7 +141,8 @@ def _find_crossing(
 
     It is the farthest position at which the path of its tip crosses the contour, or −∞ if there is
     no crossing. ``turn`` are the k rotations e^{iθ} of the cam, ``(k, 1)``, and ``outline`` are
-    coarse points of the contour.
+    coarse points of the contour. ``element`` is the point of the follower, and ``curve`` the
+    contour.
     """
     points = outline * turn
     right = element.offset_from_path(points) >= 0.0
@@ -169,7 +171,8 @@ def find_rotation(element: Element, curve: Curve, law: Law) -> tuple[float, floa
     """Return the rotation (rad) that aligns a contour with the law, and the residual.
 
     After the rotation, the displacement of the follower at cam angle θ + rotation is closest to
-    that of the law at θ, by least squares. The residual is the r.m.s. difference in m.
+    that of the law at θ, by least squares. The residual is the r.m.s. difference in m. ``element``
+    is the roller, point or face of the follower, and ``curve`` the contour.
     """
     angle = turn_angles(ALIGN_ANGLES)
     lift, expected, slope = rest_on_contour(element, curve, angle), law(angle), law(angle, 1)

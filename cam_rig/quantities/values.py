@@ -193,7 +193,10 @@ def span(subject: Subject, term: Term, _: Sense) -> float:
 
 
 def twist(subject: Subject, term: Term, _: Sense) -> float:
-    """Compute the peak-to-peak twist (rad) of the shaft in steady state."""
+    """Compute the peak-to-peak twist (rad) of the shaft in steady state.
+
+    ``subject`` is the law on a rig, and ``term`` contains the cam speed.
+    """
     return float(np.ptp(steady_twist(subject.law, shaft_of(subject.rig), term.low)[1]))
 
 
@@ -328,7 +331,8 @@ def residual(subject: Subject, term: Term, _: Sense) -> float:
     """Compute the largest residual vibration (m) after an event, over a range of speeds.
 
     The residual vibration is the amplitude of the mode at the end of an event, the motion between
-    two dwells, that starts from rest. The result is the largest of all events.
+    two dwells, that starts from rest. The result is the largest of all events. ``subject`` is the
+    law on a rig, and ``term`` contains the range of speeds.
     """
     mode, highest = mode_of(subject.rig), []
     speeds = speeds_of(mode, max(span for _, span in subject.events), term.low, term.high)
@@ -502,7 +506,8 @@ def _scans(subject: Subject) -> list[Scan]:
 def torque(subject: Subject, term: Term, _: Sense) -> float:
     """Compute the largest magnitude of the shaft torque (N·m) over a range of speeds.
 
-    The follower is one rigid mass that stays on the cam.
+    The follower is one rigid mass that stays on the cam. ``subject`` is the law on a rig, and
+    ``term`` contains the range of speeds.
     """
     return max(value for value, _ in maxima(subject.law, torques(subject.rigid, term)))
 

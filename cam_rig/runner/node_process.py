@@ -172,7 +172,8 @@ def _start(
     """Start a node, and return its process and an iterable of its progress lines.
 
     The node writes these lines to a pipe. If `reports` is False, the node gets no pipe and the
-    iterable is empty.
+    iterable is empty. ``command`` is the command line of the node. ``server`` is the fork server,
+    or None. ``subnet`` is True to allow discovery on the local subnet.
     """
     if not reports:
         return _launch(command, subnet, None, server), ()

@@ -174,7 +174,8 @@ def _over_time(
     """Return the plots of all quantities over rig time.
 
     At most two plots are above each other, because Rerun labels only high axes with numbers. Each
-    curve shows the minimum and the maximum of every `bucket` samples.
+    curve shows the minimum and the maximum of every `bucket` samples. `ranges` contains the axis
+    range of each quantity, and `time_axis` is the common time axis.
     """
     name = f"Time, extremes of {bucket} samples" if bucket > 1 else "Time"
     lift, velocity, acceleration, force, *others = [

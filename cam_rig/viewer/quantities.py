@@ -334,7 +334,8 @@ def _wider(first: FloatArray, second: FloatArray) -> FloatArray:
 def _ranges(rows: Sequence[PlotRow], ends: FloatArray) -> dict[str, Range]:
     """Return the axis ranges of quantities from their limits ``(k, 2)`` in SI units.
 
-    The ranges are rounded, in displayed units, and contain 0.
+    The ranges are rounded, in displayed units, and contain 0. `rows` are the plotted quantities,
+    and `ends` their limits.
     """
     axes = {}
     for row, (low, high) in zip(rows, ends.tolist(), strict=True):

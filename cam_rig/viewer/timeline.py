@@ -109,7 +109,8 @@ class Canvas:
     ) -> None:
         """Draw polylines ``(n, 2)`` of one style at one time.
 
-        `times` has one row, and `style` contains values such as `radii` for all polylines.
+        `times` has one row, and `style` contains values such as `radii` for all polylines. `entity`
+        is the path in the recording, and `strips` are the polylines.
         """
         styles: dict[str, Any] = {name: [value] * len(strips) for name, value in style.items()}
         columns = rr.LineStrips2D.columns(strips=strips, **styles)
@@ -121,6 +122,7 @@ class Canvas:
         """Draw points ``(n, 2)`` at one time.
 
         `times` has one row, and `columns` contains further data of the points, such as labels.
+        `entity` is the path in the recording.
         """
         points = rr.Points2D.columns(positions=positions, **columns)
         self.rows(entity, times, points.partition([len(positions)]))

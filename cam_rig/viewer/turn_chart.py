@@ -92,7 +92,8 @@ class TurnAxes:
     def draw(self, canvas: Canvas, view: str, titled: bool = True) -> None:
         """Draw the titles of the axes, the degrees, and a line at each quarter turn.
 
-        The style of the cursor, which `move_cursor` draws, is set too.
+        The style of the cursor, which `move_cursor` draws, is set too. `view` is the entity path of
+        the chart. The titles are drawn only if `titled` is True.
         """
         for row in self.rows:
             if titled:
@@ -135,7 +136,8 @@ def label(
 ) -> None:
     """Draw a text as static data, visible at every time.
 
-    `position` is its upper middle.
+    `position` is its upper middle. `entity` is the path in the recording, and `colour` is
+    0xRRGGBBAA.
     """
     point = rr.Points2D([position], labels=[text], colors=colour, radii=UNSEEN, show_labels=True)
     canvas.log_static(entity, point)

@@ -194,7 +194,8 @@ def serve_application(
 ) -> Iterator[Served]:
     """Serve an application behind a `Guard` until the context ends.
 
-    Port 0 selects a free port.
+    Port 0 selects a free port. `home` is the path to which ``/`` leads, `policy` the content
+    security policy, and `host` the address of the server.
     """
     with ExitStack() as stack:
         listeners = [stack.enter_context(listener) for listener in _listeners(host, port)]

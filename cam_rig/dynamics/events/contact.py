@@ -213,7 +213,8 @@ def vibration_after(
     """Return the vibration (η, η̇) of the end mass a time (s) after the start of a search.
 
     It is the sum of the forced and the free vibration. The time must lie in the same part of the
-    turn as the start.
+    turn as the start. ``contact`` contains the coefficients of the follower, and ``stretch`` is the
+    start of the search.
     """
     x = forced_vibration(contact, stretch.part, stretch.offset + time)
     free = free_vibration(contact, stretch, time)

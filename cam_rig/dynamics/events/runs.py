@@ -202,7 +202,8 @@ def _apply_velocity_step(run: RunTable, record: RunRecord, time: float, step: fl
     """Apply an abrupt change of the cam's velocity ṡ to the follower.
 
     In contact a positive ``step`` (m/s) is an impact, and a negative one is a lift-off. In flight
-    it changes the rate of the gap. A step within rounding has no effect. ``time`` is in s.
+    it changes the rate of the gap. A step within rounding has no effect. ``time`` is in s. ``run``
+    contains the coefficients of the follower, and ``record`` its present state.
     """
     state = record.state[0]
     if abs(step) <= run.min_velocity_step:
@@ -231,7 +232,9 @@ def _lift_off(
     """Record a lift-off, and start the flight of a follower that moves with the cam.
 
     ``cam`` is the motion of the cam surface at the lift-off, and ``stretch`` that of the stem of
-    two masses. ``gap_rate`` is the initial rate of the gap between follower and cam, m/s.
+    two masses. ``gap_rate`` is the initial rate of the gap between follower and cam, m/s. ``run``
+    contains the coefficients of the follower, and ``record`` its state and the recorded events.
+    ``time`` is in s.
     """
     _record_event(record, EventCode.LIFT_OFF, time, 0.0, 0.0)
     _launch(run, record.state[0], cam, stretch, 0.0, gap_rate)
@@ -241,7 +244,8 @@ def _land(run: RunTable, record: RunRecord, time: float, stretch: StemStretch, r
     """Record a landing, after which the follower rebounds or stays on the cam.
 
     ``rate`` is the gap rate before the landing, at most 0 m/s. ``stretch`` is the stretch of the
-    stem just before the landing, for two masses.
+    stem just before the landing, for two masses. ``run`` contains the coefficients of the follower,
+    and ``record`` its state and the recorded events. ``time`` is in s.
     """
     state, cam, approach, force = record.state[0], cam_at(run.cam, time), -rate, 0.0
     on_cam, vibration = StemStretch(stretch.length, stretch.rate + rate), StemVibration(0.0, 0.0)
@@ -327,7 +331,8 @@ def _limit_event_time(run: RunTable, state: np.void, time: float) -> float:
     """Return the time (s) of an event, limited to the end that `_next_limit` returns.
 
     An event within rounding of a velocity jump is moved to the jump. An event is a lift-off or a
-    landing.
+    landing. ``run`` contains the velocity jumps ahead, and ``state`` is the present state of the
+    follower.
     """
     has_jump = state["jumps_done"] < len(run.jumps.ahead)
     limit, rounding = _next_limit(run.jumps, state), SAME_ANGLE_RAD / run.cam.speed

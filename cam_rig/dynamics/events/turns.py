@@ -220,7 +220,9 @@ def _count_landing(run: RunTable, event: np.void, turn: np.void) -> tuple[float,
 def _pass_flight(run: RunTable, time: float, perturbation: Perturbation, turn: np.void) -> None:
     """Update the derivative and the perturbations over a flight that lasts ``time`` s.
 
-    Their matrix is the exponential of the free motion, in the states (z, ż, y, ẏ).
+    Their matrix is the exponential of the free motion, in the states (z, ż, y, ẏ). ``run`` contains
+    the coefficients of the follower, and ``turn`` is the result of the present turn, which contains
+    the derivative.
     """
     step, free, trace = perturbation.step, run.free[0], 0.0
     for i in range(len(step)):
@@ -249,7 +251,8 @@ def _pass_landing(
     """Update the derivative and the perturbations at a landing, by its saltation matrix.
 
     The module describes the matrix. ``after`` is the state or the phase that follows the landing, a
-    record of `RUN_STATE`.
+    record of `RUN_STATE`. ``run`` contains the coefficients of the follower, and ``turn`` is the
+    result of the present turn, which contains the derivative.
     """
     step, free, restitution = perturbation.step, run.free[0], landing.restitution
     cam, size, approach = cam_at(run.cam, landing.time), len(step), landing.approach
@@ -278,7 +281,8 @@ def _pass_contact(run: RunTable, time: float, perturbation: Perturbation, turn: 
     """Update the derivative and the perturbations over ``time`` s of contact.
 
     The cam determines the motion of the contact mass, so only perturbations of the end mass of two
-    masses remain. One mass loses its perturbation.
+    masses remain. One mass loses its perturbation. ``run`` contains the coefficients of the
+    follower, and ``turn`` is the result of the present turn, which contains the derivative.
     """
     step = perturbation.step
     for i in range(len(step)):

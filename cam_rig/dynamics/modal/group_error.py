@@ -249,7 +249,8 @@ def _fade(sums: FadingSums, remainder: float, time: float) -> FadingSums:
 def _repeat_turn(sums: FadingSums, norm: VibrationNorm, step: SpeedStep) -> FadingSums:
     """Return the sums over the excitations of all previous turns of the run.
 
-    ``sums`` are those over a single turn. The bound is (25) of docs/proofs.md.
+    ``sums`` are those over a single turn. The bound is (25) of docs/proofs.md. ``norm`` is the norm
+    of the free vibration, which fades, and ``step`` the step of the cam speed.
     """
     period, turns = TURN / step.low, step.high * step.duration / TURN
     remainder = math.exp(-norm.decay * TURN / step.high)

@@ -487,7 +487,8 @@ def _turn_starts(
     The turns end when the run ends or the vibration of the start has faded to rounding. In steady
     state there is a single record, ``steady``. ``forced`` is the forced vibration at the start of
     the run, which the free vibration cancels there. ``flow`` is the flow over a turn, and
-    ``excited`` is the vibration that the joints of a turn excite.
+    ``excited`` is the vibration that the joints of a turn excite. ``mode`` is the vibration mode
+    and ``norm`` the norm of its free vibration.
     """
     if math.isinf(mode.duration):
         starts = np.zeros(1, TURN_START)

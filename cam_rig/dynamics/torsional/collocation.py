@@ -357,8 +357,8 @@ class CollocationWindow:
         """Return the derivative of the residual of eq. 10 by ψ̈ at the nodes.
 
         Eq. 10 of the paper is the equation of the torsional vibration. The derivative is the matrix
-        of Newton's method, ``(N + 1, N + 1)``. The arguments are the derivatives of the residual
-        with respect to θ̈_c, θ̇_c and θ_c, from `_residual`.
+        of Newton's method, ``(N + 1, N + 1)``. ``inertia``, ``damping`` and ``stiffness`` are the
+        derivatives of the residual with respect to θ̈_c, θ̇_c and θ_c, from `_residual`.
         """
         p = self.parameters
         if not self.has_inertia:

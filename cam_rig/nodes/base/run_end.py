@@ -47,7 +47,10 @@ def find_endpoints(node: Node, *names: str) -> Endpoints:
 
 
 def have_left(node: Node, endpoints: Endpoints) -> bool:
-    """Return True if none of the given publishers is present any more."""
+    """Return True if none of the given publishers is present any more.
+
+    `endpoints` are the DDS identifiers of the publishers by topic name.
+    """
     present = find_endpoints(node, *endpoints)
     return not any(endpoints[name] & present[name] for name in endpoints)
 

@@ -80,7 +80,8 @@ class Surfaces:
     def normal_force(self, motion: Motion, touch: Touch) -> FloatArray:
         """Return the force (N) along the common normal of cam and follower.
 
-        It is 0 if the cam would have to pull.
+        It is 0 if the cam would have to pull. ``motion`` is the motion of the follower, and
+        ``touch`` its contact with the cam.
         """
         orders = np.stack([motion.s, motion.slope, motion.curvature])
         force = np.tensordot(force_weights(self.rig, self.speed), orders, axes=1) + self.rig.preload
@@ -102,7 +103,8 @@ class Surfaces:
     def pressure(self, motion: Motion, touch: Touch) -> FloatArray:
         """Return the largest Hertz pressure p₀ in the contact (Pa).
 
-        It is infinite if the curvature is infinite.
+        It is infinite if the curvature is infinite. ``motion`` is the motion of the follower, and
+        ``touch`` its contact with the cam.
         """
         load, curvature = self.normal_force(motion, touch), self.curvature(touch)
         with np.errstate(invalid="ignore"):  # infinite curvature times zero load
@@ -110,14 +112,18 @@ class Surfaces:
         return np.where(np.isinf(curvature), np.inf, value)
 
     def width(self, motion: Motion, touch: Touch) -> FloatArray:
-        """Return the full width 2b of the Hertz contact (m)."""
+        """Return the full width 2b of the Hertz contact (m).
+
+        ``motion`` is the motion of the follower, and ``touch`` its contact with the cam.
+        """
         load = self.normal_force(motion, touch) / self.parts.face_width.si
         return 2.0 * half_width(load, self.curvature(touch), self.parts.modulus)
 
     def sliding(self, motion: Motion, touch: Touch) -> FloatArray:
         """Return the sliding speed of cam on follower (m/s).
 
-        For a roller, which turns freely, it is the speed of its rim.
+        For a roller, which turns freely, it is the speed of its rim. ``motion`` is the motion of
+        the follower, and ``touch`` its contact with the cam.
         """
         carried = motion.slope * self.element.moves(touch.contact)
         relative = 1j * touch.contact - carried

@@ -357,6 +357,7 @@ class Descent:
         """Return True if the local search cannot improve the present law any more.
 
         The law is then feasible, and its linearised program predicts almost no improvement.
+        ``current`` is the present law, and ``solution`` that of the linearised program.
         """
         promised, tolerance = (
             current.goal + solution.level,

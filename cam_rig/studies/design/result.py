@@ -318,7 +318,8 @@ def designed_cam(
     """Return the cam of a designed law, and the text of its cam file.
 
     ``unknowns`` describe the law. ``search`` are the options and the outcome of a local search,
-    None for a convex program.
+    None for a convex program. ``request`` is the request of the design, and ``limits`` are its
+    limits with values.
     """
     cam, space = problem.cam, problem.space
     law_class, goal = space.law_class, f"{request.verb} {request.goal.key}"

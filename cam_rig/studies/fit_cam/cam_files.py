@@ -188,6 +188,7 @@ def cam_text(data: dict[str, Any], *header: str, assumed: list[str]) -> str:
     """Return the text of a cam file, with a header and the assumptions as comments.
 
     ``header`` are the lines of the header. Unprintable characters of the comments are removed.
+    ``data`` is the content of the file, and ``assumed`` are sentences on assumptions.
     """
     lines = [*header, *(f"assumed: {assumption}" for assumption in assumed)]
     comments = (f"# {''.join(c for c in line if c.isprintable())}\n" for line in lines)

@@ -279,7 +279,8 @@ def _find_end(
     """Return the angle (rad) at which a dwell ends, at least `min_end`.
 
     ``x`` is the angles (rad) of the readings at one level and of the rise or fall beyond them,
-    measured from the other end of these readings. ``y`` is their lifts (m).
+    measured from the other end of these readings. ``y`` is their lifts (m). ``run`` is the sequence
+    of readings at one level, and ``scatter`` the standard deviation of a reading (m).
     """
     last, event = float(x[run.count - 1]), x[run.count :]
     reach = last + EVENT_FRACTION * (float(event[-1]) - last if event.size else 0.0)

@@ -275,6 +275,8 @@ class _GaugeReader(CellTable):
         """Return the factor from the angle column to the cam angle in rad, and notes.
 
         The notes report the assumed unit, and whether the angle is that of the crankshaft.
+        ``heading`` is that of the column, ``angles`` are its numbers, and ``options`` override the
+        heading.
         """
         notes, factor = [], heading.factor
         if options.counts is not None:

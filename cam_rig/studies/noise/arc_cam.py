@@ -158,7 +158,8 @@ class ShapeProblem:
         """Return the derivatives of the sound levels by lift and event angle, (n, 2).
 
         They are in dB per relative change, one row per speed. The event angle is that of rise and
-        fall together.
+        fall together. ``shape`` is the shape of the cam, and ``acoustics`` are the acoustic
+        constants.
         """
         changed = [shape.scaled(*(1.0 + DERIVATIVE_STEP * axis)) for axis in np.eye(2)]
         base, *levels = (acoustics.levels(self.cam_of(s).turns) for s in (shape, *changed))

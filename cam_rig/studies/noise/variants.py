@@ -260,7 +260,8 @@ def study_high_dwell(
 
     ``other_lift`` (m) is the second lift, that of the arc cam. Returns None if the reference cam
     cannot be changed in all three factors. It must have a high dwell between two equal rises, a
-    lift that differs from ``other_lift``, and an acceleration without jumps.
+    lift that differs from ``other_lift``, and an acceleration without jumps. ``setup`` contains the
+    scene and the cams, and ``acoustics`` the acoustic constants.
     """
     timing = timing_of(setup.loaded.cams[setup.roles.reference])
     if timing is None:

@@ -58,7 +58,8 @@ def save_orders(
 def orders_tabs(studies: Sequence[CamOrders], titles: Mapping[str, str]) -> list[rrb.Vertical]:
     """Return the tabs of the recording, one per cam.
 
-    A tab has Campbell diagrams above the spectra at one speed, one column per quantity.
+    A tab has Campbell diagrams above the spectra at one speed, one column per quantity. ``studies``
+    are the spectra of the cams, and ``titles`` the display names by cam.
     """
     tabs, tops = [], {quantity: loudest(studies, quantity) for quantity in quantities_of(studies)}
     for study in studies:
@@ -99,7 +100,10 @@ def _ray_axes(study: CamOrders) -> Axes:
 
 
 def _line_axes(study: CamOrders, highest_level: float) -> Axes:
-    """Return the axes of a spectrum at one speed: order and level (dB)."""
+    """Return the axes of a spectrum at one speed: order and level (dB).
+
+    ``highest_level`` (dB) determines the range of the axis of levels.
+    """
     highest = max(float(spectrum.orders[-1]) for spectrum in study.spectra)
     top = 10.0 * np.ceil(highest_level / 10.0)
     return Axes((0.0, highest), (float(top) - RANGE, float(top)), WIDTH, 0.4 * WIDTH, raised=0.09)

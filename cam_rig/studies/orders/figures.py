@@ -50,7 +50,11 @@ def figure(result: OrdersResult) -> Figure:
 
 
 def _lines(axes: Axes, study: CamOrders, values: FloatArray, name: str, highest: float) -> None:
-    """Draw the spectrum of a cam at its only speed, with values in dB."""
+    """Draw the spectrum of a cam at its only speed.
+
+    ``values`` are the values of the orders in dB, and ``name`` is that of the quantity. ``highest``
+    (dB) determines the range of the axis, which is `RANGE` dB below it.
+    """
     spectrum, low = study.spectra[0], highest - RANGE
     axes.vlines(spectrum.orders[1:], low, values, color=colour(study.cam))
     axes.set(xlabel=f"order of the cam, {spectrum.rpm:g} rpm", ylabel=name)

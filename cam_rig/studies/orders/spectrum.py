@@ -98,7 +98,7 @@ def _resolvent_integral(
     """Return c (A − iΩ)⁻¹ (e^{AL−iΩL} − 1) z, the integral of `vibration_integral`.
 
     The formula is used for overdamped vibrations. The eigenvalues of A are then real, so that A −
-    iΩ is not singular.
+    iΩ is not singular. The parameters are those of `vibration_integral`.
     """
     end = exponential(matrix, length) @ start
     change = np.exp(-1j * rates * length)[:, None] * end - start

@@ -291,7 +291,8 @@ def _phase_pieces(
 ) -> Iterator[ForcePiece]:
     """Yield the force of two masses in all contacts from `period_start` to `end` (s).
 
-    It is yielded in pieces with a closed form.
+    It is yielded in pieces with a closed form. ``trajectory`` contains the contacts and flights,
+    and ``model`` the linear model in contact.
     """
     for phase in trajectory.phases:
         a, b = max(phase.begin, period_start), min(phase.end, end)

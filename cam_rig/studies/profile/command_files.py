@@ -272,7 +272,8 @@ def _align(
     """Return the contours, and the rotation (rad) with which they fit the law best.
 
     The contours are mirrored if that fits better. The command-line options for the resulting
-    placement are printed.
+    placement are printed. ``request`` contains the options, ``element`` is the roller, point or
+    face of the follower, and ``curves`` are the contours.
     """
     from cam_rig.profile.measure import find_rotation
 

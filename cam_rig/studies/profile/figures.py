@@ -57,7 +57,8 @@ def positions(element: Element, law: Law, angle: FloatArray) -> list[list[FloatA
 def _outline(element: Element, law: Law, motion: Motion) -> list[ComplexArray]:
     """Return the drawn follower as polylines in the frame of its guide, m.
 
-    Each polyline has the shape ``(angles, points)``, complex x + iy.
+    Each polyline has the shape ``(angles, points)``, complex x + iy. ``element`` is the roller,
+    point or face of the follower, and ``motion`` its motion.
     """
     stand = element.stand(motion.s)[:, None]
     if isinstance(element, SwungFace):
@@ -87,7 +88,8 @@ def _stem(element: Guided, law: Law, stand: ComplexArray) -> ComplexArray:
 def _face(element: GuidedFace, law: Law, motion: Motion) -> ComplexArray:
     """Return the part of a face that the cam touches, as a line for each cam angle, m.
 
-    It is extended to the foot of the stem.
+    It is extended to the foot of the stem. ``element`` is the face, and ``motion`` the motion of
+    the follower.
     """
     turn_motion = Motion.uniform(law, 720)
     along = element.side * np.exp(1j * element.inclination)
@@ -101,7 +103,10 @@ def _face(element: GuidedFace, law: Law, motion: Motion) -> ComplexArray:
 
 
 def _swung_face(element: SwungFace, law: Law, motion: Motion) -> list[ComplexArray]:
-    """Return a face on a swinging arm, and its connection to the pivot, as lines, m."""
+    """Return a face on a swinging arm, and its connection to the pivot, as lines, m.
+
+    ``element`` is the face, and ``motion`` the motion of the follower.
+    """
     turn_contact = element.touch(Motion.uniform(law, 720))
     longest = float(np.abs(turn_contact.contact - element.pivot).max()) + FACE_MARGIN * reach_of(
         element, law
@@ -298,7 +303,10 @@ def _curvature(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...])
 
 
 def _pressure(axes: Axes, law: Law, discs: tuple[Contour, ...], checks: list[Check]) -> None:
-    """Draw the pressure angle over the turn, with its limit and its largest value."""
+    """Draw the pressure angle over the turn, with its limit and its largest value.
+
+    ``discs`` are the contours of the cam, and ``checks`` contain the limit.
+    """
     for contour, colour, dash in zip(discs, COLOURS, DASHES, strict=False):
         degrees = np.degrees(contour.pressure)
         steepest = Scan(law, contour.disc.element).greatest(lambda touch: np.abs(touch.pressure))

@@ -318,7 +318,8 @@ def _estimates(
     """Yield an estimate for each free parameter, with its standard error or a reason.
 
     ``x`` are the fitted search variables and ``errors`` their standard errors. ``null_groups`` are
-    the unidentifiable groups of `normal_inverse`.
+    the unidentifiable groups of `normal_inverse`. ``trial`` is the model of the jump speeds.
+    ``coverage_factor`` is half the width of a 95 % interval in standard errors.
     """
     for k, (name, value) in enumerate(from_search(trial.free, x).items()):
         error = float(errors[k]) * parameter_slope(name, value)
@@ -345,7 +346,9 @@ def _unidentified_reason(
     """Return the reason why a parameter is not identified, or an empty text if it is.
 
     ``others`` are the parameters that it cannot be separated from. Without them, the reason is a 95
-    % interval that is too wide for ``value``. Values are in SI.
+    % interval that is too wide for ``value``. Values are in SI. ``error`` is the standard error of
+    the parameter ``name``, and ``coverage_factor`` half the width of a 95 % interval in standard
+    errors. ``table`` is the measured table.
     """
     if others:
         more = "" if "mass" in table.columns else ", or add a column of added masses"

@@ -85,6 +85,7 @@ def _estimate(
 
     ``fixed`` are the known values. ``scale`` are the parameters to which only ratios are
     identifiable. ``excluded`` are the reasons that apply if speeds were left out, by name.
+    ``solution`` is the fit, and ``errors`` its covariance.
     """
     free = solution.likelihood.free
     if name in fixed:

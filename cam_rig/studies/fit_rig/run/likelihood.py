@@ -308,7 +308,8 @@ class Likelihood:
         """Return the derivatives of a segment's lift and force by the cam angle, ``(k,)``.
 
         A segment is a time of steady cam speed. The derivatives are central differences at the
-        samples of lift (m/rad), then of force (N/rad).
+        samples of lift (m/rad), then of force (N/rad). ``x`` are the search variables, ``i`` is the
+        index of the segment, and ``base`` its computed lift and force.
         """
         sensed = self._sensed(x, base.turn, i)
         steps = (ANGLE_STEP, -ANGLE_STEP)
@@ -403,7 +404,11 @@ class Likelihood:
         return replace(self, segments=segments, force_masks=[], pressing=[])
 
     def _segment_without_landings(self, x: FloatArray, i: int, guard: float) -> MeasuredSegment:
-        """Return steady-speed segment ``i`` without lift and force samples in bounces."""
+        """Return steady-speed segment ``i`` without lift and force samples in bounces.
+
+        ``x`` are the search variables, and ``guard`` (rad) is the distance before a landing from
+        which samples are removed.
+        """
         segment, bounces = self.segments[i], list_bounces(self.steady(x, i))
         parts = []
         for part in (segment.lift, segment.force):

@@ -160,7 +160,10 @@ def _contact_segments(fit: Candidate) -> list[int]:
 
 
 def _has_force(fit: Candidate, segments: list[int] | None = None) -> bool:
-    """Return True if a force was measured at any of the given steady speeds."""
+    """Return True if the run of a fit has a measured force at any steady speed.
+
+    ``segments`` are the indices of the steady speeds to check, None for all.
+    """
     indices = range(len(fit.segments)) if segments is None else segments
     return any(fit.segments[i].force.value.size for i in indices)
 
@@ -171,7 +174,8 @@ def _fit_all(
     """Fit one rigid mass to all speeds.
 
     The search starts from ``in_contact``, the fit to the speeds without landings, if there is one.
-    If the follower lands at some speeds, the restitution is fitted too.
+    If the follower lands at some speeds, the restitution is fitted too. ``aligned`` is the fit of
+    the start values, and ``fixed`` are known values in SI.
     """
     if in_contact is None:
         free, values = _without_restitution(fixed), _start_values(aligned, fixed)
@@ -219,7 +223,8 @@ def _fit_lifts(aligned: FitSolution, fixed: dict[str, float]) -> FitSolution:
     The flights depend on all parameters together, including the restitution. The search therefore
     starts from several restitutions, and the best result is returned. Raises a `ConfigError` if no
     result has a periodic motion at every speed. Case: lifts of a rig far from the start values
-    (``test_lifts_identify_a_rig_far_from_the_start``).
+    (``test_lifts_identify_a_rig_far_from_the_start``). ``aligned`` is the fit of the start values,
+    and ``fixed`` are known values in SI.
     """
     free = tuple(name for name in ONE_MASS if name not in fixed)
     bounces = [fixed["restitution"]] if "restitution" in fixed else START_RESTITUTIONS
@@ -316,7 +321,9 @@ def _fit_two_masses_in_contact(
     """Fit two masses to the speeds without landings, or return None without a force.
 
     Bounces on a stem depend on every parameter at once and cause many local maxima of the
-    likelihood, so speeds with landings are left out. In contact the motion is linear.
+    likelihood, so speeds with landings are left out. In contact the motion is linear. ``one_mass``
+    is the fit of one rigid mass. ``free`` are the names of the free parameters, and ``start`` the
+    start values of all parameters (SI).
 
     The fastest speed is left out as long as the force residuals have a pattern, because undetected
     flights cause one. The speeds that are left out may have led to a wrong start for the stem, so
