@@ -23,7 +23,7 @@ from typing import Any, TypeVar, cast
 
 #: Signals that end a command: Ctrl-C, the end of a service, a closed terminal.
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-#: Names of functions that an interrupt waits for.
+#: Names of functions that are completed before an interrupt is raised.
 UNINTERRUPTED = {
     "__enter__",
     "__exit__",
@@ -60,7 +60,10 @@ class _Interrupt:
         self.has_raised = False
 
     def receive(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal: store it, and raise it if interrupts are enabled."""
+        """Handle a signal: store it, and raise an interrupt if interrupts are enabled.
+
+        ``number`` is that of the signal, and ``frame`` the interrupted frame.
+        """
         self.number = self.number or number
         if self.enabled and not self.has_raised:
             self.deliver(frame)
@@ -93,13 +96,13 @@ class _Interrupt:
             self.throw()
 
     def throw(self) -> None:
-        """Raise the interrupt now."""
+        """Raise the interrupt for a received signal now."""
         assert self.number is not None
         self.has_raised = True
         raise Interrupted(self.number)
 
     def retry(self, lost: sys.UnraisableHookArgs) -> None:
-        """Raise an interrupt again after the destructor in which it was lost."""
+        """Raise an interrupt again that was lost because a destructor was running."""
         if not isinstance(lost.exc_value, Interrupted):
             sys.__unraisablehook__(lost)
         elif self.enabled:

@@ -91,7 +91,7 @@ class RadiationParameters:
 
     @property
     def corner_rate(self) -> float:
-        """Angular corner frequency ω_c in rad/s."""
+        """Angular corner frequency ω_c (rad/s) of the structure that radiates sound."""
         return 2.0 * math.pi * self.corner_frequency
 
     def background_power(self, speed: float) -> float:
@@ -199,7 +199,7 @@ class Background:
         self._last = float(self._generator.standard_normal())
 
     def samples(self, count: int) -> FloatArray:
-        """Return the next samples of the noise, ``(count,)``."""
+        """Return the next samples of the background noise, ``(count,)``."""
         keep = math.exp(-2.0 * math.pi * self.corner_frequency / self.rate)
         fresh = self._generator.standard_normal(count)
         gain = math.sqrt(-math.expm1(2.0 * math.log(keep)))

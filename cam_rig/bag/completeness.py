@@ -148,7 +148,7 @@ class Loss:
 
     @property
     def text(self) -> str:
-        """Known gaps of the recording as text, empty without a gap."""
+        """Known gaps of a recording as text, empty if there is no gap."""
         more = [f"{len(self.gaps) - MAX_NAMED} further gaps"] if len(self.gaps) > MAX_NAMED else []
         named = "; ".join([*self.gaps[:MAX_NAMED], *more])
         return f"{named} ({self.messages} messages)" if named else ""

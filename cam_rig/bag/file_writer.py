@@ -32,7 +32,7 @@ from cam_rig.messages.topics import Topic
 FOREVER = interfaces.QosTime(2147483647, 4294967295)
 #: Name of the MCAP record from which rosbag2 reads the metadata of a file.
 RECORD = "rosbag2"
-#: Key of the metadata in the record `RECORD`.
+#: Key of rosbag2's metadata in the MCAP record `RECORD`.
 RECORD_KEY = "serialized_metadata"
 #: Start time (ns) that rosbag2 writes for a file without messages.
 NEVER = 2**63 - 1
@@ -49,7 +49,10 @@ class FileContent:
     last: int = 0
 
     def note(self, topic: Topic, log_time: int) -> None:
-        """Count one message of a topic, and extend the file's log times (ns) to its time."""
+        """Count a written message of a topic.
+
+        The first and last log time of the file's content are extended to ``log_time`` (ns).
+        """
         self.counts[topic.name] = self.counts.get(topic.name, 0) + 1
         self.topics.setdefault(topic.name, topic)
         self.first = min(self.first, log_time)
@@ -62,7 +65,7 @@ class FileContent:
 
     @property
     def times(self) -> dict[str, dict[str, int]]:
-        """Duration and start time of the file (ns), as entries of rosbag2's metadata."""
+        """Duration and start time (ns) of a bag's file, in the form of rosbag2's metadata."""
         return {
             "duration": {"nanoseconds": max(0, self.last - self.first)},
             "starting_time": {"nanoseconds_since_epoch": self.first},
@@ -204,7 +207,7 @@ class FileWriter:
         self.path, self._namespace = path, namespace
         self.part: Path | None = part_of(path) if replaces else None
         self.content = FileContent(path.name)
-        #: Number of bytes of the messages in the file.
+        #: Number of bytes of the messages that are written to the file so far.
         self.size = 0
         self._channels: dict[str, int] = {}
         self._schemas: dict[tuple[str, bytes], int] = {}
@@ -216,7 +219,7 @@ class FileWriter:
 
     @property
     def closed(self) -> bool:
-        """True if the file cannot be written any longer."""
+        """True if the MCAP file is closed, so that nothing can be written any longer."""
         return self._stream.closed
 
     def start(self, before: list[FileContent]) -> None:
@@ -328,7 +331,7 @@ class FileWriter:
                 self.part.unlink()
 
     def close_stream(self) -> None:
-        """Close the stream without writing the end of the file."""
+        """Close the stream of an MCAP file without writing the end of the file."""
         with suppress(OSError):
             self._stream.close()
 

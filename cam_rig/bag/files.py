@@ -36,7 +36,7 @@ METADATA = "metadata.yaml"
 SQLITE = ".db3"
 #: First bytes of an SQLite file.
 SQLITE_MAGIC = b"SQLite format 3\0"
-#: File name ending of a file that is not complete yet.
+#: Ending of the name under which a file is written until it is complete.
 PART = ".part"
 #: First bytes of the footer of an MCAP file: opcode and length. The 20 bytes of its content and the
 #: magic bytes of MCAP follow.

@@ -30,11 +30,11 @@ from cam_rig.files import MIB
 
 #: Largest unpacked size of one compressed chunk, bytes. Chunks of ROS 2 have 1 to 4 MiB.
 MAX_UNPACKED = 64 * MIB
-#: Number of bytes that are unpacked in one step.
+#: Number of bytes of a compressed chunk that are uncompressed in one step.
 UNPACK_BYTES = 256 * 1024
 #: Number of bytes that are read in one step for a series of small records.
 READ_BYTES = 4096
-#: Layout of the start of every record: opcode and length.
+#: Layout of the start of every MCAP record: opcode and length.
 HEAD = struct.Struct("<BQ")
 #: Layout of the start of a chunk: first and last log time, unpacked size, its CRC, length of the
 #: compression's name.
@@ -107,7 +107,7 @@ def _next_chunk(descriptor: int, position: int, size: int) -> int:
 
 
 def read_content(stream: BinaryIO, record: Record) -> bytes:
-    """Return the bytes of a record that exist in the file."""
+    """Return the content of an MCAP record, as far as the file contains it."""
     return os.pread(stream.fileno(), record.available, record.start)
 
 

@@ -35,7 +35,7 @@ from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages.topics import Topic, recorded_topic
 from cam_rig.units import DATE_FROM_S, NS, format_time
 
-#: Text of the report on a recording without messages.
+#: Text that reports a recording without messages.
 NOTHING_RECORDED = "nothing was recorded"
 
 
@@ -71,7 +71,7 @@ class Recovery:
 
     @property
     def text(self) -> str:
-        """Recovered and missing messages as text."""
+        """Text that lists the recovered and the missing messages of a bag."""
         missing = [self.loss.text] if self.loss.gaps else []
         if self.loss.open_end:
             missing.append(f"everything after {self._time_words(self.last_ns)}")
@@ -203,7 +203,7 @@ class _BagFiles:
         self._contents: dict[Path, FileContent] = {}
 
     def empty(self, file: Path) -> FileContent:
-        """Return the content of a file of the bag with 0 messages, before it is read."""
+        """Return the description of a bag's file before it is read: without messages."""
         return FileContent(bag_file(self._bag, number_of(file)).name)
 
     def read(self, file: Path, writer: BagWriter | None = None) -> FileContent:

@@ -43,7 +43,7 @@ class Difference:
 
     @property
     def relative(self) -> float:
-        """Largest difference divided by the largest value of the quantity."""
+        """Largest difference of a quantity, relative to the largest value of the quantity."""
         if self.difference == 0.0:
             return 0.0
         return self.difference / self.largest if self.largest > 0.0 else float("inf")
@@ -73,7 +73,7 @@ class ReplayResult(Result):
 
     @property
     def worst(self) -> Difference:
-        """Quantity with the largest relative difference."""
+        """Quantity with the largest relative difference between recording and replay."""
         return max(self.differences, key=lambda entry: entry.relative)
 
     @property
@@ -82,11 +82,17 @@ class ReplayResult(Result):
         return 0 if self.worst.relative <= self.tolerance else 1
 
     def tables(self) -> list[Records]:
-        """Return a table with one row per quantity."""
+        """Return the table of differences between recording and replay.
+
+        It has one row per quantity.
+        """
         return [self.table("differences", "Recorded against replayed", self.differences)]
 
     def summary(self) -> list[str]:
-        """Return a line on the largest difference if it exceeds the tolerance."""
+        """Return a line on the largest difference between recording and replay.
+
+        The list is empty if the difference is within the tolerance.
+        """
         worst = self.worst
         text = (
             f"{self.bag}: {worst.topic} {worst.quantity} differs by {worst.difference:.3g}, "

@@ -68,7 +68,7 @@ class Waiting:
         self._halves: dict[tuple[str, int], int | bytes] = {}
 
     def get(self, topic: Topic, stamp: int) -> bytes | None:
-        """Return the waiting message of a topic at a stamp (ns), or None."""
+        """Return the stored message of a topic with a stamp (ns), or None."""
         return self._stored[topic].get(stamp)
 
     def forget(self, until: int) -> None:

@@ -17,11 +17,11 @@ MIN_FILE_S = 1.0
 MAX_NUMBER = 99_999
 #: Largest accepted limit of the duration of a file, s: ten years.
 MAX_FILE_S = 3.2e8
-#: Accepted units of a size, with their factors to bytes.
+#: Accepted units for the limit of a file's size, with their factors to bytes.
 SIZES = {"MB": 1e6, "GB": 1e9, "MiB": 2.0**20, "GiB": 2.0**30}
-#: Accepted units of a duration, with their factors to s.
+#: Accepted units for the limit of a file's duration, with their factors to s.
 TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0}
-#: Pattern of a limit: number and unit.
+#: Pattern of a limit of a file's size or duration: number and unit.
 AMOUNT = re.compile(r"\s*(\d{1,12}(?:\.\d{1,9})?)\s*([A-Za-z]+)\s*")
 
 
@@ -48,7 +48,7 @@ class Split:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Limits of the file size and duration, by the names of rosbag2's parameters."""
+        """Limits of file size (bytes) and duration (s), by rosbag2's parameter names."""
         return {"max_bagfile_size": self.size, "max_bagfile_duration": self.duration}
 
     def is_due(self, size: int, start: int, stamp: int) -> bool:
@@ -61,7 +61,7 @@ class Split:
 
     @classmethod
     def parse(cls, size: str | None, duration: str | None) -> Split:
-        """Parse limits with units, such as ``100MB`` or ``1.5 GiB``, and ``60s`` or ``10min``.
+        """Parse limits with units, such as ``1.5 GiB`` for the size and ``60s`` for time.
 
         Raises ConfigError for another text, or an amount that is out of range. `size` and
         `duration` are texts, None for no limit.

@@ -44,7 +44,7 @@ class BagWriter:
         self._number, self._others = number, list(others)
         self._topics: dict[str, tuple[Topic, bytes | None]] = {}
         self._attached: dict[str, bytes] = {}
-        #: Stamp (ns) of the first state of the current file.
+        #: Stamp (ns) of the first cam state in the file that is being written.
         self._file_start: int | None = None
         self._failed: BagError | None = None
         with self._creation_errors(directory):
@@ -136,7 +136,7 @@ class BagWriter:
             self._file.flush_if_due()
 
     def flush(self) -> None:
-        """Flush the current file, so that its messages survive the end of the process."""
+        """Write buffered messages to the file, so that a killed process does not lose them."""
         with self._write_errors():
             self._file.flush()
 

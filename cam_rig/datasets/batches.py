@@ -19,12 +19,12 @@ BATCH_S = 1.0
 #: number of workers is more than `BATCH_S`. It is twice the time that scheduler and writer need for
 #: a batch, so that workers never wait for them.
 BATCH_PER_WORKER_S = 0.01
-#: Approximate upper limit of the number of batches, and so of files.
+#: Approximate upper limit of the number of batches of points, and so of files of a dataset.
 MAX_BATCHES = 20_000
 #: Largest number of batches that are sent before the cost of the first is measured. Each of these
 #: batches has one point.
 MAX_PILOTS = 64
-#: Largest number of points of a batch.
+#: Largest number of points of a dataset that are computed as one batch.
 MAX_POINTS = 1 << 16
 #: Largest ratio of the number of points of a batch to that of the last measured batch.
 MAX_GROWTH = 4

@@ -27,7 +27,7 @@ from cam_rig.show.tables import pluralize
 
 #: Name of the file in the folder that the only writer locks.
 LOCK_FILE = ".lock"
-#: Glob pattern of the files of batches.
+#: Glob pattern of the Parquet files of a dataset, one per batch of points.
 FILE_PATTERN = "points-*.parquet"
 #: Pattern of the name of a file, which contains first point, end (exclusive) and digest.
 _NAME = re.compile(r"points-(\d+)-(\d+)-([0-9a-f]{16})\.parquet")
@@ -59,7 +59,7 @@ class Study(Protocol):
 
     @property
     def total(self) -> int:
-        """Number of points."""
+        """Number of points of a dataset."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,10 @@ class PointFiles:
                 part.unlink(missing_ok=True)
 
     def batches(self) -> list[tuple[int, int, Path]]:
-        """Return first point, end (exclusive) and file of each batch, in order."""
+        """Return the first point, the end (exclusive) and the file of each stored batch.
+
+        They are in the order of the points.
+        """
         paths = self.folder.glob(FILE_PATTERN)
         matches = ((_NAME.fullmatch(path.name), path) for path in paths)
         return sorted((int(match[1]), int(match[2]), path) for match, path in matches if match)

@@ -23,7 +23,7 @@ from cam_rig.units import NS, TURN, FloatArray
 EventKind = Literal["lift-off", "landing"]
 Time = TypeVar("Time", float, FloatArray)
 
-#: Names of the rows of an array of samples, with their units.
+#: Names and units of the rows of an array of follower samples.
 COLUMNS = (
     "t [s]",
     "lift [m]",
@@ -213,7 +213,7 @@ class Interval:
         return self.turns * TURN + self.angle_at(time)
 
     def speed_at(self, time: Time) -> Time:
-        """Return the cam speed (rad/s) at times (s) since the start of the interval."""
+        """Return the cam speed (rad/s) at times (s) since the start of an interval."""
         return self.speed + self.acceleration * time
 
     def time_at(self, angle: float) -> float:

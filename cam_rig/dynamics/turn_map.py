@@ -107,7 +107,10 @@ class TurnsRun:
 
     @property
     def derivatives(self) -> FloatArray:
-        """Derivative of the state after each turn by the state before it, ``(turns, n, n)``."""
+        """Derivative of the follower's state after each turn by that before it.
+
+        The shape is ``(turns, n, n)`` for states with n numbers.
+        """
         return np.ascontiguousarray(self.records["derivative"][:, : self.size, : self.size])
 
     def derivative(self) -> FloatArray:

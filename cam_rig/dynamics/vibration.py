@@ -54,7 +54,7 @@ class LowDwell:
 
     @property
     def middle(self) -> float:
-        """Cam angle of the middle of the window, in [0, 2π), rad."""
+        """Cam angle in the middle of the low dwell, in [0, 2π), rad."""
         return (self.start + 0.5 * self.span) % TURN
 
     def contains(self, angle: FloatArray) -> NDArray[np.bool_]:

@@ -76,7 +76,7 @@ class SetpointSchedule:
 
     @property
     def next_state(self) -> CamState | None:
-        """Next state, None after the last state and after an emergency stop."""
+        """Next cam state to send, None after the last state and after an emergency stop."""
         if self._planned is None or self.state.halted:
             return None
         planned = self._shifted(self._planned)
@@ -90,7 +90,7 @@ class SetpointSchedule:
         return planned is not None and cams is not None and cams[0] == planned.cam
 
     def advance(self) -> None:
-        """Advance to the state after `next_state`, which has been sent."""
+        """Advance to the cam state after `next_state`, which has been sent."""
         previous, sent, speed = self._planned, self.next_state, self._commanded_speed
         assert previous is not None and sent is not None
         planned = self._shifted(previous)
@@ -187,7 +187,10 @@ class SetpointSchedule:
         self.state = replace(state, time_shift=time_ns, angle_shift=angle, turn_shift=turns)
 
     def _shifted(self, planned: CamState) -> CamState:
-        """Return a state of the plan with the present shifts and the overriding cam."""
+        """Return a planned cam state with the shifts of time and angle by live commands.
+
+        A cam that an operator has mounted replaces the planned cam.
+        """
         state, cam = self.state, planned.cam
         if state.cam is not None and state.cam[0] == planned.cam:
             cam = state.cam[1]
@@ -246,12 +249,12 @@ class DriveProgram:
 
     @property
     def halted(self) -> bool:
-        """True from an emergency stop to the next reset."""
+        """True from an emergency stop of the cam to the next reset."""
         return self.schedule.state.halted
 
     @property
     def at_start(self) -> bool:
-        """True if no state was sent since the start or the last reset."""
+        """True if no cam state was sent since the start or the last reset."""
         return self.sent == self._sent_before_reset
 
     def take(self, now: float) -> CamState | None:

@@ -58,7 +58,7 @@ class FlowControl:
         return self.in_flight < MAX_TICKS_IN_FLIGHT
 
     def record_sent(self, stamp_ns: int) -> None:
-        """Record that the state of a stamp (ns) was sent."""
+        """Record that the cam state with a stamp (rig time, ns) was sent."""
         self._sent.append(stamp_ns)
 
     def acknowledge(self, consumer: str, stamp_ns: int) -> bool:
@@ -139,7 +139,7 @@ def factor_of(pacing: str) -> float | None:
 class Pacing:
     """Real-time pacing: computes the wall-clock time at which each state is due."""
 
-    #: Real-time factor, None for a free run, which never waits.
+    #: Real-time factor of the run, None for a free run, which never waits.
     factor: float | None = None
     #: Time (s, wall clock) that was lost at the last cam state because it was sent too late, 0
     #: while the run is on time.
@@ -150,15 +150,22 @@ class Pacing:
     _is_paused: bool = field(default=False, repr=False)
 
     def set(self, pacing: str) -> None:
-        """Set the pacing from the next state on."""
+        """Set the pacing (``free``, ``real_time`` or a factor such as ``20x``) of a run.
+
+        It applies from the next cam state on.
+        """
         self.factor, self._reference, self.late = factor_of(pacing), None, 0.0
 
     def pause(self) -> None:
-        """Stop rig time until the next state is sent, which is then due at once."""
+        """Stop rig time until the next cam state is sent, which is then due at once."""
         self._is_paused = True
 
     def wait(self, rig_ns: int, now: float) -> float:
-        """Return the time (s) from `now` (wall clock) until a state at `rig_ns` is due."""
+        """Return the time (s) from `now` (wall clock) until a cam state is due.
+
+        `rig_ns` is the rig time of the state in ns. The result is 0 in a free run, before the first
+        state and after a pause.
+        """
         if self.factor is None or self._reference is None or self._is_paused:
             return 0.0
         return max(0.0, self._due(rig_ns) - now)
@@ -174,7 +181,10 @@ class Pacing:
         return reference_ns + round((now - wall) * self.factor * NS)
 
     def record_sent(self, rig_ns: int, now: float) -> None:
-        """Record that the state at `rig_ns` was sent at wall-clock time `now` (s)."""
+        """Record that a cam state was sent at wall-clock time `now` (s).
+
+        `rig_ns` is the rig time of the state in ns.
+        """
         self.late = 0.0
         if self.factor is None:
             return
@@ -185,7 +195,10 @@ class Pacing:
             self.late, self._reference = late, (rig_ns, now)
 
     def _due(self, rig_ns: int) -> float:
-        """Return the wall-clock time (s) at which the state at `rig_ns` is due."""
+        """Return the wall-clock time (s) at which a cam state is due.
+
+        `rig_ns` is the rig time of the state in ns.
+        """
         assert self.factor is not None and self._reference is not None
         reference_ns, wall = self._reference
         return wall + (rig_ns - reference_ns) / NS / self.factor
@@ -212,11 +225,11 @@ class LostTime:
         self._waits = Counter[str]()
 
     def add(self, late: float) -> None:
-        """Add the time (s, wall clock) that was lost at a state, `Pacing.late`."""
+        """Add wall-clock time (s) that a paced run lost at a cam state, `Pacing.late`."""
         self._lost += late
 
     def count_wait(self, node: str) -> None:
-        """Count a moment at which a due state cannot be sent because of a node."""
+        """Count a moment at which a due cam state cannot be sent because of a node."""
         self._waits[node] += 1
 
     def text(self, factor: float, now: float, window: float) -> str:

@@ -68,7 +68,7 @@ class Playback:
         #: Number of changes of the stored ticks (times between two cam states). A result of
         #: `samples_at` is valid until the next change.
         self.version = 0
-        #: Rig time (ns) of the sample that was shown last, -1 before the first.
+        #: Rig time (ns) of the follower sample that was displayed last, -1 before the first.
         self.shown_ns = -1
         #: Delay (s, wall clock) of the sample that was shown last behind the drive.
         self.lag = 0.0

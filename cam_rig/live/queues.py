@@ -86,7 +86,10 @@ class TickMatcher:
         self._states.append(state)
 
     def add_block(self, rows: FloatArray) -> None:
-        """Add the next block, shape (6, n), with rig time in s in its first row."""
+        """Add the next block of follower samples, shape (6, n).
+
+        Its first row contains the rig times in s.
+        """
         self._blocks.append(rows)
 
     def complete(self) -> Iterator[tuple[CamState, CamState, FloatArray]]:

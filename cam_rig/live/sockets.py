@@ -30,7 +30,7 @@ def require_loopback() -> None:
 MAX_LINE = 1 << 24
 #: Maximum number of bytes in the queue for sending. If it is longer, the server no longer reads.
 MAX_UNSENT = 1 << 25
-#: Number of bytes that are read or sent in one call.
+#: Number of bytes that are read from or written to a socket in one call.
 _CHUNK = 1 << 16
 
 
@@ -73,11 +73,11 @@ class LineSocket:
         return [parse_line(line) for line in lines]
 
     def queue(self, message: dict[str, Any]) -> None:
-        """Queue an object for the next `flush`, which sends all queued objects together."""
+        """Queue a JSON object for the next `flush`, which sends all of them together."""
         self._unsent += line_of(message)
 
     def send(self, message: dict[str, Any]) -> None:
-        """Send an object now, or with the next `flush` if the server does not take it yet."""
+        """Send a JSON object now, or with the next `flush` if the server is not ready."""
         self.queue(message)
         self.flush()
 

@@ -44,11 +44,14 @@ class StateValidator:
 
     @classmethod
     def of(cls, scene: SceneConfig) -> StateValidator:
-        """Return the validator for the states of a scene."""
+        """Return the validator for the cam states of a scene."""
         return cls(scene.sample_rate.si, TURN / scene.schedule.ticks_per_turn)
 
     def validate(self, state: CamState) -> None:
-        """Accept a state as the next of the cam, or raise RefusedError if it cannot be."""
+        """Accept a received cam state, or raise RefusedError.
+
+        It is refused if it cannot follow the previous accepted state.
+        """
         require_possible(state)
         last = self._last
         is_stopped = last is not None and last.speed == 0.0 and not last.turns_until(state)

@@ -125,12 +125,12 @@ class Robot:
 
     @property
     def top_speed(self) -> float:
-        """Highest speed of the scene in rad/s."""
+        """Highest cam speed of the scene in rad/s."""
         return max(self.loaded.scene.schedule.speeds.si_list)
 
     @property
     def max_force_and_velocity(self) -> tuple[float, float]:
-        """Largest contact force (N) and velocity (m/s) of all cams at `top_speed`."""
+        """Largest contact force (N) and velocity (m/s) of all cams at the highest speed."""
         forces = [max_contact_force(self.loaded, cam, self.top_speed) for cam in self.cams]
         slopes = [abs(peak(self.loaded.laws[cam], 1).value) for cam in self.cams]
         return max(forces), max(slopes) * self.top_speed

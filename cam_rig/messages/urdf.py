@@ -258,7 +258,7 @@ def _joint(root: Element, robot: Robot, joint: RobotJoint) -> None:
 
 
 def _ros2_control(robot: Robot, namespace: str) -> Element:
-    """Return the element for ros2_control: velocity commands of the cam, states of both joints.
+    """Return the URDF element for ros2_control, with commands and states of joints.
 
     `namespace` is that of the topics of the rig.
     """

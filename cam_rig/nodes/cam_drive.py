@@ -51,7 +51,7 @@ class DriveControls:
             node.create_trigger(action.__name__, action)
 
     def start(self) -> str:
-        """Start or resume the motion."""
+        """Start or resume the rotation of the cam."""
         if self._program.halted:
             raise RunError("the emergency stop is active; call reset, then start")
         self._program.run(True)
@@ -215,7 +215,7 @@ class CamDrive(ClockSource):
         self.start_flow(consumers, self.program.flow)
 
     def set_pacing(self, pacing: str) -> None:
-        """Set the pacing from the next state on: free, real_time, or a factor such as 20x."""
+        """Set the pacing from the next cam state on: free, real_time, or such as 20x."""
         self.program.pacing.set(pacing)
         self._lost_time = LostTime(time.monotonic())
         factor = self.program.pacing.factor
@@ -235,7 +235,7 @@ class CamDrive(ClockSource):
             self._simulation.update()
 
     def send_next(self) -> bool:
-        """Publish the next state and return True, or return False if it must wait."""
+        """Publish the next cam state and return True, or return False if it must wait."""
         if (state := self.program.take(time.monotonic())) is None:
             return False
         self.send(state)
@@ -283,7 +283,7 @@ class CamDrive(ClockSource):
         super().conclude(spin_once)
 
     def _publish_clock(self) -> None:
-        """Advance /clock between two states of a paced run."""
+        """Publish a rig time on /clock between two cam states of a paced run."""
         time_ns = self.program.time_ns(time.monotonic())
         if time_ns is not None and not self.done.done():
             self.publish_time(time_ns)
@@ -324,7 +324,7 @@ class CamDrive(ClockSource):
         return self.program.schedule.state.speed is not None
 
     def activity(self) -> Activity:
-        """Return the current activity for the heartbeat."""
+        """Return the current activity of the drive for its heartbeat message."""
         if self.program.halted:
             return Activity("emergency", (), "emergency stop, waiting for ~/reset")
         if self._not_ready or self.program.running:

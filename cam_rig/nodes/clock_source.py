@@ -55,7 +55,10 @@ class SpeedLog:
         self._previous = self._logged = ("", 0.0)  # cam, speed in rad/s
 
     def update(self, state: CamState, is_commanded: bool) -> str:
-        """Return the line to log for a published state, or an empty string."""
+        """Return the log line for a published cam state, or an empty string.
+
+        There is a line if the cam or its steady speed has changed.
+        """
         rpm = to_rpm(state.speed)
         current, previous = (state.cam, state.speed), self._previous
         self._previous = current
@@ -78,13 +81,13 @@ class ClockSource(RigNode):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self._speed_log = SpeedLog()
-        #: Rig time (ns) of the last message on /clock, and of the last state.
+        #: Rig time (ns) of the last message on /clock, and of the last published cam state.
         self.clock_ns = self.newest_ns = -1
-        #: State that was published last, None before the first.
+        #: Cam state that was published last, None before the first.
         self.newest: CamState | None = None
         self._progress_at = time.monotonic()
         self._not_ready: set[str] = set()
-        #: Consumers that were connected and have left.
+        #: Names of consumers of the cam states that were connected and have left.
         self._absent: set[str] = set()
         # Created before the publisher of states, because DDS discovers them in this order: a node
         # that receives states also knows the publisher of the real-time factor.
@@ -206,7 +209,7 @@ class ClockSource(RigNode):
         self.send_due()
 
     def _check_progress(self) -> None:
-        """Continue without optional consumers that have left or do not answer."""
+        """Stop waiting for optional consumers that have left or do not answer."""
         if self.done.done():
             return
         waited = time.monotonic() - self._progress_at
@@ -223,7 +226,7 @@ class ClockSource(RigNode):
         self.send_due()
 
     def activity(self) -> Activity:
-        """Return the current activity for the heartbeat."""
+        """Return the current activity of the node for its heartbeat message."""
         if names := sorted(self._not_ready):
             return Activity("waiting", names, f"waiting for {', '.join(names)}")
         is_waiting = time.monotonic() - self._progress_at > WAITING_AFTER_S

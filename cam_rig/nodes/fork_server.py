@@ -46,7 +46,7 @@ PRELOADED = (
     "type_description_interfaces.srv",
     "visualization_msgs.msg",
 )
-#: Maximum length of a request in bytes.
+#: Largest length of a request to fork a node, bytes.
 MAX_REQUEST = 1 << 20
 #: Number of file descriptors of a request: leash, stdout, stderr, and a pipe for the drive's
 #: progress. The leash is a pipe that is closed without a byte if the node must not start.

@@ -95,7 +95,7 @@ class MotionPublisher:
             self._thread.start()
 
     def close(self) -> None:
-        """Stop the playback thread."""
+        """Stop the thread that plays back the motion of the follower."""
         self._closed.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -135,7 +135,10 @@ class MotionPublisher:
             due += self._period * (1.0 + missed_periods)
 
     def _prepare(self, samples: PlaybackSamples) -> list[Instant]:
-        """Return the messages of the subscribed topics, grouped by instant."""
+        """Return the messages of the subscribed topics for samples of the motion.
+
+        They are grouped by instant.
+        """
         messages = self._motion.of_tick(*samples.tick, self._subscribed_topics(), samples.indices)
         groups = groupby(messages, attrgetter("time_ns"))
         return [Instant(samples, index, list(group)) for index, (_, group) in enumerate(groups)]

@@ -86,7 +86,7 @@ class Recorder(RigNode):
         self.get_logger().info(f"recording into {self._path}, waiting for the other nodes")
 
     def monitor_run_end(self) -> None:
-        """End the node when the run is over and all its messages are written."""
+        """End the node when the run is over and all messages of the run are written."""
         if self.settings["on_finish"] != WAIT:
             monitor = LostDriveMonitor(self)
             self.subscribe_raw(topics.FINISHED, self._on_finished, on_publishers=monitor.on_drives)
@@ -131,7 +131,10 @@ class Recorder(RigNode):
         self._bag.idle()
 
     def _finish_if_complete(self) -> None:
-        """Finish if the last state is written, or if no message has arrived for `QUIET_S`."""
+        """End the node if all messages of a finished run are written.
+
+        It also ends if no message has arrived for `QUIET_S`.
+        """
         if self._end_ns is None:
             return
         if self._newest_ns >= self._end_ns or time.monotonic() > self._deadline:

@@ -33,7 +33,7 @@ class RigState:
         self._published_at = 0.0
 
     def update(self) -> None:
-        """Publish the state of the running rig if a message is due."""
+        """Publish the state of the running rig on /rig/state if a message is due."""
         activity, now = self._node.activity(), time.monotonic()
         current = activity.state, activity.text, self._cam
         if current == self._last and now - self._published_at < STATE_PERIOD_S:

@@ -62,13 +62,13 @@ class SimulationControl:
         )
 
     def update(self) -> None:
-        """Continue a waiting step request after a change of the drive."""
+        """Continue a waiting step request after the state of the drive has changed."""
         if self._progress is not None and not self._progress.done():
             self._progress.set_result(None)
 
     @property
     def state(self) -> int:
-        """Present state, a constant of SimulationState."""
+        """Present state of the simulation, a constant of SimulationState."""
         if self._node.done.done():
             return int(SimulationState.STATE_QUITTING)
         if self._program.running:

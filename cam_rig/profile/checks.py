@@ -87,7 +87,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """True if the value satisfies the relation to the limit."""
+        """True if the checked value satisfies the required relation to its limit."""
         return RELATIONS[self.relation](self.value, self.limit)
 
     @property
@@ -97,12 +97,12 @@ class Check:
 
     @property
     def angle_in_turn(self) -> float | None:
-        """Cam angle within one turn in rad, None for the cam as a whole."""
+        """Cam angle (rad, in one turn) of the checked value, None for the cam as a whole."""
         return None if self.angle is None else self.angle % TURN
 
     @property
     def degrees(self) -> float | None:
-        """Cam angle within one turn in degrees, None for the cam as a whole."""
+        """Cam angle (degrees, in one turn) of the checked value, None for the whole cam."""
         return None if self.angle is None else float(np.degrees(self.angle)) % 360.0
 
     def format_value(self, value: float) -> str:
@@ -112,7 +112,7 @@ class Check:
 
     @property
     def allowed(self) -> str:
-        """Required relation and limit as text."""
+        """Required relation and limit of a checked value as text, such as "≥ 2 mm"."""
         return f"{self.relation} {self.format_value(self.limit)}"
 
     def __str__(self) -> str:

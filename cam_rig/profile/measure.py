@@ -34,7 +34,7 @@ ROUND_POINTS = 33
 #: Number of bisections that locate the crossing of the contour with the path of a pointed follower,
 #: from a step of 2π/COARSE_POINTS of the contour's parameter to rounding.
 BISECTIONS = 44
-#: Number of cam angles that are processed together. It limits the memory.
+#: Number of cam angles at which contact is computed together. It limits the memory.
 BLOCK = 64
 
 

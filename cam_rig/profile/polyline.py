@@ -108,7 +108,7 @@ CHORD_SAMPLES = 12
 MAX_CHORD_RATIO = 1.0 / 90.0
 #: Smallest factor by which the number of points is increased if the tolerance is not reached.
 POINTS_FACTOR = 1.08
-#: Largest number of trials to reach the tolerance, each with more points.
+#: Largest number of polylines that are tried to reach the tolerance, each with more points.
 MAX_TRIALS = 12
 #: Smallest accepted tolerance of the chord error, m. Shorter distances are within the rounding of a
 #: coordinate of 1 m.

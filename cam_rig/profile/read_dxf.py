@@ -62,7 +62,7 @@ ARC_POINTS = 20_000
 #: ellipse. An arc of a polyline gets a third of them, 32, whose error is at most 1e-9 of the
 #: radius.
 ARC_SEGMENTS = 96
-#: Number of points of a curve at which its refinement stops.
+#: Number of points of a curve at which the refinement of its chords stops.
 MAX_POINTS = 1_000_000
 #: Largest distance (m) between the ends of two entities of a drawing that are joined. Programs
 #: write 3 to 16 decimals of mm.

@@ -103,7 +103,7 @@ class LawQuantity:
 
     @property
     def factor(self) -> float:
-        """Factor from the display unit ``unit`` to SI."""
+        """Factor from the display unit ``unit`` of the quantity to SI."""
         return self.units[self.unit]
 
     @property
@@ -133,7 +133,7 @@ class Term:
 
     @property
     def name(self) -> str:
-        """Key of the quantity."""
+        """Key of the quantity, without its domain."""
         return self.quantity.name
 
     @property

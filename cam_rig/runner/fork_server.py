@@ -111,7 +111,7 @@ class ForkServer:
         self.close()
 
     def begin(self) -> ForkServer:
-        """Start the server process if possible and not yet done, without waiting for it."""
+        """Start the fork server if possible and not yet done, without waiting for it."""
         if not self._usable or self._process is not None:
             return self
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -174,7 +174,10 @@ class ForkServer:
 
     @interruptible
     def _fork(self, request: dict[str, object], descriptors: list[int]) -> int | None:
-        """Return the pid of the forked node, or None if the server does not answer."""
+        """Return the process id of a forked node, or None if the server does not answer.
+
+        ``request`` describes the node, and ``descriptors`` are the file descriptors to pass to it.
+        """
         assert self._requests is not None
         pid = b""
         try:
@@ -187,7 +190,7 @@ class ForkServer:
         return int(pid) if pid else None
 
     def close(self) -> None:
-        """Terminate the server process. The forked nodes continue."""
+        """Terminate the fork server. The forked nodes continue."""
         if self._requests is not None:
             self._requests.close()
             self._requests = None

@@ -177,7 +177,10 @@ class Graph:
                 raise RunError(f"node {name} is suspended (SIGSTOP) {self._progress_text}")
 
     def _take_reports(self) -> list[dict[str, float | str]]:
-        """Return all reports received, waiting up to `REPORT_WAIT_S` for the first."""
+        """Return all reports of the drive received so far.
+
+        The call waits up to `REPORT_WAIT_S` for the first report.
+        """
         lines = list[str]()
         with suppress(Empty):
             lines.append(self._progress.get(timeout=REPORT_WAIT_S))
@@ -190,7 +193,7 @@ class Graph:
         return reports
 
     def _handle_exit(self, name: str) -> None:
-        """Raise RunError if the ended node is essential, or else log its end."""
+        """Handle the end of a node: raise RunError if it is essential, or else log it."""
         text = self._exit_text(name) + self._last_line(name)
         if ENTRIES[name].essential:
             raise RunError(text)

@@ -236,7 +236,7 @@ def _open_lock(path: Path) -> int:
 #: Number of bytes of shared memory that must be free before a run. The locks of seven nodes need
 #: one page of memory each; the limit is several times their sum.
 MIN_FREE_BYTES = MIB
-#: Text of the remedy in messages about a full shared memory.
+#: Remedy in error messages about a full shared memory.
 REMEDY = "remove files from it, or give a container more (docker run --shm-size=256m)"
 #: Folder of the shared memory on Linux.
 SHARED_MEMORY = Path("/dev/shm")

@@ -31,11 +31,11 @@ THIN = -0.5
 UNSEEN = -0.1
 #: Margin for labels on the left of the axes, as a fraction of their width.
 LEFT_MARGIN = 0.17
-#: Margin on the right of the axes, as a fraction of their width.
+#: Free space on the right of the axes of a chart, as a fraction of their width.
 RIGHT_MARGIN = 0.05
-#: Margin above the axes, as a fraction of their height.
+#: Free space above the axes of a chart, as a fraction of their height.
 TOP_MARGIN = 0.1
-#: Margin for labels below the axes, as a fraction of their height.
+#: Free space for labels below the axes of a chart, as a fraction of their height.
 BOTTOM_MARGIN = 0.12
 #: Margin above the highest number of an axis over time, as a fraction of the range below it.
 TENS_MARGIN = 0.05
@@ -66,7 +66,10 @@ class Axes:
     top: float = 0.0
 
     def place(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the points `(n, 2)` in the plane of values x and y, each `(n,)`."""
+        """Return the points `(n, 2)` in the drawing plane of values on both axes.
+
+        `x` and `y` are the values, each `(n,)`.
+        """
         across = (x - self.x[0]) / (self.x[1] - self.x[0])
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
         return np.column_stack([across * self.width, self.top + (1.0 - up) * self.height])
@@ -137,7 +140,7 @@ class Axes:
     def draw_labels(
         stream: rr.RecordingStream, entity: str, positions: FloatArray, marks: Mapping[float, str]
     ) -> None:
-        """Draw the labels of marks at positions `(n, 2)`, as static data."""
+        """Draw the labels of axis marks at positions `(n, 2)`, as static data."""
         labels = [*marks.values()]
         points = rr.Points2D(
             positions, labels=labels, show_labels=True, colors=colours.GREY, radii=UNSEEN
@@ -175,7 +178,8 @@ def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
 def round_range(low: float, high: float) -> tuple[float, float, float]:
     """Return the ends and the step of an axis that contains two values.
 
-    The step is 1, 2 or 5 times a power of ten, and at most five steps lie between the values.
+    `low` and `high` are the values. The results are lower end, upper end and step. The step is 1, 2
+    or 5 times a power of ten, and at most five steps lie between the values.
     """
     if not high > low:
         high = low + 1.0

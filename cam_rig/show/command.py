@@ -73,7 +73,7 @@ class ProgressBar(Progress):
         self._task: Any = None
 
     def start(self, total: int | None, description: str = "") -> None:
-        """Start a task of `total` steps (None: unknown), replacing the previous task."""
+        """Start a task of `total` steps (None: unknown), which replaces the previous task."""
         if self._bar is not None:
             self._bar.remove_task(self._task)
         elif console.is_terminal:
@@ -83,7 +83,7 @@ class ProgressBar(Progress):
             self._task = self._bar.add_task(printable(description), total=total)
 
     def advance(self, steps: int = 1) -> None:
-        """Report completed steps."""
+        """Report completed steps of the present task to the progress bar."""
         if self._bar is not None:
             self._bar.advance(self._task, steps)
 
@@ -93,7 +93,7 @@ class ProgressBar(Progress):
             self._bar.update(self._task, description=printable(description))
 
     def stop(self) -> None:
-        """Remove the bar."""
+        """Remove the progress bar from the terminal."""
         if self._bar is not None:
             self._bar.stop()
 

@@ -26,7 +26,7 @@ import numpy as np
 from cam_rig.show.tables import typeset_number
 from cam_rig.units import FloatArray
 
-#: Colours of cams, as 0xRRGGBBAA.
+#: Colours by which cams are distinguished in pictures, as 0xRRGGBBAA.
 COLOURS = (
     *(0x4477AAFF, 0xEE6677FF, 0x228833FF, 0xCCBB44FF, 0xAA3377FF, 0x66CCEEFF),
     *(0x222255FF, 0x663333FF),
@@ -44,7 +44,7 @@ DASHES: tuple[Any, ...] = (
     (0, (4, 1.2, 1, 1.2, 1, 1.2)),
 )
 
-#: Markers of cams, one for each dash.
+#: Markers by which cams are distinguished in pictures, in matplotlib's notation, one for each dash.
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 #: Names of the shipped cams, then of rises (motion laws of a single segment) without a cam of the
 #: same name. The index of a name determines its look, so new names are appended.
@@ -142,7 +142,7 @@ PER_RADIAN = ("", "/rad", "/rad²", "/rad³")
 DISCS = (BLUE, VERMILION)
 #: Colour of the pitch curve of a cam on paper.
 PITCH_CURVE = GREEN
-#: Colour of the limits of a check on paper.
+#: Colour of the lines that mark limits in figures on paper.
 LIMIT = PURPLE
 
 

@@ -92,12 +92,12 @@ class Column:
 
     @property
     def si_unit(self) -> str:
-        """Unit of the exported values."""
+        """SI unit in which the values of a table column are exported."""
         return SI_UNITS.get(self.unit, (self.unit, 1.0))[0]
 
     @property
     def header(self) -> Header:
-        """Heading, unit and number format of the displayed column."""
+        """Heading, unit and number format with which a table column is displayed."""
         heading = self.heading or self.key.replace("_", " ")
         return Header(heading, self.unit, self.number_format, self.missing)
 
@@ -124,7 +124,7 @@ class Column:
         return str(value) if isinstance(value, Enum | bool) else value
 
     def text(self, record: Any) -> str:
-        """Return the text of the displayed cell."""
+        """Return the text of a table column's displayed cell for a record."""
         return self.header.format(self.display_cell(record))
 
 
@@ -182,7 +182,10 @@ class Records:
         return replace(self, records=[r for r in self.records if group_of(r) == group])
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return a dict per record: column key -> value in SI units, None if not finite."""
+        """Return the records of a table as dicts: column key -> value in SI units.
+
+        A value is None if it is not finite.
+        """
         return [{c.key: to_json_value(c.value(r)) for c in self.columns} for r in self.records]
 
     def data(self) -> Any:
@@ -217,11 +220,11 @@ class Records:
 
     @property
     def footnotes(self) -> list[Footnote]:
-        """Notes as footnotes. A plain sentence applies to every record."""
+        """Notes of a table as footnotes. A plain sentence applies to every record."""
         return [note if isinstance(note, Footnote) else Footnote(note) for note in self.notes]
 
     def column(self, key: str) -> Column:
-        """Return a column by its key."""
+        """Return the column of a table with the given key."""
         return next(c for c in self.columns if c.key == key)
 
 
@@ -293,7 +296,7 @@ class Result:
         raise NotImplementedError
 
     def summary(self) -> list[str]:
-        """Return the sentences to print under the tables."""
+        """Return the sentences that are printed under the tables of a result."""
         return []
 
     def table(
@@ -324,11 +327,11 @@ class Result:
         return [part for table in self.tables() for part in table.to_display(labels)]
 
     def data(self) -> dict[str, Any]:
-        """Return the schema and every table by its key, in SI units."""
+        """Return the schema and every table of a result by its key, in SI units."""
         return {"schema": self.schema} | {table.key: table.data() for table in self.tables()}
 
     def to_json(self) -> str:
-        """Return `data` as JSON."""
+        """Return the schema and the tables of a result as JSON."""
         return json.dumps(self.data(), indent=2)
 
     def to_pandas(self, key: str = "") -> DataFrame:
@@ -396,10 +399,10 @@ class Progress:
         """
 
     def advance(self, steps: int = 1) -> None:
-        """Report completed steps."""
+        """Report completed steps of the present task of a computation."""
 
     def describe(self, description: str) -> None:
-        """Report the current item, or the best result so far."""
+        """Report the current item of a computation, or its best result so far."""
 
     def track(self, items: Iterable[Item]) -> Iterator[Item]:
         """Iterate over items, reporting each of them as a step."""

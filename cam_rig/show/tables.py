@@ -15,7 +15,7 @@ from typing import TypeVar
 
 Item = TypeVar("Item")
 
-#: Line width of Markdown text outside a table, in characters.
+#: Largest line width of Markdown text outside of tables, in characters.
 MARKDOWN_WIDTH = 100
 #: Largest number of significant digits of a decimal number in a table of a report or browser page.
 MAX_PAGE_DIGITS = 4
@@ -52,7 +52,7 @@ class Header:
 
     @property
     def title(self) -> str:
-        """Heading with its unit: ``time [s]``."""
+        """Heading of a table column with its unit: ``time [s]``."""
         return f"{self.heading} [{self.unit}]" if self.unit else self.heading
 
     def format(self, cell: Cell) -> str:
@@ -115,7 +115,7 @@ class DataTable:
 
     @property
     def text_rows(self) -> list[list[str]]:
-        """Texts of the cells in the number formats of their columns, row by row."""
+        """Texts of a table's cells in the number formats of their columns, row by row."""
         return [[c.format(v) for c, v in zip(self.columns, r, strict=True)] for r in self.rows]
 
     @property

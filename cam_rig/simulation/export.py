@@ -40,7 +40,7 @@ class ExportColumn(NamedTuple):
     attribute: str  #: attribute of `TickSamples` with the numbers
 
 
-#: Columns of numbers, in the order of the files.
+#: Columns of numbers of an exported file, in their order.
 COLUMNS = (
     ExportColumn("time_s", "s", "rig time", "time"),
     ExportColumn("rpm", "rpm", "cam speed", "rpm"),
@@ -224,7 +224,7 @@ CHANNELS = tuple(i for i, column in enumerate(COLUMNS) if column.name not in NO_
 MAX_BYTES = 2**32 - 2**16
 #: Format code of floating-point samples in a WAV file (WAVE_FORMAT_IEEE_FLOAT).
 IEEE_FLOAT = 3
-#: End of the messages on runs that a WAV file cannot contain.
+#: End of the error messages on runs that a WAV file cannot contain.
 REMEDY = "so select one --cam and --rpm, or write .parquet, .npz or .csv"
 
 

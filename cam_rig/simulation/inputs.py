@@ -49,9 +49,10 @@ Speeds = float | Sequence[float] | FloatArray
 
 #: Largest number of rigs that an error message lists. More would not fit in one line.
 MAX_LISTED_RIGS = 5
-#: Name of the shipped rig that is used for cams without a rig.
+#: Name of the shipped rig that is used if no rig is given or found for cams.
 DEFAULT_RIG = "paper_table2"
-#: Largest number of speeds that is accepted. A longer table takes minutes and is not readable.
+#: Largest number of cam speeds that a study accepts. A longer table would take minutes and not be
+#: readable.
 MAX_SPEEDS = 1000
 #: Lowest cam speed that is accepted, rpm: below the speed of any real cam.
 MIN_RPM = 0.01

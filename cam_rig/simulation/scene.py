@@ -150,7 +150,8 @@ RELATIVE_NOTE = (
 #: Text in the source of a fitted constant that precedes the model and the follower with which it
 #: was fitted.
 FITTED_WITH = "; fitted with "
-#: SI units of the follower's numbers. All others are ratios.
+#: SI units of the follower's numbers by their keys in a rig file. Numbers without an entry are
+#: ratios.
 SI_UNITS = {
     "mass": "kg",
     "spring_stiffness": "N/m",
@@ -268,7 +269,7 @@ class LoadedScene:
 
     @property
     def missing_for_sound(self) -> tuple[str, ...]:
-        """Keys of the numbers that the rig lacks for a sound level."""
+        """Keys of the numbers that a sound level requires and the rig does not have."""
         return self.rig.missing_for_sound(MODELS[self.scene.model].lifts_off)
 
     @property
@@ -333,7 +334,7 @@ class LoadedScene:
 
     @property
     def calibrated(self) -> bool:
-        """True if the levels are absolute, False if only their differences are valid."""
+        """True if computed sound levels are absolute, False if only differences are valid."""
         return is_calibrated(self.rig, self.scene.model)
 
     def level_origin(self, cam: str) -> LevelOrigin:
@@ -429,11 +430,12 @@ def max_contact_force(loaded: LoadedScene, cam: str, speed: float) -> float:
     return force_extremes(loaded.laws[cam], loaded.follower, speed)[1]
 
 
-#: Largest number of speeds in the vibration tables.
+#: Largest number of cam speeds in the tables of vibration in a report.
 VIBRATION_SPEEDS = 4
-#: Largest number of speeds in a figure of the force over the turn.
+#: Largest number of cam speeds in a figure of the contact force over the turn.
 FORCE_SPEEDS = 5
-#: Largest number of speeds in the report's figure of orders.
+#: Largest number of cam speeds in the report's figure of orders (multiples of the rotational
+#: frequency).
 ORDER_SPEEDS = 13
 
 

@@ -204,12 +204,12 @@ class TickSamples(NamedRows):
 
     @property
     def cam(self) -> str:
-        """Name of the mounted cam."""
+        """Name of the cam that is mounted during the samples."""
         return self.start.cam
 
     @property
     def steady(self) -> bool:
-        """True if the speed is constant, False on a ramp."""
+        """True if the cam speed is constant during the samples, False on a ramp."""
         return self.interval.acceleration == 0.0
 
     def is_of(self, cam: str | None, rpm: float | None) -> bool:
@@ -413,7 +413,7 @@ class Sounding(Protocol):
         """Cam speeds, rad/s, shape `(n,)`."""
 
     def every(self, step: int) -> Sounding:
-        """Return the same sources at every `step`-th speed only."""
+        """Return the same sources of sound at every `step`-th cam speed only."""
 
     def contact_power(self, corner_rate: float) -> FloatArray:
         """Return the mean square of ω_c (F − q) at each speed, (N/s)², shape `(n,)`.
@@ -435,11 +435,11 @@ class Turns:
 
     @property
     def rpm(self) -> FloatArray:
-        """Cam speeds, rpm."""
+        """Cam speeds of the simulated turns, rpm."""
         return to_rpm(self.speeds)
 
     def every(self, step: int) -> Turns:
-        """Return the same samples at every `step`-th speed only."""
+        """Return the samples of the simulated turns at every `step`-th cam speed only."""
         return Turns(self.speeds[::step], self.forces[::step], self.impulses[::step])
 
     def contact_power(self, corner_rate: float) -> FloatArray:
@@ -517,5 +517,8 @@ class Acoustics:
     def with_constants(
         self, gain: float, corner: float, response: tuple[float, ...] = ()
     ) -> Acoustics:
-        """Return the constants with another gain, corner (Hz) and speed response."""
+        """Return the acoustic constants with another gain, corner and speed response.
+
+        ``corner`` is the corner frequency in Hz.
+        """
         return Acoustics(replace(self.radiation, gain=gain, corner_frequency=corner), response)

@@ -29,11 +29,11 @@ class PublishedCam:
 
     @property
     def rpm(self) -> FloatArray:
-        """Cam speeds, rpm."""
+        """Cam speeds of the turns, rpm."""
         return to_rpm(self.turns.speeds)
 
     def every(self, step: int) -> PublishedCam:
-        """Return the same data at every `step`-th speed only."""
+        """Return the turns and levels of a cam at every `step`-th speed only."""
         return PublishedCam(self.cam, self.turns.every(step), self.published[::step])
 
     def difference(self, acoustics: Acoustics) -> FloatArray:
@@ -41,7 +41,10 @@ class PublishedCam:
         return acoustics.levels(self.turns) - self.published
 
     def rms(self, acoustics: Acoustics) -> float:
-        """Return the root mean square of the level difference over all speeds, dB."""
+        """Return the r.m.s. difference (dB) of simulated and published sound levels.
+
+        It is the root mean square over all speeds of the cam.
+        """
         return rms(self.difference(acoustics))
 
 
@@ -54,7 +57,7 @@ class SteadyTurns:
     speeds: FloatArray  #: rad/s
 
     def every(self, step: int) -> SteadyTurns:
-        """Return the same sources at every `step`-th speed only."""
+        """Return the same sources of sound at every `step`-th cam speed only."""
         return SteadyTurns(self.law, self.follower, self.speeds[::step])
 
     def contact_power(self, corner_rate: float) -> FloatArray:

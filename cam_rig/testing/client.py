@@ -199,7 +199,7 @@ class RigClient:
             raise RunError(f"{node}: {name}: {result.reason}")
 
     def get_parameter(self, node: str, name: str) -> Any:
-        """Return the value of a parameter of a node."""
+        """Return the present value of a parameter of a node."""
         request = GetParameters.Request(names=[name])
         values = self.ask(GetParameters, f"/{node}/get_parameters", request).values
         return parameter_value_to_python(values[0])

@@ -337,7 +337,7 @@ class RunningRig(RigClient):
         return program
 
     def _watch(self) -> None:
-        """Store the reports of the drive until the run is over (thread `_watcher`)."""
+        """Store the reports of the drive until the run is over, in the thread `_watcher`."""
         try:
             for report in self._graph.progress():
                 self.ticks.append(report)

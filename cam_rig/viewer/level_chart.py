@@ -26,7 +26,7 @@ from cam_rig.viewer.turn_chart import MAX_TITLE, TurnAxes, curve, label
 from cam_rig.viewer.turn_chart import WIDTH as TURN_WIDTH
 
 VIEW = "noise"
-#: Range of the level axis (dB) if the scene has no published curves.
+#: Range of the axis of sound levels (dB) if the scene has no published curves.
 LEVELS = (50.0, 110.0)
 #: Radius of a dash of a published curve. Rerun interprets a negative radius in points of the
 #: screen.
@@ -35,9 +35,9 @@ LINE = -1.2
 POINT = -4.0
 #: Radius of a point of a finished run, in points of the screen (negative for Rerun).
 FINAL = -2.5
-#: Number of dashes of a published curve.
+#: Number of dashes with which a published curve is drawn.
 DASHES = 40
-#: Width of the plane of the chart, whose height is 100.
+#: Width of the drawing plane of the chart of sound levels, whose height is 100.
 WIDTH = 200.0
 #: Width of a letter of a cam's name, in the units of the plane of the chart.
 LETTER = 4.4
@@ -132,7 +132,7 @@ class LevelChart:
         return level
 
     def flush(self) -> None:
-        """Draw the points of the levels that were measured since the last call."""
+        """Draw the points of the sound levels that were measured since the last call."""
         for cam, (time_ns, angle) in self._new.items():
             entity = f"{VIEW}/measured/{cam}"
             if cam not in self._drawn:
@@ -146,7 +146,7 @@ class LevelChart:
         self._new = {}
 
     def finish(self) -> None:
-        """Draw the points of all levels as static data, visible at every time."""
+        """Draw the points of all sound levels as static data, visible at every time."""
         for cam in self._measured.levels:
             points = rr.Points2D(self._points(cam), colors=of_cam(cam), radii=FINAL)
             self._canvas.log_static(f"{VIEW}/final/{cam}", points)
@@ -189,7 +189,7 @@ class LevelChart:
             )
 
     def _points(self, cam: str) -> FloatArray:
-        """Return the positions of a cam's points in the chart, shape (n, 2)."""
+        """Return the positions of a cam's measured sound levels in the chart, (n, 2)."""
         steps = self._measured.levels[cam]
         return self._axes.place(np.array(list(steps)) * RPM_PER_RAD_S, np.array([*steps.values()]))
 
@@ -303,7 +303,7 @@ class BandChart:
         self._waiting.append((time, angle, levels))
 
     def flush(self) -> None:
-        """Send the bars that were added since the last call to the recording."""
+        """Send the bars of sound levels that were added since the last call to the recording."""
         if not self._waiting:
             return
         time, angle, levels = zip(*self._waiting, strict=True)
@@ -342,7 +342,7 @@ ROW = 80.0
 NAMES_IN_LINE = 2
 #: Vertical distance between two lines of cam names, in the units of the plane.
 NAME_STEP = 11.0
-#: Radius of a curve, in points of the screen (negative for Rerun).
+#: Radius of a curve of the overlaid turns, in points of the screen (negative for Rerun).
 STROKE = -0.9
 
 

@@ -27,7 +27,7 @@ TIMELINE = "rig_time"
 SHOWN_PATH = "/shown"
 #: Period (s, wall clock) at which a page reports its rig time.
 REPORT_EVERY_S = 1.0
-#: Period (s, wall clock) at which a page checks for its first data.
+#: Period (s, wall clock) at which a page checks if its first data have arrived.
 LOOK_EVERY_S = 0.1
 #: Script that reads the displayed rig time from the state of Rerun's web viewer, a protobuf
 #: message. Field 3 of the state contains the recordings. Field 3 of a recording is its time cursor,
@@ -137,7 +137,8 @@ class PageTime:
         self._clock, self._open = clock, Event()
         self._driven, self._when = list[float](), list[float]()
         self._reported: tuple[float, float] | None = None
-        #: The longest delay (s) that a page has reported; None before the first.
+        #: Longest delay (s) behind the drive that a page has reported, None before the first
+        #: report.
         self.longest: float | None = None
 
     def take(self, query: str) -> None:
@@ -159,7 +160,7 @@ class PageTime:
 
     @interruptible
     def until_open(self) -> None:
-        """Wait until a browser has opened the page."""
+        """Wait until a browser has opened the page of a live run."""
         self._open.wait()
 
     def record_drive(self, rig_time: float) -> None:
@@ -183,7 +184,7 @@ class PageTime:
 # Folder of a live recording, which only this user can read: recordings, and the delay of the page.
 # The viewer's node writes it and the process that serves the page reads it. No port is needed.
 
-#: Name of the file in which the server writes the delay of the page, s.
+#: Name of the file in which the server writes the delay (s) of the page behind the run.
 BEHIND = "behind"
 #: Size (bytes) of a file of a live recording at which the recording continues in the next file
 #: (part).

@@ -51,7 +51,7 @@ class SeriesLine:
     aggregation: AggregationPolicy = AggregationPolicy.MinMax
 
     def style(self) -> rr.SeriesLines:
-        """Return the style of the curve as a Rerun archetype."""
+        """Return the style of a quantity's curve as a Rerun archetype."""
         return rr.SeriesLines(
             colors=self.colour,
             names=self.name,
@@ -75,7 +75,7 @@ class Mark:
     factor: float = 1e3
 
     def style(self) -> rr.SeriesPoints:
-        """Return the style of the points as a Rerun archetype."""
+        """Return the style of marks on the curve of the lift as a Rerun archetype."""
         return rr.SeriesPoints(colors=self.colour, names=self.name, marker_sizes=4.0)
 
 
@@ -146,7 +146,10 @@ class SeriesWriter:
         self.canvas.log_static(self.series.entity, self.series.style())
 
     def add(self, time: FloatArray, angle: FloatArray, values: FloatArray) -> None:
-        """Add samples (SI) at rig times (s) and unwrapped cam angles (rad), ``(n,)`` each."""
+        """Add samples of one curve at rig times (s) and unwrapped cam angles (rad).
+
+        The values are in SI. All arrays have the shape ``(n,)``.
+        """
         if values.size == 0:
             return
         indices = extremes(values, self.bucket)
@@ -158,7 +161,7 @@ class SeriesWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Send the samples that were added since the last call to the recording."""
+        """Send the samples of the curve that were added since the last call to the recording."""
         if self._parts:
             time, angle, values = np.concatenate(self._parts, axis=1)
             columns = rr.Scalars.columns(scalars=values)
@@ -198,7 +201,7 @@ class ShaftTwist:
         return motion.at(time.clip(start_time, motion.stop_time))[0]
 
 
-#: Lower limit, upper limit and step of an axis, in the displayed unit.
+#: Lower limit, upper limit and step of the axis of a quantity, in its displayed unit.
 Range = tuple[float, float, float]
 Ranges = Mapping[str, Range]
 

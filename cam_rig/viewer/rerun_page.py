@@ -46,7 +46,7 @@ from cam_rig.viewer.page import (
 from cam_rig.viewer.process import find_free_port, listening
 from cam_rig.viewer.web_server import LOCAL_HOST, serve_application
 
-#: Address of the viewer, with options that store no data between visits.
+#: Path and options of Rerun's web viewer. With these options it stores no data between visits.
 HOME = "/?hide_welcome_screen&persist=0&notebook=0&renderer=webgl"
 #: Script that adds the cookie to requests of Rerun's code and blocks requests to other hosts.
 GUARD = """<script>

@@ -156,7 +156,7 @@ class RunRecorder:
         self._canvas.rows(RESULTS, self._canvas.times_of(cam_state), columns)
 
     def close(self) -> None:
-        """Draw the results of the last speed and send the remaining data."""
+        """Draw the results of the last cam speed, and send the remaining data."""
         if self._last is not None:
             self._finish_step()
             if self._run_view is not None:

@@ -74,7 +74,7 @@ class TimeSeries:
             self._writers[mark].add(time[mask], angle[mask], lift[mask])
 
     def add(self, line: SeriesLine, state: CamState, value: float) -> None:
-        """Add a single value (SI) of a curve at a cam state."""
+        """Add a single value (SI) to a curve, at the time of a cam state."""
         times = np.array([state.time_ns / NS]), np.array([state.unwrapped])
         self._writers[line].add(*times, np.array([value]))
 
@@ -84,7 +84,7 @@ class TimeSeries:
             writer.flush()
 
 
-#: Entity path of the texts that report events of the run.
+#: Entity path of the texts that report lift-offs, landings and changes in the run.
 EVENTS = "events"
 #: Entity path of the chart of third-octave bands.
 BANDS = "bands"
@@ -181,7 +181,10 @@ class RunView:
         self._scene.flush(until)
 
     def flush(self, until: float = math.inf) -> None:
-        """Send the collected data, curves first, and the pictures up to a rig time (s)."""
+        """Send the collected data to the recording, the curves first.
+
+        Pictures are sent up to the rig time `until` (s).
+        """
         self._time_series.flush()
         self._scene.flush(until)
         # A live run only displays the newest bars of the sound.
@@ -230,7 +233,10 @@ class ResultTable:
         self._levels: dict[tuple[str, float], float] = {}
 
     def motion(self, turn: Turn) -> None:
-        """Set the table row of a cam and speed from the newest turn of that cam."""
+        """Set the row of a cam and speed in the table of results.
+
+        `turn` is the newest turn of the cam, from which the results are computed.
+        """
         force, law = turn.force, self._loaded.laws[turn.cam]
         count = int(lift_offs(force, bool(force[-1] == 0.0)).sum())
         gap = 1e6 * float(gap_of(law, turn.angle, turn).max()) if count else 0.0
@@ -239,7 +245,7 @@ class ResultTable:
         self._motion[turn.cam, turn.speed] = cells
 
     def level(self, cam: str, speed: float, level: float) -> None:
-        """Set the sound level (dB) of a cam at a speed (rad/s) in the table."""
+        """Set the sound level (dB) of a cam at a speed (rad/s) in the table of results."""
         self._levels[cam, speed] = level
 
     def text(self, state: str = "") -> str:

@@ -67,13 +67,13 @@ class Framing:
 
     @property
     def max_lift(self) -> float:
-        """Lift (m) at which a follower in flight reaches the edge of the view."""
+        """Lift (m) at which a follower in flight reaches the edge of the picture."""
         shape = self.shape
         return shape.max_lift + max(FLIGHT * shape.max_lift, FLIGHT_OF_REACH * shape.reach)
 
     @property
     def height(self) -> float:
-        """Height of the frame, mm."""
+        """Height of the frame around a picture of cam and follower, mm."""
         return float(self.high[1] - self.low[1])
 
     def numbers(self) -> tuple[FloatArray, list[str]]:

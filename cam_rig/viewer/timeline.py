@@ -79,7 +79,10 @@ class Canvas:
     times: Times = time_columns
 
     def times_at(self, time: float, angle: float) -> list[rr.TimeColumn]:
-        """Return the time columns of a row at a rig time (s) and unwrapped angle (rad)."""
+        """Return the time columns of a row of data in a Rerun recording.
+
+        The row is at a rig time (s) and an unwrapped cam angle (rad).
+        """
         return self.times(np.array([time]), np.array([angle]))
 
     def times_of(self, state: CamState) -> list[rr.TimeColumn]:
@@ -101,7 +104,10 @@ class Canvas:
         self.log_static(entity, kind.from_fields(**style))
 
     def rows(self, entity: str, times: list[rr.TimeColumn], columns: Any) -> None:
-        """Send columns of data to an entity, with one row per time."""
+        """Send columns of data to an entity of the recording, with one row per time.
+
+        `times` are the time columns of the rows.
+        """
         self.stream.send_columns(entity, times, columns)
 
     def strips(
@@ -132,7 +138,7 @@ class Canvas:
 
 #: Highest rate of pictures, per second of wall-clock time: a screen displays no more.
 MAX_RATE = 30.0
-#: Lowest rate of pictures, per second of wall-clock time.
+#: Lowest rate at which pictures are sent to a page, per second of wall-clock time.
 MIN_RATE = 0.6
 #: Delay (s) of a page behind the run above which the picture rate is reduced. The period of the
 #: pictures is not included.
@@ -175,11 +181,14 @@ class FramePace:
     ) -> None:
         self._behind, self._clock = behind, clock
         self._sent = self._changed = self._late = clock()
-        #: Present rate, pictures per second.
+        #: Present rate at which pictures are sent to the page, per second of wall-clock time.
         self.rate = MAX_RATE if behind is None else MIN_RATE
 
     def is_due(self) -> bool:
-        """Return True if the next picture is due, after adapting the rate to the page."""
+        """Return True if the next picture must be sent now.
+
+        The rate of the pictures is adapted to the delay of the page first.
+        """
         now = self._clock()
         if self._behind is not None:
             self._adapt(self._behind(), now)
@@ -256,7 +265,7 @@ class TurnCollector:
         self._ticks.append((start, angle, rows))
 
     def turn(self) -> Turn | None:
-        """Return the newest turn, or None before a complete turn at the present speed."""
+        """Return the newest complete turn at the present speed, or None without one."""
         if len(self._ticks) < (self._ticks.maxlen or 1):
             return None
         start, angles, rows = zip(*self._ticks, strict=True)

@@ -30,9 +30,9 @@ ROW = 27.0
 #: Height of the space for the title above the axes of a quantity, in the units of the drawing
 #: plane.
 HEAD = 9.0
-#: Free space left of the axes, in the units of the drawing plane.
+#: Free space left of the axes of the chart of turns, in the units of the drawing plane.
 LEFT = 16.0
-#: Free space right of the axes, in the units of the drawing plane.
+#: Free space right of the axes of the chart of turns, in the units of the drawing plane.
 RIGHT = 6.0
 #: Free space above the upper axes, in the units of the drawing plane.
 SPACE_ABOVE = 8.0
@@ -110,7 +110,10 @@ class TurnAxes:
     def move_cursor(
         self, canvas: Canvas, view: str, times: list[rr.TimeColumn], angle: FloatArray
     ) -> None:
-        """Draw the cursor at each time, a line at the unwrapped cam angle (rad), ``(n,)``."""
+        """Draw the cursor, a vertical line at the cam angle, for each of several times.
+
+        `angle` are the unwrapped cam angles (rad), ``(n,)``, and `times` the time columns.
+        """
         # The line is sent for each time, because a moving transform slows a page by a third.
         x = np.mod(angle, TURN) / TURN * WIDTH
         strips = np.empty((x.size, 2, 2))
@@ -165,13 +168,13 @@ def curve(axes: TurnAxes, key: str, angle: FloatArray, values: FloatArray) -> Fl
 
 
 VIEW = "turn"
-#: Largest number of turns at one speed that are overlaid.
+#: Largest number of turns of a cam at one speed that the chart overlays.
 MAX_OVERLAID = 4
 #: Two turns whose curves differ by at most this fraction of the height of the axes are drawn once.
 SAME_TURN_TOLERANCE = 0.004
 #: Horizontal positions in the drawing plane at which the curves of two turns are compared.
 ALONG = np.linspace(0.0, WIDTH, 361)
-#: Cam angles at which the law is drawn, degrees.
+#: Cam angles (degrees) at which the curve of the law is computed.
 DEGREES_OF_LAW = np.linspace(0.0, 360.0, 361)
 #: Positions of the entries in the legend of the lift, one pair per entry: x of a short line, and x
 #: of the middle of the name after it.
@@ -219,7 +222,7 @@ class TurnChart:
         self._waiting.append((end, turn))
 
     def flush(self) -> None:
-        """Send the turns that were added since the last call to the recording."""
+        """Draw the turns that were added to the chart since the last call."""
         for end, turn in self._waiting if self._every else self._waiting[-1:]:
             first = float(turn.time[0]), float(turn.angle[0])
             self._send(
@@ -228,7 +231,10 @@ class TurnChart:
         self._waiting = []
 
     def move_cursor(self, times: list[rr.TimeColumn], angle: FloatArray) -> None:
-        """Draw the cursor at each time, at the unwrapped cam angle (rad), ``(n,)``."""
+        """Draw the cursor, a vertical line at the cam angle, for each of several times.
+
+        `angle` are the unwrapped cam angles (rad), ``(n,)``, and `times` the time columns.
+        """
         self._axes.move_cursor(self._canvas, VIEW, times, angle)
 
     def _send(self, times: list[rr.TimeColumn], turn: Turn) -> None:

@@ -57,7 +57,7 @@ ENTRY = """<!doctype html>
 <title>cam_rig</title>
 <a href="{path}">cam-rig</a>
 """
-#: Close code of a websocket that breaks a rule (RFC 6455).
+#: Close code with which a websocket is closed that breaks a rule (RFC 6455).
 REFUSED = 1008
 #: Largest size of a websocket message and of the body of a request, bytes.
 MAX_MESSAGE = 1 << 16
@@ -87,7 +87,7 @@ class Access:
 
     @property
     def cookie_name(self) -> str:
-        """Name of the cookie, which differs between the servers of a process."""
+        """Name of the server's cookie, which differs between the servers of a process."""
         return f"cam_rig_{self.port}"
 
     @property
@@ -138,7 +138,7 @@ class Guard:
     policy: str
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, pass it to the guarded application, or refuse it."""
+        """Answer a web request, pass it to the guarded application, or refuse it."""
         if scope["type"] == "lifespan":
             return await self.app(scope, receive, send)
         send = self._with_headers(send)
@@ -184,7 +184,7 @@ class Served(NamedTuple):
 
     @property
     def address(self) -> str:
-        """Address of the start page for a browser, with the token."""
+        """Address of the server's start page for a browser, with the token."""
         return self.access.address()
 
 

@@ -47,12 +47,12 @@ class MappedField:
 
     @property
     def source(self) -> str:
-        """Topic and field as text."""
+        """Topic and field of a quantity as text."""
         return f"{self.topic}.{self.field}".rstrip(".")
 
     @property
     def factor(self) -> float:
-        """Factor from the values in the messages to SI, with the sign."""
+        """Factor from the values of a message field to SI, with the sign of the sensor."""
         if counts := COUNTS.fullmatch(self.unit):
             return self.sign * TURN / int(counts[1])
         return self.sign * QUANTITIES[self.quantity][self.unit]

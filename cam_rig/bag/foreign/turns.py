@@ -80,7 +80,7 @@ DEGREES_PER_TURN = 360.0
 DEGREES_ATOL = 0.5
 #: Number of steps that are processed together. The limit bounds the memory for a long recording.
 BLOCK_STEPS = 100_000
-#: Largest number of times that a note lists.
+#: Largest number of times (s) of wrong angles that a note lists.
 MAX_TIMES = 6
 
 

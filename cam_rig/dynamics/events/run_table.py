@@ -93,7 +93,10 @@ class StemStretch(NamedTuple):
 
 
 class Jumps(NamedTuple):
-    """Velocity jumps of the law that the cam passes in one interval of constant speed."""
+    """Velocity jumps of a law (jumps of s') that the cam passes in one interval.
+
+    The cam speed is constant in the interval.
+    """
 
     ahead: Records  #: records of `JUMP` in the order of time, ``(n,)``
     duration: float  #: duration of the interval, s

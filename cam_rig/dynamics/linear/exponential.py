@@ -202,7 +202,7 @@ class FreeSystem:
         return window_series(self.matrix, self.row @ self.matrix, self.window)
 
     def rates(self, start: FloatArray) -> FloatArray:
-        """Return the rate ẋ = A x + b of a state x, ``(n,)``."""
+        """Return the rate ẋ = A x + b of a state x of masses in flight, ``(n,)``."""
         return np.asarray(self.matrix @ start + self.load)
 
     def state_change(self, start: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -80,7 +80,7 @@ class ForcingPiece:
 
     @property
     def part(self) -> float:
-        """Duration h of one of the equal parts of the piece, s."""
+        """Duration h (s) of the equal parts into which a piece of the forcing is cut."""
         return self.duration / len(self.particular)
 
     @property

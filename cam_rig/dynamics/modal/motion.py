@@ -39,7 +39,7 @@ LOG_FADED = -39.0
 #: keeps the norm (16) of docs/proofs.md regular near critical damping, where √|κ − δ²| is zero.
 MIN_RHO = 0.5
 
-#: Fields of a record with the four numbers of a `Flow`.
+#: Fields of a record that contain the four elements of the matrix e^{At} of a free vibration.
 FLOW_FIELDS = [(name, "f8") for name in ("eta_eta", "eta_rate", "rate_eta", "rate_rate")]
 #: Record of the `Flow` over one polynomial piece of the law. The field ``remainder`` is e^{−λt},
 #: the fraction of the norm N of a free vibration that is left after the piece.
@@ -164,7 +164,8 @@ class OscillatorMotion(NamedTuple):
     piece_starts: Records  #: one record of `PIECE_START` per piece, ``(n,)``
     #: One record of `TURN_START` per turn until the motion repeats or ends, ``(t,)``.
     turn_starts: Records
-    #: (η, η̇) at the start of a turn in steady state. Infinite if there is no steady state.
+    #: Vibration (η, η̇) of the end mass at the start of a turn in steady state. It is infinite if
+    #: there is no steady state.
     steady_start: StemVibration
 
 

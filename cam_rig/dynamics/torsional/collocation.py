@@ -160,7 +160,7 @@ NEWTON_RTOL = 1e-15
 #: Largest size of Newton's corrections that count as rounding if they no longer decrease, relative
 #: to the scale of the accelerations.
 ROUNDING_RTOL = 1e-12
-#: Largest number of steps of Newton's method per window.
+#: Largest number of steps of Newton's method per window (interval of time).
 MAX_ITERATIONS = 15
 #: Largest ratio of two successive corrections of Newton's method at which the factorised matrix of
 #: slopes is used again, instead of a new one.
@@ -181,7 +181,7 @@ class TwistPiece:
 
     @cached_property
     def is_flat(self) -> bool:
-        """True if the lift is constant in the piece, so that the shaft vibrates freely."""
+        """True if the law is constant in the piece, so that the shaft vibrates freely."""
         return not self.weights[1:].any()
 
     def at(self, angle: FloatArray) -> FloatArray:

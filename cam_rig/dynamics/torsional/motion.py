@@ -54,7 +54,7 @@ class TorsionalMotion:
 
     @property
     def stop_time(self) -> float:
-        """Time at which the solution ends, s."""
+        """Time (s) up to which the torsional motion is computed."""
         return self.start_time + float(self.path.edges[-1])
 
     def at(self, times: FloatArray) -> FloatArray:

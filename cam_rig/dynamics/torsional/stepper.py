@@ -44,7 +44,7 @@ MIN_VIBRATION = 1e-250
 RESOLVED_RTOL = 1e-13
 #: Largest number of attempts to resolve a window, each with a shorter window or a higher degree.
 MAX_TRIES = 40
-#: Largest number of windows in one solution, enough for hours of turning.
+#: Largest number of windows (intervals of time) in one solution, enough for hours of rotation.
 MAX_WINDOWS = 100_000
 #: Largest number of successive windows of zero duration at a joint between two pieces of the law.
 #: With more, the solution has failed to leave the joint.
@@ -90,7 +90,8 @@ class SolvedWindow:
     span: float  #: duration for which the series was computed, at least that of the window, s
     series: FloatArray  #: Chebyshev coefficients, rows as in `CollocationWindow.series`
     piece: int  #: index of the piece of the law
-    #: Unwrapped cam angle at the start of the piece, rad. The angles of the series start here.
+    #: Unwrapped cam angle (rad) at the start of the piece of the law, from which the cam angles in
+    #: the Chebyshev series are measured.
     low: float
 
 

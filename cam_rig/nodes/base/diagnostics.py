@@ -59,9 +59,9 @@ class Diagnostics:
     def __init__(self, publisher: Publisher, node: str) -> None:
         self._publisher, self.node = publisher, node
         self._last_status: tuple[int, str, int] | None = None  # level, text, second of rig time
-        #: Rig time (ns) of the newest report.
+        #: Rig time (ns) of the newest status that the node has reported.
         self.newest_ns = -1
-        #: Time (s, monotonic) of the last message.
+        #: Time (s, monotonic clock) of the last message with the node's status.
         self.published_at = -STATUS_VALID_S
 
     def report(

@@ -40,7 +40,7 @@ class PublishingMonitor:
         node.create_wall_timer(RETRY_PERIOD_S, self._on_timer)
 
     def add(self, topic: Topic, publisher: RigPublisher) -> None:
-        """Monitor a publisher."""
+        """Monitor the publisher of a topic for delayed messages and slow subscribers."""
         self._publishers.append((topic, publisher))
         self._times.append(publisher.publishing_s)
 

@@ -64,18 +64,21 @@ class RigPublisher(Publisher):
     of delayed messages.
     """
 
-    #: Time (s, wall clock) spent in publishing.
+    #: Time (s, wall clock) that the publisher has spent in publishing.
     publishing_s = 0.0
-    #: Time (s, monotonic clock) at which the writer was first blocked.
+    #: Time (s, monotonic clock) at which a slow subscriber first blocked the writer.
     blocked_since = 0.0
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        #: Messages that are not published yet, in their order.
+        #: Messages that a blocked writer has not published yet, in their order.
         self.delayed = deque[Any]()
 
     def publish(self, msg: Any) -> None:
-        """Publish a message, after the delayed messages if the writer is blocked."""
+        """Publish a message, or delay it if a slow subscriber blocks the writer.
+
+        Delayed messages are published first.
+        """
         if not self.delayed and self.try_publish(msg):
             return
         if not self.delayed:
@@ -100,7 +103,10 @@ class RigPublisher(Publisher):
             )
 
     def try_publish(self, msg: Any) -> bool:
-        """Publish a message and return True, or return False if the writer is blocked."""
+        """Publish a message and return True, or return False if the writer is blocked.
+
+        A slow reliable subscriber blocks it.
+        """
         start = time.monotonic()
         try:
             super().publish(msg)
@@ -352,7 +358,7 @@ class RigNode(Node):
     # State of the node.
 
     def activity(self) -> Activity:
-        """Return the current activity for the heartbeat."""
+        """Return the current activity of the node for its heartbeat message."""
         subject = "the next tick" if self.ticks else " and ".join(self.waits_for)
         return Activity("waiting", self.waits_for, f"waiting for {subject}")
 
@@ -374,7 +380,7 @@ class RigNode(Node):
         return bool(self.rig_endpoints) and self.settings.get("on_finish") == STAY
 
     def monitor_run_end(self) -> None:
-        """End the node with the run, as the parameter on_finish requires."""
+        """End the node when the run ends, if the parameter on_finish requires it."""
         RunEndMonitor(self)
 
     def remember_endpoints(self) -> None:
@@ -402,7 +408,7 @@ class RigNode(Node):
         self.finish()
 
     def interrupt(self) -> None:
-        """Handle SIGINT or SIGTERM."""
+        """Handle SIGINT or SIGTERM: request the end of the node."""
         self.interrupts += 1
         self.finish()
 

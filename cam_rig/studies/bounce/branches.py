@@ -130,22 +130,32 @@ class PeriodicMotion:
 
     @property
     def leading(self) -> complex:
-        """Multiplier of the largest magnitude, which decides the stability."""
+        """Multiplier of the largest magnitude, which decides the stability of a motion.
+
+        A multiplier is the growth factor of a small change of the state per period.
+        """
         return complex(max(self.multipliers.tolist(), key=abs))
 
     @property
     def stable(self) -> bool:
-        """True if small changes of the state decay."""
+        """True if small changes of the state of a periodic motion decay."""
         return abs(self.leading) < 1.0
 
     @property
     def flip(self) -> float:
-        """Test function of a period doubling, which is zero if a multiplier is −1."""
+        """Test function of a period doubling, which is zero if a multiplier is −1.
+
+        A multiplier is the growth factor of a small change of the state per period.
+        """
         return float(np.linalg.det(np.eye(len(self.derivative)) + self.derivative))
 
     @property
     def fold(self) -> float:
-        """Test function of a fold, which is zero if a multiplier is +1."""
+        """Test function of a fold, which is zero if a multiplier is +1.
+
+        A fold is a bifurcation at which two periodic motions meet. A multiplier is the growth
+        factor of a small change of the state per period.
+        """
         return float(np.linalg.det(np.eye(len(self.derivative)) - self.derivative))
 
     @property
@@ -203,7 +213,7 @@ class Family:
     law: Law
     sweep: Sweep
     period: int
-    #: scales of the state and of the swept value, ``(n + 1,)``
+    #: Magnitudes by which the state and the swept value are scaled, ``(n + 1,)``.
     _scale: FloatArray = field(init=False)
 
     def at(self, value: float, state: State) -> PeriodicMotion:

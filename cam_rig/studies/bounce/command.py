@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from cam_rig.laws import Law
     from cam_rig.schema import RigConfig
 
-#: Number of speeds if the option --rpm is omitted.
+#: Number of cam speeds of a bounce map if the option --rpm is omitted.
 DEFAULT_SPEEDS = 121
 #: Lowest speed if the option --rpm is omitted, as a multiple of the jump speed.
 MIN_JUMP_RATIO = 0.9

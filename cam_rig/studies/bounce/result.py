@@ -102,7 +102,7 @@ EXPONENT = (
     Column("exponent_error", "1/turn", ".1g", "error", doc="95 %"),
 )
 
-#: Note below the table for motions of undetermined kind.
+#: Note below the table on motions that are neither periodic nor certainly irregular.
 UNDETERMINED_NOTE = Footnote(
     "Undetermined: the turns do not repeat yet, and no exponent above its error shows that they "
     "never will; or the follower never lands. More transient turns may decide.",

@@ -335,7 +335,7 @@ class BatchRows(Batch):
 
     @property
     def status(self) -> list[str]:
-        """Status of each point: ``ok``, ``failed`` or ``unsettled``."""
+        """Status of each point (rig) in a batch: ``ok``, ``failed`` or ``unsettled``."""
         failed = np.asarray(np.isnan(self.measures).any(axis=1))
         return [
             FAILED if is_failed else UNSETTLED if reason else OK

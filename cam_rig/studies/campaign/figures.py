@@ -178,12 +178,12 @@ def _tenth_medians(inputs: FloatArray, values: FloatArray) -> tuple[float, float
 
 # Maps of the measures of a grid over two inputs, with one panel per value of the other inputs.
 
-#: Largest number of map panels next to each other.
+#: Largest number of map panels (maps of a measure over two inputs) next to each other.
 MAX_COLUMNS = 3
 #: Largest number of map panels for the values of an input that is not on an axis. Of more values,
 #: evenly spaced ones are displayed.
 MAX_PANELS = 6
-#: Height of a map panel, inches.
+#: Height of a map panel (map of a measure over two inputs), inches.
 PANEL_HEIGHT = 2.3
 #: Largest number of letters per line in the title of a map panel, a map of a measure over two
 #: inputs.

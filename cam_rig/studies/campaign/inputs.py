@@ -39,7 +39,7 @@ PROFILE = {
 #: Pattern of one element of an input's path, such as ``rig.follower.mass``: a name, or an index in
 #: brackets.
 _TOKEN = re.compile(r"[A-Za-z_]\w*|\[\d+\]")
-#: SI unit of each dimension: the unit with the factor 1.
+#: SI unit of each physical dimension, such as length: the unit with the factor 1.
 _SI = {
     dimension: next(u for u, f in units.items() if f == 1.0) for dimension, units in UNITS.items()
 }
@@ -66,7 +66,7 @@ class CampaignInput:
 
     @property
     def column(self) -> str:
-        """Column name in the dataset, such as ``rig_follower_mass``."""
+        """Name of the input's column in the dataset, such as ``rig_follower_mass``."""
         return re.sub(r"\W+", "_", self.path).strip("_")
 
     @property
@@ -89,7 +89,10 @@ class CampaignInput:
 
     @property
     def mean(self) -> float:
-        """Mean of the input's distribution, SI (default: the number in the base)."""
+        """Mean of the distribution of an input, SI.
+
+        The default is the value in the files on which the campaign is based.
+        """
         mean = self.variation.mean
         return self.base if mean is None else mean * self.factor
 

@@ -15,12 +15,12 @@ from cam_rig.schema.named import Name
 from cam_rig.schema.quantity import UNITS, Strict
 from cam_rig.schema.scene import Model
 
-#: Unit of a variation in percent of the number in the base.
+#: Unit of a variation in percent of the value in the files on which the campaign is based.
 PERCENT = "%"
 #: Largest number of points (rigs) of a campaign. Results are read one column at a time, and a
 #: column of this length takes 0.8 GB.
 MAX_POINTS = 100_000_000
-#: Largest number of values of an input with a range on a grid.
+#: Largest number of grid values of an input that is given as a range.
 MAX_COUNT = 100_000
 #: Largest number of varied numbers (inputs) of a campaign.
 MAX_INPUTS = 100

@@ -43,7 +43,8 @@ MIN_VELOCITY_RATIO = 0.05
 #: Largest ratio of the lift residual over all speeds to that over the speeds without flights at
 #: which all speeds are used for the alignment.
 MAX_SCATTER_RATIO = 1.2
-#: Largest number of Gauss-Newton steps of the alignment.
+#: Largest number of Gauss-Newton steps in the identification of the encoder's zero, the gauge's
+#: zero and clock errors.
 MAX_STEPS = 4
 #: Change of the cam angle (rad) by a Gauss-Newton step below which the alignment has converged.
 STEP_ATOL = 1e-6

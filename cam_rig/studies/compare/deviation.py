@@ -42,7 +42,10 @@ class PairedSignal:
         return np.degrees(np.remainder(self.angle, TURN))
 
     def select(self, which: slice | NDArray[np.bool_ | np.intp]) -> PairedSignal:
-        """Return the pairs that a slice, a boolean mask or an index array selects."""
+        """Return the pairs of measured and modelled values with selected indices.
+
+        ``which`` is a slice, a boolean mask or an index array.
+        """
         time, angle, measured, model = (
             array[which] for array in (self.time, self.angle, self.measured, self.model)
         )
@@ -50,7 +53,7 @@ class PairedSignal:
 
     @property
     def difference(self) -> FloatArray:
-        """Measured minus modelled values in SI, ``(n,)``."""
+        """Measured minus modelled values of a quantity in SI, ``(n,)``."""
         return self.measured - self.model
 
 
@@ -153,7 +156,7 @@ class Departure:
 
     @property
     def relative(self) -> float:
-        """Largest deviation as a fraction of the range of the model."""
+        """Largest deviation from the model as a fraction of the model's range."""
         return abs(self.largest) / self.scale if self.scale > 0.0 else math.inf
 
 

@@ -70,17 +70,17 @@ class SteadyStretch:
 
     @property
     def mean_speed(self) -> float:
-        """Mean cam speed of the stretch, rad/s."""
+        """Mean cam speed (rad/s) of a time in which the cam turns steadily."""
         return float((self.angle[-1] - self.angle[0]) / (self.knots[-1] - self.knots[0]))
 
     @property
     def rpm(self) -> float:
-        """Mean cam speed of the stretch in rpm."""
+        """Mean cam speed in rpm of a time in which the cam turns steadily."""
         return to_rpm(self.mean_speed)
 
     @property
     def turns(self) -> float:
-        """Number of turns in the stretch, not necessarily an integer."""
+        """Number of turns (also fractions) in a time in which the cam turns steadily."""
         return float((self.angle[-1] - self.angle[0]) / TURN)
 
     def angle_at(self, time: FloatArray) -> FloatArray:

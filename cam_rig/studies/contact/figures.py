@@ -17,7 +17,7 @@ from cam_rig.studies.contact.study import CamContact, ContactResult
 from cam_rig.studies.contact.surfaces import Measure, measured, peak_pressure, peak_sliding
 from cam_rig.units import FloatArray
 
-#: Number of cam angles of a curve over one turn.
+#: Number of cam angles of a drawn curve over one turn.
 CURVE_POINTS = 1440
 #: Number of base radii at which a curve over the base radius is computed.
 RADII = 36

@@ -72,7 +72,7 @@ class CamContact:
 
     @property
     def cam(self) -> CamConfig:
-        """Cam file with the follower."""
+        """Content of the cam file, with the follower."""
         return self.case.cam
 
     @property

@@ -213,7 +213,10 @@ class BaseBounds:
 
     @property
     def least(self) -> float | None:
-        """Largest of the three lower bounds, or None if a limit cannot be satisfied."""
+        """Smallest base radius (m) that satisfies the three lower bounds.
+
+        It is the largest of the bounds, or None if a limit cannot be satisfied.
+        """
         lower = [getattr(self, key) for key in LOWER]
         return None if None in lower else max(lower)
 
@@ -230,7 +233,7 @@ class BaseBounds:
 
     @property
     def feasible(self) -> bool:
-        """True if a base radius satisfies all limits."""
+        """True if at least one base radius satisfies all limits."""
         return self.least is not None and self.sliding is not None and self.least <= self.sliding
 
 

@@ -70,7 +70,10 @@ class WorkingRows:
 
     @property
     def blocks(self) -> list[RowBlock]:
-        """Blocks of the program, reduced to the inequalities in use."""
+        """Blocks of a convex program, reduced to the inequalities in use.
+
+        A block contains the inequalities or equations of one limit.
+        """
         return [
             replace(block, rows=block.rows.rows(in_use), weight=block.weight[in_use])
             for block, in_use in zip(self.all_rows, self.in_use, strict=True)

@@ -209,7 +209,10 @@ class ValueTerm:
         self.scale = LEVEL_SCALE if target.term.quantity.unit == "dB" else target.scale
 
     def max_value(self, law: Law) -> float:
-        """Return the exact value of a law, negated if the quantity is to be maximised."""
+        """Return the exact value of a goal or limit for a law.
+
+        It is negated if the quantity is to be maximised.
+        """
         return self._sign * measured(self.problem, law, self.target.term, self.target.sense)
 
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:

@@ -21,7 +21,7 @@ from cam_rig.units import TURN, to_rpm
 
 #: Height of the figure of a designed law, inches.
 HEIGHT = 8.6
-#: Number of points per turn of the drawn curves.
+#: Number of points per turn at which the curves of laws are drawn.
 SAMPLES = 1441
 #: Line style of curves of the start law (the law that the design starts from), and of bounds.
 START: dict[str, Any] = {"color": "0.45", "ls": "--", "lw": 1.2}

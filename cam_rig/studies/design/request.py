@@ -334,7 +334,7 @@ class DesignRequest:
 
     @property
     def verb(self) -> str:
-        """Verb of the goal: ``minimise`` or ``maximise``."""
+        """Verb that states the goal of a design: ``minimise`` or ``maximise``."""
         return "minimise" if self.sense == "<=" else "maximise"
 
     @property

@@ -321,7 +321,10 @@ class Space:
         return unknowns
 
     def law(self, unknowns: FloatArray, name: str) -> Law:
-        """Return the motion law that a vector of unknowns describes, with the given name."""
+        """Return the motion law that the unknowns of a design describe.
+
+        ``name`` is the name of the law.
+        """
         ordinates = self.derivative(0)(unknowns).reshape(-1, self.degree + 1).T
         return Law(name, self.breaks, ordinates)
 
@@ -495,7 +498,7 @@ class ScaledLimit(Limit):
 
     @property
     def name(self) -> str:
-        """Name of the goal, or text of the limit, in the list of active limits."""
+        """Name by which the list of active limits refers to a goal or limit."""
         return f"goal {self.term.key}" if self.value is None else self.words
 
     @property

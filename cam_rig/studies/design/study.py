@@ -160,7 +160,10 @@ class DesignSearch:
         )
 
     def with_values(self) -> DesignRequest:
-        """Return the request with numbers for limits such as ``peak_acceleration<=start``."""
+        """Return the request of a design with numbers in place of ``start`` in its limits.
+
+        An example is a limit such as ``peak_acceleration<=start``.
+        """
         limits = (replace(limit, value=self._limit_value(limit)) for limit in self.request.limits)
         return replace(self.request, limits=tuple(limits))
 

@@ -244,7 +244,11 @@ class ContactRows:
 
     @property
     def blocks(self) -> list[RowBlock]:
-        """Blocks of the program with the present inequalities at speeds up to the highest."""
+        """Blocks of a convex program that require a contact force at many speeds.
+
+        A block contains inequalities of one limit. They are those for cam speeds up to the present
+        highest speed.
+        """
         scale = self.problem.force_scale
         chosen = [row for row in self._rows if row[0] <= self.fastest]
         if not self.limit:  # this keeps the program bounded without other inequalities

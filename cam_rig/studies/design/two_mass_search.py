@@ -55,7 +55,8 @@ EXACT_DISTANCE = 0.1
 #: First estimate of the change of the least contact force per relative change of the speed,
 #: relative to `DesignProblem.force_scale`.
 FIRST_SLOPE = -11.0
-#: Largest relative change of the cam speed after one program.
+#: Largest relative change of the cam speed after one convex program in the search for the highest
+#: jump speed.
 MAX_STEP = 0.06
 #: Ratio of the best law's jump speed to the highest speed of the search above which a bound is
 #: searched for just above that jump speed. Below this ratio the law is far from optimal, and the

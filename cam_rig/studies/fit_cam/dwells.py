@@ -73,11 +73,14 @@ class FoundDwell:
     scatter: float
 
     def at_level(self, level: float) -> FoundDwell:
-        """Return a copy of the dwell with the given level (m)."""
+        """Return a copy of the dwell with another lift ``level`` (m)."""
         return replace(self, rest=self.rest._replace(level=level))
 
     def covers(self, start: float, span: float) -> bool:
-        """Return True if the interval from `start` over `span` (rad) is inside the dwell."""
+        """Return True if a range of cam angles is inside the dwell.
+
+        It starts at `start` and extends over `span` (rad).
+        """
         return (start - self.rest.start) % TURN + span <= self.rest.span
 
 

@@ -106,7 +106,7 @@ class Readings:
 
     @property
     def scatter_error(self) -> float:
-        """Relative standard error of `scatter`, which is an estimate from the readings."""
+        """Relative standard error of `scatter`, the scatter estimated from the readings."""
         return scatter_error(self.angles.size)
 
     @property

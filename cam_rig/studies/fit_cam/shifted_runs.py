@@ -83,7 +83,7 @@ class Shift:
 
     @property
     def significance(self) -> float:
-        """Magnitude of the shift in its standard errors."""
+        """Magnitude of a common shift of readings, in its standard errors."""
         return abs(self.shift) / self.error
 
     def is_clear(self, scatter: float) -> bool:

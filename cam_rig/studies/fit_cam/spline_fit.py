@@ -167,12 +167,12 @@ class SplineFit(Result):
 
     @property
     def worst(self) -> int:
-        """Index of the reading with the largest absolute residual."""
+        """Index of the reading that is farthest from the fitted spline."""
         return int(np.argmax(np.abs(self._residuals)))
 
     @property
     def _residuals(self) -> FloatArray:
-        """Residuals of the readings (reading minus law) in m, ``(n,)``."""
+        """Residuals of the gauge readings (reading minus fitted law) in m, ``(n,)``."""
         return self.readings.lifts - self.law(self.readings.angles)
 
     @cached_property
@@ -197,7 +197,7 @@ class SplineFit(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return the notes on how the table was read, then the conclusions."""
+        """Return the sentences under the tables: how the table was read, then conclusions."""
         return [*self.notes, *self.conclusions()]
 
     def conclusions(self) -> Iterator[str]:

@@ -75,7 +75,7 @@ class FitRequest:
                 raise ConfigError(f"{name}: is {value:g}; allowed: above 0")
 
     def run(self, files: list[Path]) -> SplineFit | ArcsFit:
-        """Read the files, and return the fit to their readings."""
+        """Read the files of gauge readings, and return the fit to them."""
         self._require_compatible(len(files))
         tables = [read_gauge_table(path, self.table) for path in files]
         selected = [(table, column) for table in tables for column in self._select_columns(table)]

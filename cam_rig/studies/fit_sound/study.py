@@ -47,7 +47,7 @@ class LevelRow(NamedTuple):
 
     @property
     def difference(self) -> float:
-        """Fitted minus measured sound level, dB."""
+        """Sound level of the fitted rig minus the measured sound level, dB."""
         return self.fitted - self.measured
 
 

@@ -209,7 +209,7 @@ class JumpResult(Result):
 
     @property
     def follower(self) -> str:
-        """Description of the follower as text: two masses or one."""
+        """Kind of the follower as text: two masses, or one rigid mass."""
         return describe_follower(follower_of(self.cam_set.rig))
 
     @property

@@ -97,7 +97,10 @@ def _inset(axes: Axes, force: float) -> Axes:
 
 
 def _mark(axes: Axes, row: JumpRow) -> None:
-    """Mark the jump speed of a cam, and its published jump speed below the axes."""
+    """Mark the jump speed of a cam, and its published jump speed.
+
+    The mark of the published speed is a triangle below the axes.
+    """
     ink = colour(row.cam)
     axes.plot(row.jump.rpm, 0.0, "o", color=ink, ms=4, zorder=4)
     low, high = axes.get_xlim()
@@ -137,7 +140,7 @@ def lift_off_figure(cam_set: CamSet, rpm: float) -> Figure:
     return out
 
 
-#: Number of speeds at which the curve of the minimum force is computed.
+#: Number of cam speeds at which a curve of the minimum contact force is computed.
 CURVE_POINTS = 400
 
 

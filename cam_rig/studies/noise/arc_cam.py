@@ -58,7 +58,7 @@ EVENTS = (0.97, 1.0, 1.03)
 #: Initial steps of the Nelder-Mead search, relative to lift and event angle (angle of rise and fall
 #: together).
 SIMPLEX = 0.03
-#: Largest number of shapes that the Nelder-Mead search evaluates.
+#: Largest number of shapes of the arc cam that the Nelder-Mead search evaluates.
 TRIALS = 32
 #: Step of a difference quotient, relative to lift or event angle. It is large, because levels
 #: scatter by 0.01 dB as the shape changes: at the joints of arcs the force jumps between samples.
@@ -85,7 +85,7 @@ class ArcShape:
 
     @property
     def flank(self) -> float:
-        """Radius of the flank, m, negative if the flank is concave."""
+        """Radius (m) of the flank of an arc cam, negative if the flank is concave."""
         return 1.0 / self.curvature
 
     def scaled(self, lift: float, event: float) -> ArcShape:

@@ -41,7 +41,7 @@ from cam_rig.studies.noise.variants import (
 )
 from cam_rig.units import FloatArray
 
-#: Names of the parts of a noise study in order, for the progress bar.
+#: Names of the parts of a noise study in their order, which the progress bar displays.
 PARTS = (
     "the cams' turns",
     "structures",
@@ -52,7 +52,7 @@ PARTS = (
     "lift, high dwell and joints",
 )
 
-#: The displayed table of levels has a row for every n-th speed.
+#: Stride of the displayed table of sound levels: it has a row for every n-th speed.
 EVERY = 2
 
 

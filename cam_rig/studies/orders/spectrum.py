@@ -149,7 +149,7 @@ class OrderSpectrum:
 
     @property
     def rpm(self) -> float:
-        """Cam speed, rpm."""
+        """Cam speed at which the spectrum is computed, rpm."""
         return round(to_rpm(self.steady.speed), 9)
 
     @property
@@ -179,7 +179,7 @@ class OrderSpectrum:
         return level_db(np.maximum(math.sqrt(2.0) * np.abs(self.pressure), SILENCE))
 
     def up_to(self, highest: float) -> OrderSpectrum:
-        """Return a copy without the orders above `highest`."""
+        """Return a copy of the spectrum without the orders above `highest`."""
         size = int(np.searchsorted(self.orders, highest, side="right"))
         return replace(
             self, orders=self.orders[:size], force=self.force[:size], pressure=self.pressure[:size]
@@ -285,7 +285,7 @@ class CamOrders:
     spectra: tuple[OrderSpectrum, ...]
 
     def at(self, rpm: float) -> OrderSpectrum:
-        """Return the spectrum at the computed speed that is nearest to `rpm`."""
+        """Return the spectrum of a cam at the computed speed that is nearest to `rpm`."""
         return min(self.spectra, key=lambda spectrum: abs(spectrum.rpm - rpm))
 
     def only(self, *rpms: float) -> CamOrders:
@@ -293,7 +293,7 @@ class CamOrders:
         return replace(self, spectra=tuple(self.at(rpm) for rpm in rpms))
 
     def up_to(self, highest: float) -> CamOrders:
-        """Return a copy without the orders above `highest`."""
+        """Return a copy of the spectra of a cam without the orders above `highest`."""
         return replace(self, spectra=tuple(spectrum.up_to(highest) for spectrum in self.spectra))
 
     @property

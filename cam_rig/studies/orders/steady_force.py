@@ -60,7 +60,10 @@ class ForcePiece:
     free: FreeForce | None = None
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Return the force (N) at times in s since θ = 0, within the interval."""
+        """Return the contact force (N) at times within the interval of this piece.
+
+        The times are in s since θ = 0.
+        """
         since = times - self.begin
         force = bernstein.evaluate(self.ordinates, since / self.length)
         if self.free is not None:
@@ -96,7 +99,7 @@ class SteadyForce:
 
     @property
     def duration(self) -> float:
-        """Duration of the period of the force, s."""
+        """Duration (s) of the period after which the contact force repeats."""
         return self.turns * TURN / self.speed
 
     def at(self, times: FloatArray) -> FloatArray:

@@ -49,7 +49,7 @@ class OrdersRow(NamedTuple):
 
     @property
     def has_sound(self) -> bool:
-        """True if the rig has the parameters that the sound requires."""
+        """True if the rig has the parameters that a sound level requires."""
         return math.isfinite(self.spectrum.background_db)
 
     def loudest(self, rank: int) -> tuple[float, float] | None:
@@ -136,7 +136,7 @@ class OrdersResult(Result):
 
     @property
     def speed_rows(self) -> list[OrdersRow]:
-        """Table rows of all spectra, one per cam and speed."""
+        """Rows of the table of speeds, one per cam and cam speed."""
         return [OrdersRow(study.cam, each) for study in self.studies for each in study.spectra]
 
     @property

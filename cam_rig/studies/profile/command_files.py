@@ -225,7 +225,7 @@ class MeasuredContour:
 
     @property
     def worst_index(self) -> int:
-        """Index of the cam angle with the largest absolute error."""
+        """Index of the cam angle at which the lift on a contour differs most from the law."""
         return int(np.argmax(np.abs(self.error)))
 
 

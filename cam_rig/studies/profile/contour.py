@@ -88,7 +88,7 @@ class CamContour(Result):
 
     @property
     def angle(self) -> FloatArray:
-        """Cam angles of the points in rad, shape ``(n,)``."""
+        """Cam angles (rad) at which the follower touches the points, shape ``(n,)``."""
         return self.discs[0].angle
 
     @property
@@ -111,7 +111,7 @@ class CamContour(Result):
 
     @property
     def pressure_angle(self) -> FloatArray:
-        """Pressure angles with sign in rad, shape ``(n,)``."""
+        """Pressure angles at the points of a contour, with sign, in rad, shape ``(n,)``."""
         return self.discs[0].pressure
 
     @cached_property

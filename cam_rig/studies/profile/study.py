@@ -136,7 +136,10 @@ class ProfileResult(Result):
         return int(not self.drawn and any(c.failed for c in counted))
 
     def tables(self) -> list[Records]:
-        """Return the table `checks`, displayed for one cam, and `cams`, for several."""
+        """Return the tables of checks of one or several cams.
+
+        The table `checks` is displayed if there is one cam, the table `cams` if there are several.
+        """
         first, alone = self.cams[0], len(self.cams) == 1
         kind = first.cam.follower.type.replace("_", " ")
         caption = f"{first.cam.title}: {kind} follower, lift {first.law.lift * 1e3:.5g} mm"

@@ -41,7 +41,7 @@ class Arcs:
 
     @property
     def flank(self) -> str:
-        """Kind of the flanks, as in a cam file: straight, convex or concave."""
+        """Kind of the flanks of a contour, as in a cam file: straight, convex or concave."""
         if self.flank_radius is None:
             return "straight"
         return "convex" if self.flank_radius > 0.0 else "concave"
@@ -88,7 +88,7 @@ class ArcColumn:
 
     @property
     def kind(self) -> FollowerKind:
-        """Kind of the follower: flat, roller or point."""
+        """Type of the follower with which readings were taken: flat, roller or point."""
         if self.follower.flat:
             return "flat"
         return "roller" if self.follower.roller_radius else "point"
@@ -103,7 +103,7 @@ class ArcColumn:
 
     @property
     def rms(self) -> float:
-        """R.m.s. residual of the readings, m."""
+        """R.m.s. residual (m) of the readings of one follower from a contour."""
         return rms(self.residuals)
 
     @property
@@ -148,7 +148,10 @@ class Coordinates:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters for tables, in the order of the coordinates."""
+        """Names of the parameters of a pitch curve for tables.
+
+        They are in the order of the coordinates.
+        """
         roller = " + roller radius" if self.rolling else ""
         shift = roller if self.sums else " - base radius"
         radii = f"flank radius{shift}", f"nose radius{shift}"

@@ -50,7 +50,7 @@ class ParameterInterval:
 
     @property
     def is_fixed(self) -> bool:
-        """True if the parameter is given or assumed."""
+        """True if the parameter was given or assumed, and so fixed in the fit."""
         return self.origin != "identified"
 
     @property
@@ -129,7 +129,7 @@ class ParameterInterval:
         return f"{start} {high} {self.unit}"
 
     def _end_text(self, end: float) -> str:
-        """Return an end of the interval as text in the unit for display."""
+        """Return an end of a parameter's interval as text in its display unit."""
         value, error = self._factor * end, self._factor * self.error
         if math.isfinite(error):
             return round_to_error(value, error)
@@ -137,5 +137,5 @@ class ParameterInterval:
 
     @property
     def _factor(self) -> float:
-        """Factor from the SI unit to the unit for display."""
+        """Factor from the SI unit of a parameter to its display unit."""
         return 1e3 if self.unit == "mm" else math.degrees(1.0)

@@ -76,7 +76,7 @@ class Profile:
 
     @cached_property
     def sse(self) -> float:
-        """Smallest sum of squared residuals, that of the best contour, m²."""
+        """Sum of squared residuals (m²) of the best contour, the smallest possible."""
         return self.search.sse(self.x)
 
     @cached_property

@@ -153,7 +153,7 @@ class ArcsFit(Result):
 
     @property
     def rms(self) -> float:
-        """R.m.s. residual of all readings, m."""
+        """R.m.s. residual of all readings from the fitted contour, m."""
         return rms(np.concatenate([column.residuals for column in self.fitted_columns]))
 
     @property
@@ -197,7 +197,10 @@ class ArcsFit(Result):
         return None
 
     def _interval(self, parameter: Parameter, profile: Profile) -> ParameterInterval:
-        """Return the interval of a parameter from a fit, or its fixed value."""
+        """Return the 95 % interval of a contour parameter, or its fixed value.
+
+        ``profile`` is the fit from which the interval is computed.
+        """
         value, name = self.numbers[parameter], self.best.search.coordinates.names[parameter]
         unit = "deg" if parameter == Parameter.ANGLE else "mm"
         if parameter not in profile.search.fixed:
@@ -261,7 +264,7 @@ class ArcsFit(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Return the notes on the tables, followed by the conclusions."""
+        """Return the sentences under the tables: notes on the readings, then conclusions."""
         return [*self.notes, *self.conclusions()]
 
     # Sentences of the summary.

@@ -101,12 +101,12 @@ class ArcSearch:
 
     @property
     def flats(self) -> tuple[bool, ...]:
-        """Tuple with one flag per column, True if its follower is flat."""
+        """Flags per column of readings, True if the follower of the column is flat."""
         return tuple(role.is_flat for role in self.roles)
 
     @property
     def count(self) -> int:
-        """Number of readings of all columns."""
+        """Number of readings of all columns of the search."""
         return sum(column.angles.size for column in self.columns)
 
     @property

@@ -106,7 +106,7 @@ class JumpFit(RigParameters):
 
     @property
     def residual_text(self) -> str:
-        """Standard deviation of a reading as text, for the rig file."""
+        """Standard deviation of a measured jump speed as text for the rig file."""
         return f"{self.error:.3g} rpm a reading, {len(self.speeds)} readings"
 
     def tables(self) -> list[Records]:
@@ -121,7 +121,7 @@ class JumpFit(RigParameters):
         ]
 
     def summary(self) -> list[str]:
-        """Return notes on how the table was read, the parameters, and warnings."""
+        """Return notes on how the table was read, the fitted parameters, and warnings."""
         return [*(f"{self.read.file}: {note}" for note in self.read.notes), *self.conclusions()]
 
     def conclusions(self) -> Iterator[str]:

@@ -43,7 +43,7 @@ class JumpReading:
 
     @property
     def rpm(self) -> float:
-        """Jump speed in rpm."""
+        """Measured jump speed in rpm."""
         return to_rpm(self.speed)
 
 
@@ -62,7 +62,7 @@ class JumpTable:
 
     @property
     def rpm(self) -> FloatArray:
-        """Jump speeds in rpm, ``(n,)``."""
+        """Measured jump speeds in rpm, ``(n,)``."""
         return np.array([reading.rpm for reading in self.readings])
 
 

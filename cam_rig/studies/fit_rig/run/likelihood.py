@@ -47,7 +47,7 @@ RELATIVE_STEP = 1e-5
 #: Scale of the search variable for the speed error of a steady-speed segment, in standard errors of
 #: the speed. The step of the variable for a difference quotient is relative to this scale.
 SPEED_SCALE = 10.0
-#: Step of the cam angle for a difference quotient, rad.
+#: Step of the cam angle for the difference quotients of lift and force, rad.
 ANGLE_STEP = 1e-6
 #: Factor from the search variable of the clock's error (ppm) to the relative error of the clock.
 PPM = 1e-6

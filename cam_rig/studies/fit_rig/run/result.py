@@ -64,13 +64,13 @@ class InstrumentEstimate:
 
     @property
     def scale(self) -> float:
-        """Factor from the displayed unit to the SI unit."""
+        """Factor from the displayed unit of an instrument error to its SI unit."""
         unit = INSTRUMENTS[self.key][1]
         return 1e-6 if unit == "ppm" else SI_UNITS.get(unit, ("", 1.0))[1]
 
     @property
     def value_text(self) -> str:
-        """Value in the displayed unit as text, rounded to its standard error."""
+        """Instrument error in its displayed unit as text, rounded to its standard error."""
         value = self.value / self.scale
         if self.error is None:
             return format_number(value, ".4g")
@@ -78,7 +78,10 @@ class InstrumentEstimate:
 
     @property
     def displayed_error(self) -> float | None:
-        """Standard error in the displayed unit, or None if it was not estimated."""
+        """Standard error of an instrument error in its displayed unit, or None.
+
+        It is None if it was not estimated.
+        """
         return None if self.error is None else self.error / self.scale
 
 

@@ -153,7 +153,7 @@ class PressingSamples:
     #: Contribution to the force per unit of each parameter of `FORCE_PARTS` at the samples, ``(n,
     #: 4)``.
     parts: FloatArray
-    #: Orthonormal basis of the columns of ``parts``, ``(n, 4)``.
+    #: Orthonormal basis of the columns of ``parts``, the force per parameter, ``(n, 4)``.
     columns: FloatArray
     #: Fourier coefficients of the law's lift over a turn, m.
     lift: NDArray[np.complex128]

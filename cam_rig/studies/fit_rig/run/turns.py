@@ -58,16 +58,16 @@ class SteadySegment:
 
     @property
     def turns(self) -> float:
-        """Number of turns of the cam in the segment, not necessarily an integer."""
+        """Number of turns of the cam in a steady-speed segment, not always an integer."""
         return self.speed * (self.end - self.begin) / TURN
 
     @property
     def middle(self) -> float:
-        """Time of the middle of the segment, s."""
+        """Time of the middle of a steady-speed segment, s."""
         return 0.5 * (self.begin + self.end)
 
     def without_transient(self) -> SteadySegment:
-        """Return the segment without its first `TRANSIENT_TURNS` turns.
+        """Return a steady-speed segment without its first `TRANSIENT_TURNS` turns.
 
         It is returned unchanged if it has at most twice as many turns.
         """
@@ -235,7 +235,10 @@ class SegmentSamples:
     value: FloatArray
 
     def where(self, selection: NDArray[np.bool_ | np.intp]) -> SegmentSamples:
-        """Return the samples that a boolean mask or an index array selects."""
+        """Return the samples of a steady-speed segment with selected indices.
+
+        ``selection`` is a boolean mask or an index array.
+        """
         return SegmentSamples(self.since[selection], self.value[selection])
 
 
