@@ -136,7 +136,7 @@ class BagWriter:
             self._file.flush_if_due()
 
     def flush(self) -> None:
-        """Write buffered messages to the file, so that a killed process does not lose them."""
+        """Write buffered messages to the file, to survive the end of the process."""
         with self._write_errors():
             self._file.flush()
 

@@ -54,6 +54,13 @@ class Playback:
     that it reaches the end of the newest tick shortly (one margin) after the next tick is due. The
     displayed cam therefore turns as fast as the drive turns it at present, also if ticks become
     longer or shorter. The position never moves backwards.
+
+    Parameters
+    ----------
+    sample_rate : int
+        Sample rate in Hz.
+    margin : float
+        Time (s, wall clock) that a tick may be late without a pause of the playback.
     """
 
     def __init__(self, sample_rate: int, margin: float = MARGIN_S) -> None:

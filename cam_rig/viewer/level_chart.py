@@ -303,7 +303,7 @@ class BandChart:
         self._waiting.append((time, angle, levels))
 
     def flush(self) -> None:
-        """Send the bars of sound levels that were added since the last call to the recording."""
+        """Send the bars of levels that were added since the last call to the recording."""
         if not self._waiting:
             return
         time, angle, levels = zip(*self._waiting, strict=True)

@@ -161,7 +161,7 @@ class SeriesWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Send the samples of the curve that were added since the last call to the recording."""
+        """Send the samples that were added to the curve since the last call."""
         if self._parts:
             time, angle, values = np.concatenate(self._parts, axis=1)
             columns = rr.Scalars.columns(scalars=values)

@@ -44,8 +44,8 @@ MAX_STATES = 4
 #: Number of Bernstein ordinates of the acceleration in a window (short time of a flight),
 #: `linear.exponential.SERIES_DEGREE` + 1.
 SERIES_SIZE = 25
-#: Smallest ratio of the slow to the fast decay rate of an overdamped pair at which the integral of
-#: its impulse response follows from the response. At a smaller ratio this would lose digits.
+#: Smallest ratio of the slow to the fast decay rate of an overdamped motion at which the integral
+#: of its impulse response is computed from the response. At a smaller ratio this would lose digits.
 MIN_RATE_RATIO = 0.1
 
 

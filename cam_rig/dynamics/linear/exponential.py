@@ -173,7 +173,7 @@ class FreeSystem:
 
     matrix: FloatArray  #: A of ẋ = A x + b, ``(n, n)``
     load: FloatArray  #: b of ẋ = A x + b, ``(n,)``
-    #: Weights of the states in the position of the contact mass, ``(n,)``
+    #: Weights with which the n states add up to the position of the contact mass, ``(n,)``
     row: FloatArray
     #: Matrix E, ``(k, n)``. The length of the vector E ẋ never grows during a flight and is never
     #: below the absolute acceleration of the contact mass.

@@ -156,11 +156,11 @@ def _largest_exponent(derivatives: FloatArray) -> float:
 def _all_exponents(largest: float, growth: FloatArray) -> tuple[float, ...]:
     """Return all Lyapunov exponents of a periodic motion, 1/turn.
 
-    ``largest`` is the largest exponent. ``growth`` is the mean logarithm of the growth of each of n
-    directions. The first two directions span an area, whose growth is exact, so the second exponent
-    is the growth of the area minus ``largest``. It is not computed from the eigenvalues of the
-    derivative over a period, because small eigenvalues are below the rounding error of a long
-    product.
+    ``largest`` is the largest exponent, from the eigenvalues of the derivative over a period.
+    ``growth`` is the mean logarithm of the growth of each of n directions. The first two directions
+    span an area, whose growth is exact, so the second exponent is the growth of the area minus
+    ``largest``. It is not computed from the small eigenvalues, because these are below the rounding
+    error of a long product of derivatives.
     """
     if largest == -math.inf:
         return (largest,) * growth.size

@@ -111,7 +111,7 @@ MAX_NOISE = {"lift": 0.1, "force": 0.5}
 #: Smallest number of readings in the drawn turn of a figure. If the last turn has fewer, readings
 #: of earlier turns are added.
 MIN_DRAWN_READINGS = 300
-#: Largest number of readings in the drawn turn of a figure.
+#: Largest number of readings that a figure draws for a turn.
 MAX_DRAWN_READINGS = 1500
 
 
@@ -365,7 +365,10 @@ MAX_RANGE_RATIO = 2.0
 
 
 def warnings_of(pairs: MeasuredPairs) -> Iterator[str]:
-    """Yield a warning for each sign of a wrong topic, sign, unit, offset or cam."""
+    """Yield a warning for each sign of a mistake in the options of a comparison.
+
+    It may be a wrong topic, sign, unit, offset or cam.
+    """
     origin = alignment_numbers(pairs)[0].origin
     if origin is Origin.ASSUMED:
         reason = "was not measured" if pairs.run.lift is None else "has too few readings"

@@ -182,7 +182,7 @@ def figure(
 
 
 def profile_figure(result: ProfileResult) -> Figure:
-    """Return the figure of a check result that contains a single cam."""
+    """Return the figure of a check of contours that contains a single cam."""
     (checked,) = result.cams
     return figure(checked.cam, checked.law, checked.checks, result.positions)
 

@@ -127,7 +127,7 @@ def _widen(
 
 
 def _fit_at(fit: Candidate, restitution: float) -> FitSolution:
-    """Fit the other free parameters at a fixed restitution."""
+    """Fit the other free parameters of a fit to a run, at a fixed restitution."""
     return search(continue_from(fit, fit.smooth, fit.values | {"restitution": restitution}))
 
 
