@@ -228,7 +228,7 @@ def _plan_step(
     if fraction > SHRINK:
         return Step(StepKind.RETRY, fraction * width, error)
     bound_groups(run, norm, motion.speed, high, errors)
-    allowed_width = min(width, _allowed_width(errors, floors, motion.group_min_forced))
+    allowed_width = min(width, _max_width(errors, floors, motion.group_min_forced))
     if fraction * width > allowed_width:
         return Step(StepKind.RETRY, fraction * width, error)
     if MAX_WIDTH_RATIO * allowed_width < width:  # the bounds of a step this long are too wide
@@ -289,7 +289,7 @@ def _find_margins(
     return find_min_output(run.law, run.mode, motion, added, out).evaluations
 
 
-def _allowed_width(errors: Records, floors: Vector, forced: Vector) -> float:
+def _max_width(errors: Records, floors: Vector, forced: Vector) -> float:
     """Return the width (rad/s) of the longest speed step that groups are likely to prove.
 
     At this width the chord error of some group of pieces reaches `GROUP_FRACTION` of its least
