@@ -20,8 +20,8 @@ from cam_rig.dynamics.jump.two_masses import (
     find_jump_speed,
     find_two_mass_jump,
     force_run,
-    no_jump_error,
     lost_contact_error,
+    no_jump_error,
     require_run,
 )
 from cam_rig.dynamics.parameters import FollowerParameters
