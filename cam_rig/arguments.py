@@ -193,19 +193,19 @@ def _refusal(name: str, value: Any, hint: Any) -> str:
         text = f"array of {value.dtype}"
     elif isinstance(value, int):
         text = "int of more than 63 bits"
-    return f"{name}: is {text}; allowed: {_allowed_text(hint, value)}"
+    return f"{name}: is {text}; allowed: {_text_of_type(hint, value)}"
 
 
-def _allowed_text(hint: Any, value: Any) -> str:
+def _text_of_type(hint: Any, value: Any) -> str:
     """Return a text on the values that an annotation allows.
 
     It contains a similar allowed name, or the call that loads `value`.
     """
     kind, inner = get_origin(hint) or hint, get_args(hint)
     if kind in (Union, UnionType):
-        return " or ".join(_allowed_text(member, value) for member in inner)
+        return " or ".join(_text_of_type(member, value) for member in inner)
     if kind is Sequence:
-        return f"a list, each {_allowed_text(inner[0], value)}"
+        return f"a list, each {_text_of_type(inner[0], value)}"
     if kind is Literal:
         similar = did_you_mean(value, inner).strip() if isinstance(value, str) else ""
         return " ".join(filter(None, (" or ".join(map(repr, inner)), similar)))

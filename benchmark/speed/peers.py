@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -160,7 +161,7 @@ class Peer:
     """Solver with a method. Several methods can have the same ``name``.
 
     ``weight`` is its share of the time of the comparison. A ``slow`` peer has loose tolerances in a
-    quick comparison.
+    quick comparison. A ``linear_only`` peer solves only cases of linear phases.
     """
 
     name: str
@@ -169,6 +170,7 @@ class Peer:
     make: Callable[[str, float], Integrator]
     weight: int
     slow: bool = False
+    linear_only: bool = False
 
     @property
     def title(self) -> str:
@@ -185,8 +187,12 @@ class Peer:
         run = integration.integrate_torsion if is_shaft else integration.integrate_case
         return run(case, _limited(self.make(self.method, rtol), seconds))
 
-    def missing(self) -> str | None:
-        """Return the reason for a missing peer with the remedy, or None."""
+    def missing(self, case: Case | None = None) -> str | None:
+        """Return the reason why a peer cannot be used, for a case or at all, or None."""
+        if self.linear_only and case is not None and isinstance(case.model, Twist):
+            return "only cases of linear phases are compiled"
+        if self.name == COMPILED and find_spec("numba") is None:
+            return "numba is missing: pip install numba (extra 'fast' of cam_rig)"
         if self.name != "CVODE":
             return None
         try:
@@ -194,6 +200,18 @@ class Peer:
         except CamRigError as error:
             return str(error)
         return None
+
+
+#: Name of the peer without Python callbacks.
+COMPILED = "DOP853 numba"
+
+
+def compiled_peer(method: str, rtol: float) -> Integrator:
+    """Return the compiled DOP853 with a relative tolerance."""
+    from benchmark.speed.compiled import CompiledPeer, compile_all
+
+    compile_all()
+    return CompiledPeer(method, rtol)
 
 
 def _limited(integrate: Integrator, seconds: float) -> Integrator:
@@ -216,4 +234,5 @@ PEERS = (
     Peer("CVODE", "BDF", f"scikit-sundae, {OPTIONS}", CvodePeer, 2),
     Peer("LSODA", "LSODA", f"scipy {SCIPY_OPTIONS}, Jacobian", ScipyPeer, 2),
     Peer("Radau", "Radau", f"scipy {SCIPY_OPTIONS}, Jacobian", ScipyPeer, 1, slow=True),
+    Peer(COMPILED, COMPILED, "numba, options as above", compiled_peer, 1, linear_only=True),
 )

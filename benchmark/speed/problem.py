@@ -9,7 +9,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -151,6 +151,25 @@ def _merged(ends: FloatArray, series: FloatArray) -> PeerInterval:
 Floats = Sequence[float]
 
 
+class LinearSystem(NamedTuple):
+    """Arrays of a linear phase on an interval, for peers without Python callbacks.
+
+    Parameters ----------
+    matrix : ``(n, n)`` Jacobian of the rate
+    ends, middles : ``(p,)`` end and middle of each piece (s)
+    forces : ``(p, n / 2, d + 1)`` forcing in powers of the time since the middle
+    guard : ``(n,)`` weights of the guard, empty without one
+    guard_forces : ``(p, d + 1)`` part of the guard that depends on time, in the same powers
+    """
+
+    matrix: FloatArray
+    ends: FloatArray
+    middles: FloatArray
+    forces: FloatArray
+    guard: FloatArray
+    guard_forces: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Initial value problem q̇ = rate(t, q) that ends when guard(t, q) becomes zero.
@@ -158,6 +177,7 @@ class Problem:
     Parameters ----------
     jacobian : Jacobian of the rate, ``constant`` if it depends neither on t nor on q
     scale : ``(n,)`` usual size of each state, for the absolute tolerance
+    linear : arrays of the same problem, None if it is not linear
     """
 
     rate: Callable[[float, list[float]], Floats]
@@ -165,6 +185,7 @@ class Problem:
     constant: bool
     guard: Callable[[float, list[float]], float] | None
     scale: FloatArray
+    linear: LinearSystem | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +227,21 @@ def linear_problem(phase: BenchPhase, interval: PeerInterval, scale: FloatArray)
     jacobian[half:] = np.array(phase.rows, dtype=float)
     forces = [interval.function(row) for row in phase.drive]
     rate = _one_position(phase, forces[0]) if half == 1 else _two_positions(phase, forces)
-    return Problem(rate, lambda t, q: jacobian, True, _guard(phase, interval), scale)
+    system = _linear_system(phase, interval, jacobian)
+    return Problem(rate, lambda t, q: jacobian, True, _guard(phase, interval), scale, system)
+
+
+def _linear_system(phase: BenchPhase, interval: PeerInterval, jacobian: FloatArray) -> LinearSystem:
+    starts = np.append(0.0, interval.ends[:-1])
+    drive = np.array(phase.drive, dtype=float)
+    return LinearSystem(
+        matrix=jacobian,
+        ends=interval.ends,
+        middles=0.5 * (starts + interval.ends),
+        forces=np.ascontiguousarray(drive @ interval.series),
+        guard=np.array(() if phase.guard is None else phase.guard, dtype=float),
+        guard_forces=np.array(phase.guard_drive, dtype=float) @ interval.series,
+    )
 
 
 def _one_position(phase: BenchPhase, force: Scalar) -> Callable[[float, list[float]], Floats]:

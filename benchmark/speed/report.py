@@ -15,7 +15,7 @@ from benchmark.speed.cases import QUICK_TURNS
 from benchmark.speed.study import CaseResult, WorkPrecisionPoint, WorkPrecisionStudy
 from cam_rig.show.command import command
 from cam_rig.show.figure import empty, logarithmic, styled
-from cam_rig.show.looks import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, web
+from cam_rig.show.looks import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, web
 from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
 
 
@@ -159,6 +159,7 @@ STYLES = {
     "CVODE BDF": (web(VERMILION), "s"),
     "LSODA": (web(GREEN), "^"),
     "Radau": (web(PURPLE), "D"),
+    "DOP853 numba": (web(SKY_BLUE), "P"),
 }
 
 RIG = (web(BLACK), "*")

@@ -370,7 +370,7 @@ def sweep(
 ) -> Sweep:
     """Run a peer from loose to tight tolerances within ``share`` seconds."""
     out = Sweep(peer)
-    missing = peer.missing()
+    missing = peer.missing(case)
     if missing is not None:
         out.notes.append(missing)
         return out

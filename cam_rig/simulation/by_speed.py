@@ -186,7 +186,7 @@ class SpeedRows:
             self._flights = FlightCount(MIN_GAP_RATIO * self._laws[tick.cam].lift)
         self._previous_key = steady_key
         first = round(float(tick.time[0]) * self._rate)
-        span, turned = (first, first + tick.time.size), tick.turned_angle(self._rate)
+        span, turned = (first, first + tick.time.size), tick.angle_span(self._rate)
         statistics = self._statistics(tick, turned) if tick.steady else _TickStatistics()
         for completed in self._turns.add(tick.start, tick.steady, turned, span, statistics):
             self._steps[key] = self._steps.get(key, _TickStatistics()) + completed

@@ -245,7 +245,7 @@ class TickSamples(NamedRows):
         wrapped = angle - np.floor(angle / TURN) * TURN
         return np.where(wrapped < TURN, wrapped, 0.0)  # equal to TURN by rounding
 
-    def turned_angle(self, rate: int) -> float:
+    def angle_span(self, rate: int) -> float:
         """Return the angle (rad) that the cam turns during the samples of the tick.
 
         `rate` is the sample rate, Hz. A tick is the time between two cam states.

@@ -20,8 +20,8 @@ from cam_rig.dynamics.jump.two_masses import (
     find_jump_speed,
     find_two_mass_jump,
     force_run,
-    kept_contact_error,
     lost_contact_error,
+    no_jump_error,
     require_run,
 )
 from cam_rig.dynamics.parameters import FollowerParameters
@@ -105,7 +105,7 @@ def find_jump(law: Law, parameters: AnyFollower, duration: float | None = REST_D
     if speed < MIN_RPM * RPM:
         raise lost_contact_error(law)
     if speed > MAX_RPM * RPM:
-        raise kept_contact_error(law)
+        raise no_jump_error(law)
     return Jump(speed, angle, angle / speed)
 
 

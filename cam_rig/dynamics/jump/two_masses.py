@@ -83,7 +83,7 @@ def lost_contact_error(law: Law, slowest: float = MIN_RPM) -> NoJumpSpeedError:
     )
 
 
-def kept_contact_error(law: Law) -> NoJumpSpeedError:
+def no_jump_error(law: Law) -> NoJumpSpeedError:
     """Return the error for a follower that keeps contact at every speed up to `MAX_RPM`."""
     return NoJumpSpeedError(
         f"cam {law.name!r}: the follower keeps contact up to {MAX_RPM:g} rpm; allowed for a "
@@ -155,7 +155,7 @@ def solve_threshold(
     if result.status == ClimbStatus.NEGATIVE:
         raise lost_contact_error(law, slowest)
     if result.status == ClimbStatus.POSITIVE:
-        raise kept_contact_error(law)
+        raise no_jump_error(law)
     if result.status == ClimbStatus.UNRESOLVED:
         raise _unresolved_error(law, parameters, result.low)
     if result.status == ClimbStatus.PAUSED:

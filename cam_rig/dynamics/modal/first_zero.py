@@ -238,7 +238,7 @@ def _plan_step(
     if fraction > SHRINK:
         return Step(StepKind.RETRY, fraction * width, error)
     bound_groups(run, norm, motion.speed, high, errors)
-    allowed_width = min(width, _allowed_width(errors, floors, motion.group_min_forced))
+    allowed_width = min(width, _max_width(errors, floors, motion.group_min_forced))
     if fraction * width > allowed_width:
         return Step(StepKind.RETRY, fraction * width, error)
     if MAX_WIDTH_RATIO * allowed_width < width:  # the bounds of a step this long are too wide
@@ -299,7 +299,7 @@ def _find_margins(
     return find_min_output(run.law, run.mode, motion, added, out).evaluations
 
 
-def _allowed_width(errors: Records, floors: Vector, forced: Vector) -> float:
+def _max_width(errors: Records, floors: Vector, forced: Vector) -> float:
     """Return the width (rad/s) of the longest speed step that can probably be proven.
 
     The proof uses bounds of the chord error (deviation from a straight line over the speed) in

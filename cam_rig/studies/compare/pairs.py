@@ -211,7 +211,7 @@ def _add_tick(
     if first < 0 or rows.shape[1] != tick.time.size:
         return
     parts.rows.append(np.stack([tick.time, tick.angle, tick.lift, rows[1], tick.force, rows[4]]))
-    parts.turned += tick.turned_angle(round(1.0 / step)) if tick.time.size > 1 else 0.0
+    parts.turned += tick.angle_span(round(1.0 / step)) if tick.time.size > 1 else 0.0
     measured = pressures.get(samples.interval.stop_ns)
     if measured is not None and pressure is not None:
         parts.energy += np.array([measured**2, pressure**2, 1.0]) * samples.time.size

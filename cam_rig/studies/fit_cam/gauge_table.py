@@ -141,7 +141,7 @@ class _GaugeReader(CellTable):
         columns = [self._column(headings[i], [row[i] for row in texts]) for i in lifts]
         notes = [self.describe_format(body, used), *notes, *unit_notes]
         notes += _notes_on_lifts([headings[i] for i in lifts], columns)
-        stated, ignored = self._stated_lengths(comments, headings[lifts[0]])
+        stated, ignored = self._lengths_in_comments(comments, headings[lifts[0]])
         return GaugeTable(
             file=self.file,
             angles=tuple(factor * value for value in angles),
@@ -211,7 +211,7 @@ class _GaugeReader(CellTable):
             notes.append(f"no heading of an angle: {headings[0].text!r} assumed to be it")
         lifts = lifts or columns["y"] or columns["z"]
         if options.column is not None:
-            lifts = self._named(headings, options.column, [*lifts, *others])
+            lifts = self._column_indices(headings, options.column, [*lifts, *others])
         if not lifts and angle is not None:
             lifts = [i for i in others if count_numbers([self.rows[self.first or 0][1][i]])]
             names = ", ".join(repr(headings[i].text) for i in lifts)
@@ -234,7 +234,7 @@ class _GaugeReader(CellTable):
         """
         angles = columns["angle"] + (columns["count"] if options.counts else [])
         if options.angle_column is not None:
-            angles = self._named(headings, options.angle_column, range(len(headings)))
+            angles = self._column_indices(headings, options.angle_column, range(len(headings)))
         if not angles and columns["count"]:
             text = headings[columns["count"][0]].text
             raise self.error(
@@ -247,7 +247,9 @@ class _GaugeReader(CellTable):
             )
         return angles[0] if angles else None
 
-    def _named(self, headings: list[Heading], name: str, allowed: Sequence[int]) -> list[int]:
+    def _column_indices(
+        self, headings: list[Heading], name: str, allowed: Sequence[int]
+    ) -> list[int]:
         """Return the indices of the columns with the heading `name`, at least one index.
 
         Only the indices ``allowed`` are considered. Raises ConfigError if there is no such column.
@@ -317,7 +319,7 @@ class _GaugeReader(CellTable):
                 "readings; allowed: a heading such as angle_deg, or --counts if it counts steps"
             )
 
-    def _stated_lengths(
+    def _lengths_in_comments(
         self, comments: list[tuple[int, str]], lift: Heading
     ) -> tuple[dict[str, tuple[float, str]], list[str]]:
         """Return the radii (m) that lines before the readings state, and notes.

@@ -83,8 +83,8 @@ class FitRequest:
             order_readings(table, column, self.reverse, self.mirror) for table, column in selected
         ]
         notes = self._notes(tables, readings)
-        base_radius, base_notes = _given_or_stated(tables, "base radius", self.base_radius)
-        roller_radius, roller_notes = _given_or_stated(
+        base_radius, base_notes = _option_or_table_length(tables, "base radius", self.base_radius)
+        roller_radius, roller_notes = _option_or_table_length(
             tables,
             "roller radius",
             self.roller_radius,
@@ -222,7 +222,7 @@ class FitRequest:
         return (None,) * column_count
 
 
-def _given_or_stated(
+def _option_or_table_length(
     tables: list[GaugeTable], name: str, given: float | None, is_used: bool = True
 ) -> tuple[float | None, list[str]]:
     """Return a length (m) from an option or else from a table, and notes.

@@ -21,7 +21,7 @@ from cam_rig.dynamics.jump.two_masses import (
     MAX_RPM,
     REST_DURATION_S,
     Jump,
-    kept_contact_error,
+    no_jump_error,
     require_run,
 )
 from cam_rig.errors import ConfigError
@@ -360,7 +360,7 @@ def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
     state: FollowerState | None = None
     start = 0
     if law.lift == 0.0:  # a circular disc keeps contact at every speed, so no run is needed
-        raise kept_contact_error(law)
+        raise no_jump_error(law)
     for turn in range(1, math.ceil((MAX_RPM * RPM) ** 2 / (2.0 * rate) / TURN) + 1):
         stop, start_time = round(math.sqrt(2.0 * TURN * turn / rate) * NS), start / NS
         tick = Interval(start, stop, 0.5 * rate * start_time**2, rate * start_time, rate)
@@ -369,4 +369,4 @@ def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
             first = block.events[0]
             return Jump(rate * first.time, first.angle % TURN, first.time)
         start = stop
-    raise kept_contact_error(law)
+    raise no_jump_error(law)
