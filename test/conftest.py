@@ -167,7 +167,7 @@ def followable_laws(laws: dict[str, Law]) -> dict[str, Law]:
 
 @pytest.fixture(scope="session", params=[name for name in CAM_NAMES if name not in VELOCITY_JUMPS])
 def law(request: pytest.FixtureRequest, laws: dict[str, Law]) -> Law:
-    """Each shipped law that a follower can follow, in turn."""
+    """Each shipped law that a follower can follow; the test runs once per law."""
     return laws[request.param]
 
 
@@ -179,25 +179,28 @@ def rig() -> RigConfig:
 
 @pytest.fixture(scope="session")
 def paper_rig() -> RigConfig:
-    """Rig with two masses and a shaft, identified from the jump speeds of table 2."""
+    """Rig with two masses and a shaft, identified from the jump speeds of the paper.
+
+    They are in Table 2 of the paper on Bézier cams (see docs/glossary.md).
+    """
     return load_rig(CONFIG / "rigs" / "paper_table2.yaml")
 
 
 @pytest.fixture(scope="session")
 def two_mass(paper_rig: RigConfig) -> TwoMassParameters:
-    """Two-mass follower of the paper's rig."""
+    """Parameters of the two-mass follower that was identified from the paper's Table 2."""
     return TwoMassParameters.from_rig(paper_rig)
 
 
 @pytest.fixture(scope="session")
 def follower(rig: RigConfig) -> FollowerParameters:
-    """Follower of the shipped rig TM21."""
+    """Lumped parameters of the follower of the shipped rig TM21."""
     return FollowerParameters.from_rig(rig)
 
 
 @pytest.fixture
 def radiation(rig: RigConfig) -> RadiationParameters:
-    """Constants of radiation with round numbers, independent of the fitted numbers."""
+    """Radiation constants with round numbers, not the fitted ones of the rig file."""
     return dataclasses.replace(RadiationParameters.from_rig(rig), gain=1e-4, corner_frequency=20.0)
 
 
@@ -207,21 +210,25 @@ def assumed(value: Any, unit: str) -> dict[str, Any]:
 
 
 def dwell(span: float) -> dict[str, Any]:
-    """Return a segment for `make_cam`, with its span in degrees."""
+    """Return the data of a dwell segment for `make_cam`. `span` is in degrees."""
     return {"law": "dwell", "span": span}
 
 
 def rise(span: float, to: float, law: str = "poly345") -> dict[str, Any]:
-    """Return a rise for `make_cam`, with its span in degrees.
+    """Return the data of a rise or fall for `make_cam`. `span` is in degrees.
 
-    It ends at a level relative to the lift.
+    `to` is the level at its end, as a fraction of the lift.
     """
     return {"law": law, "span": span, "to": to}
 
 
 @pytest.fixture(scope="session")
 def make_cam() -> Callable[..., CamConfig]:
-    """Function that returns a cam of given segments, with spans in degrees."""
+    """Function that returns a cam made of the given segments, with spans in degrees.
+
+    The follower is a point, or a roller if `roller_radius` (m) is given. The lift is 0.05 m by
+    default.
+    """
 
     def make(
         *segments: dict[str, Any],
@@ -253,7 +260,10 @@ def make_cam() -> Callable[..., CamConfig]:
 
 
 def scene_data(**changes: Any) -> dict[str, Any]:
-    """Return the data of a scene file with two cams, and three speeds of three turns."""
+    """Return the data of a scene file: two cams at three speeds, three turns each.
+
+    `changes` replaces entries of the data.
+    """
     schedule = {
         "speeds": assumed(changes.pop("speeds", [200, 300, 400]), "rpm"),
         "turns": assumed(changes.pop("turns", 3), "turns"),
@@ -276,13 +286,16 @@ def scene_data(**changes: Any) -> dict[str, Any]:
 
 @pytest.fixture(scope="session")
 def make_scene() -> Callable[..., SceneConfig]:
-    """Function that returns this scene with changes."""
+    """Function that returns the scene of `scene_data` with changed entries."""
     return lambda **changes: SceneConfig.model_validate(scene_data(**changes))
 
 
 @pytest.fixture
 def make_loaded_scene(tmp_path: Path) -> Callable[..., LoadedScene]:
-    """Function that writes and opens this scene with changes."""
+    """Function that writes the scene of `scene_data` to a file and loads it.
+
+    Its arguments replace entries of the data.
+    """
 
     def make(**changes: Any) -> LoadedScene:
         path = tmp_path / "scenes" / "small.yaml"
@@ -296,7 +309,10 @@ def make_loaded_scene(tmp_path: Path) -> Callable[..., LoadedScene]:
 
 @pytest.fixture(scope="session")
 def fork_server() -> Iterator[ForkServer]:
-    """Server that forks the nodes of all tests, except tests of the start of nodes."""
+    """Server process that forks the nodes of all tests.
+
+    Tests of the start of nodes do not use it.
+    """
     with ForkServer().begin() as made:
         yield made
 

@@ -33,17 +33,17 @@ KEYS = {
 }
 #: Libraries whose module has another name than the package.
 IMPORTED_AS = {"PIL": "pillow", "rerun": "rerun-sdk", "sksundae": "scikit-sundae", "yaml": "pyyaml"}
-#: Libraries that only the scripts for reference values import.
+#: Libraries that are imported only by the scripts that compute reference values.
 MAKERS = {"mpmath"}
 #: Libraries that only the tests of other packages need, which use `cam_rig.testing`.
 TESTS = {"pytest"}
 IMPORTED_AS |= {"mkdocs": "mkdocs-material", "griffe": "mkdocstrings"}
 IMPORTED_AS |= {"pydantic_core": "pydantic", "rerun_cli": "rerun-sdk", "SALib": "salib"}
-#: Extras that are not part of `all`: comparison with other solvers, and a cluster.
+#: Extras of setup.py that are not part of `all`: comparison with other solvers, and a Dask cluster.
 APART = {"bench", "dask"}
 #: Lists of setup.py that `make setup` installs in addition to `all`.
 INSTALLED = ("CORE", "BENCH", "DASK", "ROS_WHEELS", "TEST")
-#: Example of the README without the bag. Libraries outside the core cannot be imported.
+#: Example of the README without its bag, run while libraries outside the core cannot be imported.
 TEN_LINES = """
 import sys
 
@@ -100,9 +100,10 @@ def imported(folder="cam_rig"):
 
 
 def test_what_is_imported_is_declared():
-    """Each library that the package, its benchmark or its tools import is declared.
+    """Each library that cam_rig, its benchmark or its tools import is declared.
 
-    Exceptions are optional libraries, and libraries that only tests and reference values need.
+    It is in a list of setup.py or has a rosdep key. Exceptions are optional libraries, and
+    libraries that only tests and reference values need.
     """
     lists, (keys, _) = lists_of_setup(), declared()
     known = lists["CORE"] | lists["ALL"] | lists["BENCH"] | lists["DASK"] | keys
@@ -198,7 +199,7 @@ def test_the_core_alone_runs_the_ten_lines():
     assert (done.stderr, done.stdout) == ("", "413.44\n")
 
 
-#: Missing library, a command that needs it, and the end of the error line.
+#: Cases: missing library, a command that needs it, and the end of its error line.
 LACKING = {
     "typer": ("--help", "cam_rig[cli]'"),
     "rerun": ("view bags/golden --save out/none.rrd", "cam_rig[view]'"),
@@ -252,12 +253,12 @@ FROM_UBUNTU = {
     *("ezdxf", "jinja2", "markupsafe", "matplotlib", "numpy", "pyyaml", "rich", "scipy"),
     "shapely",
 }
-#: Debian packages that a step needs in addition to the ROS image and the keys of rosdep.
+#: Debian packages that an installation step needs besides the ROS image and the rosdep keys.
 APT = {"python3-venv"}
 
 
 def pinned(path):
-    """Return the pinned versions in a requirements file, by name."""
+    """Return the pinned version of each library in a requirements file, by name."""
     return dict(re.findall(r"^([\w.-]+)==(\S+)", path.read_text(encoding="utf-8"), re.M))
 
 

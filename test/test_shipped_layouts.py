@@ -32,7 +32,7 @@ DISPLAYS = {
 
 
 class Use(NamedTuple):
-    """Topic that a layout displays, with a field and the type of its messages."""
+    """Topic that a layout displays, with the displayed field and the message type."""
 
     topic: str
     field: str = ""
@@ -71,7 +71,7 @@ def rviz(path: Path) -> tuple[list[Use], set[str]]:
 
 
 def foxglove(path: Path) -> tuple[list[Use], set[str]]:
-    """Return the topics and fields of the panels in a Foxglove file, and the frame."""
+    """Return topics and fields of the panels in a Foxglove file, and the fixed frame."""
     layout = json.loads(path.read_text(encoding="utf-8"))
     panels, uses, frames = layout["configById"], list[Use](), set[str]()
     assert sorted(leaves(layout["layout"])) == sorted(panels), "panels that are not shown"
@@ -122,7 +122,7 @@ READERS: dict[str, Callable[[Path], tuple[list[Use], set[str]]]] = {
 
 
 def number(message: Any, field: str) -> float:
-    """Return the number of a message at a path.
+    """Return the number in a message at a path of fields.
 
     A path is, for example, ``position[0]`` or ``wrench.force.y``.
     """

@@ -20,7 +20,7 @@ TIMES = [0.01 * i for i in range(50)]
 
 @pytest.fixture
 def bag(tmp_path, split):
-    """Copy of the golden run in several files."""
+    """Copy of a recording of the golden run in several files."""
     return shutil.copytree(split, tmp_path / "bag")
 
 

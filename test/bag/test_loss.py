@@ -36,7 +36,10 @@ RECORDS = [record[1:3] for record in RECORDS if isinstance(record, RecordedMessa
 
 
 def held(keep=lambda topic, message: True):
-    """Return the inventory of the golden bag for the messages that `keep` selects."""
+    """Return the inventory of the golden bag's messages, which shows missing ones.
+
+    `keep` is a function of topic and message that returns False for a message to leave out.
+    """
     found = Holdings()
     for channel, message in RECORDS:
         if keep(channel.topic, message):
@@ -45,20 +48,21 @@ def held(keep=lambda topic, message: True):
 
 
 TIMES = [state.time_ns for state in cam_states(SCENE)]
-#: Topics whose messages have other times than the cam states. Gaps in their sequence numbers show a
-#: loss.
+#: Topics whose messages are not published at the times of the cam states. A gap in the sequence
+#: numbers of their messages shows a loss.
 NUMBERED = {topic.name for topic in RECORDING if topic.per in ("instant", "any")}
 
 
 def instants_until(time_ns):
-    """Return the number of /joint_states messages before a time (ns)."""
+    """Return the number of /joint_states messages of the golden bag before a time (ns)."""
     return sum(t < time_ns for _, t, _ in messages(GOLDEN, (JOINT_STATES,)))
 
 
 def test_no_tick_of_the_golden_bag_is_missing():
-    """The complete golden bag has no loss, with its scene and without it.
+    """The complete golden bag has no missing tick, with its scene and without it.
 
-    An empty bag has an open end.
+    A tick is the interval between two published cam states. For an empty bag the report states that
+    its end is unknown.
     """
     for scene in (SCENE, None):
         loss = loss_of(held(), scene, closed=True, own=True)
@@ -68,7 +72,7 @@ def test_no_tick_of_the_golden_bag_is_missing():
 
 @pytest.mark.parametrize(("first", "last"), [(3, 5), (1, 4), (7, 7), (9, 16), (1, 16)])
 def test_missing_ticks_are_numbered(first, last):
-    """Missing ticks are reported by their numbers in the scene and counted."""
+    """Missing ticks are counted and reported by their numbers in the scene's run."""
     gone = set(TIMES[first : last + 1])
     kept = held(lambda topic, m: topic in NUMBERED or m.log_time not in gone)
     loss = loss_of(kept, SCENE, False, True)
@@ -257,7 +261,7 @@ def test_a_recorder_on_a_full_disk_keeps_the_written_messages(
 
 
 def test_a_damaged_length_loses_only_its_chunk(tmp_path):
-    """A recovery loses at most the chunk whose length is damaged.
+    """A recovery loses at most the chunk whose length field is damaged.
 
     It finds the next chunk by the byte pattern of its header.
     """
@@ -281,9 +285,9 @@ def test_a_damaged_length_loses_only_its_chunk(tmp_path):
 
 
 def test_the_missing_end_of_a_long_scene_is_not_counted():
-    """The missing end of 100 000 turns is reported as an open end, not per tick.
+    """The missing end of 100 000 turns is reported in one phrase, not tick by tick.
 
-    If the bag was closed, the report states the last tick.
+    If the bag was closed, the report states the last recorded tick.
     """
     schedule = SCENE.schedule.model_copy(
         update={"turns": SCENE.schedule.turns.model_copy(update={"assumed": 1e5, "given": None})}

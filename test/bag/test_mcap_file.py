@@ -16,7 +16,10 @@ BINARY = bytes(range(256))
 
 
 def write(path, times, seed=0, **how):
-    """Write a file with a CDR, a JSON and a protobuf topic at the same log times."""
+    """Write an MCAP file with a CDR, a JSON and a protobuf topic, and return its path.
+
+    Each topic has a message at each log time (ns). `how` has options of the MCAP writer.
+    """
     rng = np.random.default_rng(seed)
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.NONE, **how)

@@ -21,7 +21,11 @@ LINE = "angle=/encoder.position[0] lift=/lvdt.data:mm force=-/cell.wrench.force.
 
 
 def bench(path, plugin=StoragePlugin.MCAP, **changes):
-    """Write a bag of an encoder, an inductive gauge in mm, and a load cell in tension."""
+    """Write a bag of an encoder, an inductive lift gauge in mm and a load cell.
+
+    The load cell measures tension as positive. The path is returned. `changes` adds or replaces
+    topics by name.
+    """
     topics = {
         "/encoder": (joint, TIME, np.remainder(ANGLE, TURN)),
         "/lvdt": (number, TIME, LIFT),
@@ -79,7 +83,7 @@ def test_a_falling_angle_is_reversed_and_reported(tmp_path, whole):
 
 
 def test_readings_are_sorted_and_invalid_numbers_are_dropped(tmp_path):
-    """Readings are sorted by time. NaN and repeated stamps are dropped.
+    """Readings are sorted by time, and NaN values and repeated stamps are dropped.
 
     A note reports each irregularity with its number.
     """
@@ -134,7 +138,11 @@ def test_a_bag_of_the_rig_needs_no_mapping():
 
 
 def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
-    """A namespace selects one of two rigs in a bag. An unknown one is refused."""
+    """In a bag of two rigs the namespace selects a rig.
+
+    The readings equal those of a bag with one rig. An unknown namespace is an error with the
+    allowed ones.
+    """
     bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
     expected = read_measured(GOLDEN, cam="tm21")
     for namespace in ("/", "rig2"):

@@ -146,7 +146,7 @@ def test_the_distribution_is_that_of_the_environment_else_the_wheels(monkeypatch
     monkeypatch.setattr(file_writer, "distributions", lambda: there)
 
     def said():
-        """Return the name in metadata.yaml, and the key of rclpy in versions.json."""
+        """Return the ROS distribution in metadata.yaml, and rclpy's key in versions.json."""
         file_writer._wheel_distribution.cache_clear()
         content = file_writer.FileContent("bag_0.mcap", first=7, last=9)
         about = yaml.safe_load(file_writer.metadata([content]))["rosbag2_bagfile_information"]

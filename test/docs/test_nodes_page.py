@@ -67,7 +67,10 @@ def test_table_of_parameters():
 
 
 def size_of(bag: Path) -> list[str]:
-    """Return ticks, messages and size in MB of a bag as texts, as printed on the page."""
+    """Return ticks, messages and size in MB of a bag as texts, as printed on the page.
+
+    A tick is the interval between two published cam states.
+    """
     counts = read_counts(bag)
     size = sum(file.stat().st_size for file in bag.iterdir())
     return [str(counts[topics.PRESSURE.name]), str(sum(counts.values())), f"{size / 1e6:.1f} MB"]

@@ -96,7 +96,7 @@ def test_launch_starts_the_nodes_of_the_runner_in_order(load):
 def test_launch_arguments_have_priority_over_the_parameter_file(load):
     """A launch argument has priority over the parameter file of the launch.
 
-    Only arguments that the user has given are passed on after the file.
+    Only arguments that the user has given override the values of the file.
     """
     nodes = launch_nodes(load("rig.launch.py"), params_file=__file__, scene="quick")
     for name, node in nodes.items():
@@ -142,9 +142,9 @@ def test_missing_parameter_file_is_an_error(load, tmp_path):
 
 
 def test_profiles_restrict_sockets_unless_the_subnet_is_allowed(load):
-    """The launch sets the loopback or subnet profile of Fast DDS, under a condition.
+    """A launch argument selects the loopback or the subnet profile of Fast DDS.
 
-    Both profiles exist.
+    Each profile is set under a condition, and both profile files exist.
     """
     variables = of(load("rig.launch.py"), "SetEnvironmentVariable")
     profiles = {v.given[1].given[0][-1] for v in variables if "FASTDDS" in v.given[0]}
@@ -171,7 +171,8 @@ def test_run_continues_without_its_viewer(load):
 def test_robot_state_publisher_has_the_robot_of_the_scene(load, namespace):
     """robot.launch.py starts robot_state_publisher with the URDF of the scene.
 
-    Its queue has room for a tick, and it uses rig time. A namespace applies to its topics.
+    Its queue has room for all messages of a tick (one turn by default), and it uses rig time. A
+    namespace applies to its topics.
     """
     actions = load("robot.launch.py")
     node = launch_nodes(actions, scene="quick", namespace=namespace)["robot_state_publisher"]

@@ -24,7 +24,8 @@ from ..processes import ended, is_running, until
 
 pytestmark = pytest.mark.ros
 pytest_plugins = ["pytester"]
-#: Options of the separate pytest run. It is allowed to name the plugin, which is loaded anyway.
+#: Options of the separate pytest run. Naming the plugin is allowed although pytest also loads it
+#: through its entry point.
 PLUGINS = ("-p", "cam_rig.testing", "-p", "no:cacheprovider", "-p", "no:xdist")
 
 

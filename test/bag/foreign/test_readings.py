@@ -30,7 +30,7 @@ LINE = "angle=/joints.position[cam] lift=/joints.position[follower]"
 
 
 def joints(stamp, values):
-    """Return a JointState with the positions of the joints in the dict `values`."""
+    """Return a ROS JointState whose joint names and positions are those of a dict."""
     kind = TYPES.types["sensor_msgs/msg/JointState"]
     none = np.array([])
     return kind(header(stamp), list(values), np.array(list(values.values()), float), none, none)
@@ -41,9 +41,10 @@ def both(angle=ANGLE, lift=LIFT):
 
 
 def read(path, line=LINE, **topics):
-    """Return the signals, counts by quantity and notes of a bag with these topics.
+    """Write a bag with these topics and return its signals, message counts and notes.
 
-    `line` is the mapping of quantities to topics, as given to --topics.
+    `topics` has the arguments of `write_bag`. `line` assigns quantities to topics, as in --topics.
+    The counts are by quantity.
     """
     bag = write_bag(path / "bench", {f"/{name}": topic for name, topic in topics.items()})
     return counted(read_signals(bag, parse_topics(line)))
@@ -102,7 +103,7 @@ def test_a_truncated_message_is_named_with_its_time(tmp_path):
 
 @pytest.mark.parametrize("sentinel", [-999.0, 9.99])
 def test_numbers_that_are_no_lift_are_dropped(tmp_path, sentinel):
-    """Values that a gauge reports instead of a lift are dropped.
+    """Values by which a gauge reports an error instead of a lift are dropped.
 
     A note states their number and times.
     """

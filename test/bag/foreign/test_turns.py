@@ -15,9 +15,9 @@ RATE = 500.0
 
 
 def run(rng, seconds=6.0, rate=RATE):
-    """Return time (s) and true angle (rad) of a cam with two speeds and a ramp.
+    """Return time stamps (s) and true angle (rad) of a cam with two speeds and a ramp.
 
-    The speed varies within the turn, and the times are uneven.
+    The speeds are random. The speed varies slightly within a turn, and the stamps may have jitter.
     """
     time = np.arange(0.0, seconds, 1.0 / rate)
     speeds = TURN * rng.uniform(0.5, 4.0, 2)
@@ -31,9 +31,10 @@ def run(rng, seconds=6.0, rate=RATE):
 
 
 def as_read(angle, way):
-    """Return the readings of a kind of encoder, and its counter or None.
+    """Return the angles (rad) that an encoder of kind `way` reports, and its counter.
 
-    `way` is the kind, for example "one turn" or "int16".
+    `way` is for example "one turn" (wraps at 360°) or "int16" (integer counter). The counter is
+    None for an encoder that is not an integer counter.
     """
     if way == "one turn":
         return np.remainder(angle, TURN), None
@@ -50,7 +51,10 @@ def as_read(angle, way):
 
 
 def spoiled(rng, value, kind):
-    """Return the readings with a few wrong values, and the indices of these."""
+    """Return the readings with up to eight groups of wrong values, and their indices.
+
+    `kind` is "zeros", "random" (single values) or "runs" (up to five equal values in a row).
+    """
     value, wrong = value.copy(), []
     for _ in range(rng.integers(1, 9)):
         first = int(rng.integers(value.size))
@@ -142,9 +146,10 @@ def test_angles_averaged_across_the_wrap_are_wrong(way, count, seed):
 
 @pytest.mark.parametrize(("modulo", "turns"), [(16.0, 16.0), (10_000 / 4096, 10_000 / 4096)])
 def test_a_counter_may_wrap_at_another_number_than_its_type(modulo, turns):
-    """A counter that wraps at another number than that of its type is continued.
+    """A counter may wrap at another value than the limit of its integer type.
 
-    A note states the jump in turns and the time of the first jump.
+    The angle continues there, within five counts. A note states the jump back in turns and the time
+    of the first jump.
     """
     time = np.arange(4000) / 500.0
     count = TURN / 4096
