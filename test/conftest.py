@@ -188,7 +188,7 @@ def paper_rig() -> RigConfig:
 
 @pytest.fixture(scope="session")
 def two_mass(paper_rig: RigConfig) -> TwoMassParameters:
-    """Parameters of the two-mass follower that was identified from the paper's Table 2."""
+    """Parameters of the two-mass follower identified from Table 2 of the paper."""
     return TwoMassParameters.from_rig(paper_rig)
 
 

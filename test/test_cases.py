@@ -57,7 +57,7 @@ def of_contour(data, written, name, place):
 
 
 def of_comparison(data, _, name, place):
-    """Return a number of the comparison of a measured bag with a simulation at a speed.
+    """Return a number of the comparison of a bag with a simulation at a speed.
 
     `name` can also select the number of used or skipped readings.
     """

@@ -248,7 +248,7 @@ def test_samples_have_the_energy_of_rms_pressure(silent):
 
 
 def test_the_rate_is_a_multiple_from_96_khz_on(silent):
-    """The sound's sample rate is the smallest multiple of the force's rate from 96 kHz."""
+    """The rate of the sound is the smallest multiple of the force's from 96 kHz."""
     rates = {1000: 96_000, 12_000: 96_000, 44_100: 132_300, 96_000: 96_000, 200_000: 200_000}
     for block_rate, rate in rates.items():
         source, block = SoundSource(silent, block_rate), np.zeros(10)
@@ -328,10 +328,11 @@ def test_background_spectrum():
 
 
 def parseval(law, p, corner_rate, speed, points=2**17):
-    """Return the mean square (N²/s²) of the low-pass filtered force rate, by harmonics.
+    """Return the mean square (N²/s²) of the filtered force rate, by harmonics.
 
-    It is Σ |iω ω_c/(ω_c + iω) F(ω)|² over the harmonics F of the kinetostatic contact force.
-    Parseval's theorem equates it to the mean over time.
+    The filter is a low-pass of first order. The mean square is Σ |iω ω_c/(ω_c + iω) F(ω)|² over the
+    harmonics F of the kinetostatic contact force. Parseval's theorem equates it to the mean over
+    time.
     """
     s, ds, dds = (law(np.arange(points) * TURN / points, k) for k in range(3))
     force = p.mass * speed**2 * dds + p.damping * speed * ds + p.spring_stiffness * s
@@ -345,9 +346,9 @@ def parseval(law, p, corner_rate, speed, points=2**17):
 @pytest.mark.parametrize("corner", [1.0, 20.0, 1000.0])
 @pytest.mark.parametrize("rpm", [200.0, 400.0])
 def test_mean_square_agrees_with_parseval(laws, follower, name, corner, rpm):
-    """The closed-form mean square of the filtered force rate equals a sum of harmonics.
+    """The closed-form mean square of the filtered force rate equals Parseval's sum.
 
-    The sum follows from Parseval's theorem. The relative tolerance is 1e-8.
+    The sum is over the harmonics of the force. The relative tolerance is 1e-8.
     """
     # 1e-8: harmonics of a continuous force fall as n⁻², and behind the filter as n⁻⁴ or faster.
     rate, speed = 2.0 * np.pi * corner, rpm * RPM

@@ -64,7 +64,7 @@ def test_the_response_is_the_analog_one():
 
 
 def test_class_1_reaches_half_the_rate_or_20_khz(monkeypatch):
-    """The weighting filters meet class 1 up to half the sample rate, at most to 20 kHz.
+    """Weighting filters meet class 1 up to half the sample rate, at most to 20 kHz.
 
     The last tested frequency is the last third octave below this limit. For comparison, filters
     from the bilinear transform at 12 kHz meet class 1 only up to 3.15 kHz, and `class_1_up_to_hz`

@@ -54,7 +54,10 @@ NUMBERED = {topic.name for topic in RECORDING if topic.per in ("instant", "any")
 
 
 def instants_until(time_ns):
-    """Return the number of /joint_states messages of the golden bag before a time (ns)."""
+    """Return the number of /joint_states messages before a time (ns).
+
+    They are those of the golden bag.
+    """
     return sum(t < time_ns for _, t, _ in messages(GOLDEN, (JOINT_STATES,)))
 
 

@@ -42,7 +42,7 @@ def test_a_ratio_is_to_the_first_row_of_the_case():
 
 
 def test_the_peer_has_flights_above_the_jump_speed_alone():
-    """The compared solver is timed only at speeds at which the follower leaves the cam.
+    """The compared solver is timed only at speeds at which the follower lifts off.
 
     The TM21 cam keeps contact at 300 rpm, and the run at 450 rpm has 10 landings. The ratio of
     times is empty at 300 rpm, and everywhere without the library of the compared solver.

@@ -66,7 +66,7 @@ def test_a_missed_event_counts_with_its_distance():
 
 
 def test_a_peer_is_compared_at_its_best(study):
-    """Another solver is compared at its fastest setting that is as accurate as cam_rig.
+    """A solver is compared at its fastest setting that is as accurate as cam_rig.
 
     If no setting is as accurate, the most accurate setting is compared.
     """

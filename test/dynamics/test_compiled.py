@@ -1,4 +1,7 @@
-"""Backends of the simulation: plain Python and compiled code give the same bits."""
+"""Tests of the two backends of the simulation, plain Python and compiled code.
+
+Their results are equal to the last bit.
+"""
 
 import math
 import os
@@ -66,7 +69,10 @@ def random_runs(laws, seed):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(24))
 def test_both_backends_return_the_same_bits(laws, monkeypatch, seed):
-    """Events, samples and end states of both backends are equal to the last bit."""
+    """Events, samples and end states of both backends are equal bit by bit.
+
+    An event is a lift-off or a landing.
+    """
     law, one, two, interval = random_runs(laws, seed)
     for model, p in (("one_mass", one), ("two_mass", two)):
         results = []
@@ -80,9 +86,9 @@ def test_both_backends_return_the_same_bits(laws, monkeypatch, seed):
 
 
 def test_masses_without_pairs(laws, monkeypatch):
-    """Without pairs of eigenvectors the matrix exponential gives the same events.
+    """Free motion by the matrix exponential gives the same events as by eigenvectors.
 
-    Their times agree within 1e-12 s.
+    It is used if the free masses have no pairs of eigenvectors. The times agree within 1e-12 s.
     """
     p, runs = replace(TWO, restitution=0.5), []
     unpaired = replace(free_masses(p), pairs=None)
@@ -101,9 +107,9 @@ def test_masses_without_pairs(laws, monkeypatch):
 
 @pytest.mark.parametrize("kind", [int, np.float32, Fraction])
 def test_a_number_of_any_kind(laws, monkeypatch, kind):
-    """Integers, fractions and numpy floats give the bits of Python floats.
+    """Integers, fractions and numpy floats give the results of Python floats.
 
-    They cause no second compilation.
+    The results are equal bit by bit, and no argument type causes a second compilation.
     """
     monkeypatch.setenv(VARIABLE, COMPILED)
     law, results = laws["poly345"], []
@@ -162,7 +168,10 @@ def cache(monkeypatch, tmp_path):
 
 
 def call_in_new_process(capsys):
-    """Return the standard error of a call of `double` that loads its code anew."""
+    """Call `double` as in a new process, and return what it prints on standard error.
+
+    Its compiled code is loaded from the folder again.
+    """
     backend._ready.clear()
     assert backend.dispatch(double, 3.0) == 6.0
     return capsys.readouterr().err
@@ -230,7 +239,7 @@ try:
 except KeyboardInterrupt:
     print("interrupted")
 """
-#: Standard error of a process that compiles this function.
+#: Line on standard error of a process that compiles the function of `PROGRAM`.
 COMPILES = "events: compiling find_rigid_zero, once (about 15 s)\n"
 
 

@@ -1,7 +1,7 @@
-"""Energy balance: the work of the cam is stored, dissipated or lost in landings.
+"""Energy balance: the cam's work is stored, dissipated or lost in landings.
 
-The integrals use the Gauss-Legendre rule on intervals without joints and events, where it is exact
-to rounding. Any missing or wrong event would violate the balance.
+The integrals use the Gauss-Legendre rule between the joints of the law and the events, where it is
+exact to rounding. Any missing or wrong lift-off or landing would violate the balance.
 """
 
 import itertools
@@ -28,7 +28,10 @@ FREE = replace(STEM, stem_damping=0.0, damping=0.0)
 
 
 def balance_error(law, p, speed, milliseconds):
-    """Return the relative error of the energy balance of one mass, and its trajectory."""
+    """Return the error of the energy balance of one mass, and its trajectory.
+
+    The error is relative to work, losses and dissipation together. `speed` is in rad/s.
+    """
     trajectory = OneMassTrajectory(law, p, Interval(0, milliseconds * MS, 0.0, speed))
     trajectory.run(None)
     work = dissipated = 0.0
@@ -64,7 +67,7 @@ def balance_error(law, p, speed, milliseconds):
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
 @pytest.mark.parametrize("milliseconds", [110, 300, 333])
 def test_one_mass(laws, follower, name, restitution, milliseconds):
-    """A run with flights satisfies the energy balance to 1e-10.
+    """A run of one mass with flights satisfies the energy balance to 1e-10, relative.
 
     This applies also if the run ends in a flight.
     """
@@ -109,10 +112,10 @@ TWO = [
 
 @pytest.mark.parametrize(("cam", "p", "rpm", "turns", "limit"), TWO)
 def test_two_masses(laws, edge, cam, p, rpm, turns, limit):
-    """Runs of two masses satisfy the energy balance.
+    """Runs of two masses satisfy the energy balance within the limit of each case.
 
-    Each landing loses the relative kinetic energy of the roller times (1 − e²). The limit is
-    relative to ∫|F ṡ| dt.
+    Each landing loses the relative kinetic energy of the roller times (1 − e²), with the
+    restitution e. The limit is relative to ∫|F ṡ| dt of the contact force F.
     """
     law, speed = edge if cam == "edge" else laws[cam], rpm * RPM
     trajectory = Separation(law, p, speed)
@@ -186,9 +189,10 @@ def test_shaft_without_damping(law, follower, speed):
 
 
 def test_free_vibration_of_a_shaft_is_exact(follower):
-    """The twist ψ with I ψ̈ + c ψ̇ + k ψ = 0 is exact to 2e-13 of its peak.
+    """The free twist of a shaft is exact to 2e-13 of its peak.
 
-    The damping is weak, critical (c = 20) and strong.
+    The twist ψ satisfies I ψ̈ + c ψ̇ + k ψ = 0. The damping is weak, critical (c = 20 N·m·s/rad)
+    and strong.
     """
     disc, times = Law("round", np.array([0.0, TURN]), np.zeros((1, 1))), np.linspace(0.0, 0.2, 501)
     for damping in (0.0, 0.4, 19.9, 20.0, 300.0):

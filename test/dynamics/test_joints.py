@@ -21,7 +21,7 @@ from ..conftest import dwell, rise
 from .helpers import TWO, with_joints
 
 SPEED = 120.0 * np.pi / 30.0
-#: Sample rate (Hz) for samples 1 ns apart, the resolution of the simulated time.
+#: Sample rate (Hz) that gives samples 1 ns apart, the resolution of the simulated time.
 FINEST = 1_000_000_000
 
 
@@ -32,14 +32,21 @@ def jumping(request, laws, harmonic):
 
 
 def joints_of(law):
-    """Return the joints at which s'' jumps: piece index and s'' on both sides."""
+    """Return the joints at which s'' of the law jumps.
+
+    At a joint two polynomial pieces of the law meet. An item is the index of the later piece, and
+    s'' (m/rad²) before and after the joint.
+    """
     second = law.derivative_ordinates(2)
     pieces = np.flatnonzero(np.abs(law.jumps(2)) > 1e-6 * np.abs(second).max())
     return [(int(i), float(second[-1, i - 1]), float(second[0, i])) for i in pieces]
 
 
 def around(law, model, parameters, piece):
-    """Return acceleration and force before and after a joint, and all samples."""
+    """Return acceleration and contact force before and after a joint, and all samples.
+
+    The joint is the start angle of the polynomial piece with the index `piece`.
+    """
     joint = float(law.breaks[piece]) or TURN
     stamp = int(joint / SPEED * NS)
     interval = Interval(stamp - 2, stamp + 4, SPEED * (stamp - 2) / NS, SPEED)
@@ -50,10 +57,10 @@ def around(law, model, parameters, piece):
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "two_mass"])
 def test_the_force_on_the_cam_jumps(jumping, follower, model):
-    """At a joint ẍ jumps by ω² Δs'', and the contact force by m ω² Δs''.
+    """Where s'' jumps, acceleration and contact force jump as expected.
 
-    m is the mass on the cam, for two masses that of the roller. The tolerance is the jerk over 1
-    ns.
+    The acceleration jumps by ω² Δs'', the force by m ω² Δs''. m is the mass on the cam, for two
+    masses that of the roller. The acceleration may change by the jerk within 2 ns in addition.
     """
     p = TWO if model == "two_mass" else follower
     mass = getattr(p, "roller_mass", None) or p.mass
@@ -121,7 +128,7 @@ TURN_NS = 60 * NS // 600
 
 @pytest.fixture(scope="module")
 def parameters(paper_rig):
-    """Parameters of each model for one rig."""
+    """Parameters of the follower models for the paper's rig, by model name."""
     return {name: model.parameters(paper_rig) for name, model in MODELS.items()}
 
 
@@ -133,10 +140,10 @@ def one_turn(law, name, parameters, turns=1):
 
 @pytest.mark.parametrize("name", ["one_mass", "two_mass"])
 def test_lift_off_at_the_end_of_a_segment(laws, parameters, name):
-    """An additional smooth joint close to a lift-off does not change the events.
+    """A lift-off within 1e-12 of the end of a polynomial piece is found exactly once.
 
-    The lift-off is found once, in the last 1e-12 of its segment or in the first of the next one.
-    Its angle is exact to the rounding of a force of 1e3 N divided by the slope of the force.
+    The case is a law with an additional smooth joint next to a known lift-off. Lift-off and landing
+    keep their angles to 1e-11 rad.
     """
     law = laws["poly345"]
     expected = one_turn(law, name, parameters)[1].events

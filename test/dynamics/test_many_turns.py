@@ -78,8 +78,8 @@ def test_forced_resonance_grows_for_all_turns(laws):
 
 ROOT = Path(__file__).parents[2]
 LIMIT_MB = 300.0
-#: Program that computes runs in blocks of one second. It prints the peak memory (MB) after half of
-#: each run and at its end.
+#: Program that computes runs in blocks of one second. It prints the peak memory (MB) after the
+#: first half of each run and at its end.
 STREAM = """
 import sys
 import cam_rig
@@ -106,10 +106,7 @@ LONG = ("elastic_stem", 300, "one_mass", 60, "two_mass", 60, "torsional", 20, "k
 
 @pytest.mark.parametrize("runs", [RUNS, pytest.param(LONG, marks=pytest.mark.long)])
 def test_memory_does_not_grow(runs):
-    """The memory of a process does not grow after the first turns of a run.
-
-    Between half of the run and its end it grows by less than 5 MB.
-    """
+    """The memory of a process grows by less than 5 MB in the second half of a run."""
     # The samples of one hour (172.8 million of six floats) would need 8.3 GB.
     done = subprocess.run(
         [sys.executable, "-c", STREAM, *map(str, runs)],

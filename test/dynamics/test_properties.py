@@ -77,7 +77,10 @@ def laws(draw, lifts=LIFTS, degrees=DEGREES):
 
 
 def case(law, model, speed, last=1.0, count=23):
-    """Return a test case with `count` output times over a fraction `last` of one turn."""
+    """Return a benchmark case with `count` output times.
+
+    They cover a fraction `last` of one turn. `speed` is in rad/s.
+    """
     times = (np.arange(count) + 0.5) / count * last * TURN / speed
     return Case("random", "random", law, model, speed, 1, 1, times)
 
@@ -98,10 +101,10 @@ def test_residual(law, speed, mass, damping, spring, stem):
 
 
 def assert_same_events(problem, result, expected, tolerance, max_distance):
-    """Assert that two solutions have the same events, or events close to each other.
+    """Assert that two solutions have the same lift-offs and landings.
 
-    Each expected event has an event within `tolerance` (s). Further events are allowed within
-    `max_distance` (s) of an expected event.
+    Each expected event has an event of its kind within `tolerance` (s). Further events, such as
+    tiny bounces, are allowed within `max_distance` (s) of an expected event.
     """
     # An event at the end of the run may belong to the next turn and is not compared.
     end = problem.duration - max_distance
@@ -196,7 +199,10 @@ def digits(monkeypatch):
 
 @dataclass(frozen=True)
 class Riding(TwoMasses):
-    """Two masses that cannot leave the cam, for low speeds at which they do not."""
+    """Reference model of two masses that cannot leave the cam.
+
+    It is used at low speeds, at which no contact is lost, to save the search for events.
+    """
 
     def phases(self):
         return {CONTACT: replace(super().phases()[CONTACT], guard=None, on_cam=False)}

@@ -30,7 +30,8 @@ pytestmark = pytest.mark.usefixtures("at_once")
 POSITIVE = (0.0, -1.3, NAN, INF, 1e-300)
 #: Invalid values of a number that must not be negative.
 NOT_NEGATIVE = (-1e-9, NAN, INF, 1e300)
-#: Parameters, names of their numbers, invalid values of these, and the limit in the error message.
+#: Cases: parameter record, names of its numbers, invalid values, and the limit in the error
+#: message.
 LIMITS = [
     (FOLLOWER, ("mass", "spring_stiffness", "stem_stiffness"), POSITIVE, "finite and > 0"),
     (FOLLOWER, ("damping", "preload"), (*NOT_NEGATIVE, "heavy", None), "finite and ≥ 0"),
@@ -45,7 +46,10 @@ LIMITS = [
 
 @pytest.mark.parametrize(("record", "names", "values", "limit"), LIMITS)
 def test_parameters(record, names, values, limit):
-    """Each number of a follower or shaft is checked against its limit."""
+    """Each parameter of a follower or shaft is checked against its limit.
+
+    The error contains name, value and limit.
+    """
     for name, value in itertools.product(names, values):
         message = re.escape(f"{name} is {value!r}; allowed: {limit}")
         with pytest.raises(DynamicsError, match=message):

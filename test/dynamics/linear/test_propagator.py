@@ -1,6 +1,7 @@
-"""Exact solution of linear systems (propagator) against 50-digit arithmetic.
+"""Tests of the exact solution of linear systems against 50-digit arithmetic.
 
-A system x' = A x + f(t) is driven by a polynomial of time f over one piece, a range of time.
+A system x' = A x + f(t) is driven by a polynomial of time f. Its solution over the duration of f is
+called a piece.
 """
 
 import itertools
@@ -23,7 +24,7 @@ from cam_rig.units import TURN
 
 @pytest.fixture
 def exact(many_digits):
-    """Function that returns the exact state at a time, computed once and then stored."""
+    """Function that returns a state in many digits, from the stored reference values."""
 
     def recall(matrix, forcing, duration, start, time):
         inputs = (matrix, forcing, duration, start, time)
@@ -33,9 +34,11 @@ def exact(many_digits):
 
 
 def by_exponential(matrix, forcing, duration, start, time):
-    """Return the state at a time (s) in 60 digits.
+    """Return the exact state at a time (s), computed with 60 digits.
 
-    It is the matrix exponential of the system with the powers tʲ/j! as additional states.
+    It is the matrix exponential of the system with the powers tʲ/j! as additional states. `forcing`
+    has the Bernstein coefficients of the drive over `duration` (s), and `start` is the state at
+    time 0.
     """
     n, degree = matrix.shape[0], forcing.shape[1] - 1
     with mp.workdps(60):
@@ -76,9 +79,10 @@ def test_random_stable_system(exact, n, degree):
     np.testing.assert_allclose(part.end(start), expected[:, -1], rtol=0, atol=1e-11 * size)
 
 
-#: Cases: matrix, seed and number of ordinates of the forcing, start state, and durations (s). Their
-#: durations are much shorter and longer than the time constant of 1 s. Others are an undamped mode
-#: over exactly its period, modes without a spring, which drift, and a matrix with one eigenvector.
+#: Cases: matrix, seed and number of coefficients of the drive, start state, and durations (s). The
+#: durations are much shorter and longer than the time constant of 1 s. Other cases are an undamped
+#: mode over exactly its period, modes without a spring, which drift, and a matrix with one
+#: eigenvector.
 SPECIAL = {
     "quick": ([[-1.0]], 5, 6, [0.7], [1e-3, 0.1, 1.0, 10.0, 1000.0]),
     "quick, degree 15": ([[-1.0]], 15, 16, [0.7], [1e-3, 0.1, 1.0, 10.0, 1000.0]),
@@ -108,10 +112,11 @@ SPEED = 300.0 * np.pi / 30.0
 
 @dataclass(frozen=True)
 class Vibration(Oscillator):
-    """Eq. 5 of the paper for the vibration r = x − α s, as the package solves it.
+    """Reference of one mass on an elastic stem, in the coordinate of the code.
 
-    α s is the static part of the displacement x. In x the rounding of the lift and a step of 1e-17
-    m at a joint are negligible. In the force they are multiplied by the stiffness of the stem.
+    It is eq. 5 of the paper for the vibration r = x − α s, where α s is the static part of the
+    displacement x. A reference for x would not show errors of the force: rounding of the lift of
+    1e-17 m is negligible in x, but the force multiplies it by the stiffness of the stem.
     """
 
     def phases(self):
@@ -121,7 +126,11 @@ class Vibration(Oscillator):
 
 
 def errors(reference, law, model, speed, turns=1):
-    """Return the largest relative errors of r and ṙ compared with 50 digits."""
+    """Return the largest errors of vibration and vibration velocity against 50 digits.
+
+    They are relative to the largest value. `reference` is the fixture `many_digits`, `model` a
+    `Vibration`, and `speed` is in rad/s.
+    """
     case = Case("edge", "edge", law, model, speed, turns, turns, output_times(speed, turns, 29))
     wanted = reference.solution(case, many_digits_of.solve)
     numbers = [float(x) for x in vars(model).values()]
@@ -136,7 +145,11 @@ def errors(reference, law, model, speed, turns=1):
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "cycloidal", "tm21"])
 @pytest.mark.parametrize("turns", [1, 20])
 def test_stiffest_stem_without_damping(laws, many_digits, cam, turns):
-    """At 1e10 N/m without damping the error is the rounding of the phase."""
+    """With the stiffest stem and no damping the motion is exact to rounding.
+
+    The stem has 1e10 N/m. The relative error is at most four times the rounding error of the
+    vibration's phase, which is 17 500 rad per turn.
+    """
     # The phase Ωt is 17 500 rad per turn. The tolerance is four times its rounding, eps Ωt, because
     # the parts of a turn are added.
     model = Vibration(1.3, 0.0, 4030.0, 1e10)
@@ -161,9 +174,9 @@ def test_a_critically_damped_stem(laws, many_digits, off, speed):
 
 
 def test_critically_damped_flight():
-    """A flight of two masses with a critically damped mode is exact to 1e-12.
+    """A free flight of two masses with a critically damped mode is exact to 1e-12.
 
-    The damping is proportional to the stiffness.
+    The error is relative to the size of the motion. The damping is proportional to the stiffness.
     """
     m1, m2, k1, k2 = 1.0, 2.0, 3000.0, 1000.0
     squares = np.linalg.eigvals(np.array([[k1 / m1, -k1 / m1], [-k1 / m2, (k1 + k2) / m2]]))

@@ -25,13 +25,16 @@ def shaft(config_dir):
 
 
 def integral(motion, value):
-    """Return the time integral of `value(times)` over a motion, by Gauss-Legendre."""
+    """Return the integral of the function `value` of time (s) over a torsional motion.
+
+    It uses the Gauss-Legendre rule.
+    """
     times, weights = gauss(motion.path.edges, 48)
     return float(weights @ value(times))
 
 
 def momentum(motion, time):
-    """Return the angular momentum (N·m·s) of flywheel and cam."""
+    """Return the sum of the angular momenta (N·m·s) of flywheel and cam at a time (s)."""
     p, times = motion.parameters, np.array([time])
     cam = p.cam_inertia * motion.at(times)[3, 0]
     return cam + p.flywheel_inertia * (SPEED + motion.lead(times)[1, 0])
@@ -39,9 +42,10 @@ def momentum(motion, time):
 
 @pytest.mark.variants(3)
 def test_balance_of_angular_momentum(law, shaft):
-    """The angular momentum changes by motor torque minus follower torque F s'.
+    """The angular momentum of shaft and cam changes by the integral of the torques.
 
-    The tolerance is 1e-12 of the total.
+    These are motor torque minus follower torque. The follower torque is F s' with the contact force
+    F. The tolerance is 1e-12 of its integral.
     """
     p = dataclasses.replace(shaft, motor_torque=2.0)
     start = TorsionalState(2e-4, -0.1, 0.7, SPEED, 0.01, -0.3)
@@ -123,9 +127,10 @@ def test_a_heavy_flywheel_has_constant_speed(laws, shaft, cam):
 
 
 def by_energy(law, p, motion, times):
-    """Return the cam speed (rad/s) of an undamped rigid shaft from its energy.
+    """Return the cam speed (rad/s) at some times (s) from the conservation of energy.
 
-    ½(I + I_v + m s'²) θ̇² + ½ k s² + F₀ s = E, with E at the first time.
+    The shaft is rigid and undamped: ½(I + I_v + m s'²) θ̇² + ½ k s² + F₀ s = E, with E at the first
+    time.
     """
     angle, speed = motion.at(times)[2:4]
     f, s, s1 = p.follower, law(angle), law(angle, 1)
@@ -140,9 +145,10 @@ def by_energy(law, p, motion, times):
     ("inertia", "stiffness", "error"), [(0.2, 1e7, 2e-5), (0.02, 1e7, 2e-5), (1e-5, 5e3, 1e-3)]
 )
 def test_the_speed_of_one_body_follows_from_energy(laws, shaft, inertia, stiffness, error):
-    """The speed of a rigid shaft, or one with almost no flywheel, follows from energy.
+    """Without elasticity the cam speed follows from the conservation of energy.
 
-    Cam and flywheel are then one body whose energy is constant.
+    The shaft is nearly rigid, or has almost no flywheel. Cam and flywheel are then one body whose
+    energy is constant. The relative tolerance is 2e-5 or 1e-3.
     """
     follower = dataclasses.replace(shaft.follower, damping=0.0)
     p = TorsionalParameters(follower, 0.02, stiffness, 1e-9, inertia)
