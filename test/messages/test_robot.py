@@ -52,10 +52,10 @@ def homogeneous(rotation, translation):
 
 
 def poses(text, positions):
-    """Return the pose of each child link in its parent as a matrix, shape (4, 4).
+    """Return the pose of each link of a URDF in its parent as a matrix, shape (4, 4).
 
-    The keys are (parent, child). The URDF is read independently of the code of cam_rig. `positions`
-    are joint positions by name.
+    The keys are (parent, child). `text` is the URDF, which is read independently of the code of
+    cam_rig. `positions` are joint positions (rad or m) by name.
     """
     result = {}
     for joint in ElementTree.fromstring(text).iter("joint"):
@@ -129,7 +129,10 @@ def test_the_cam_joint_has_the_limits_of_the_drive(kind):
 
 @pytest.mark.parametrize("namespace", ["", "/rig1"])
 def test_the_element_of_ros2_control_names_the_topics_of_the_rig(scene_of_kinds, namespace):
-    """ros2_control sends velocities to the cam, and reads both joints, in the rig's namespace."""
+    """In the URDF, ros2_control commands the cam's velocity and reads both joints.
+
+    The topics are those of the rig in its namespace.
+    """
     robot = Robot.of(scene_of_kinds)
     assert ElementTree.fromstring(urdf(robot)).find("ros2_control") is None
     element = ElementTree.fromstring(urdf(robot, namespace)).find("ros2_control")
@@ -158,9 +161,9 @@ def frames_of(message):
 
 
 def test_a_frame_prefix_applies_to_all_frames_of_messages(scene_of_kinds):
-    """With a prefix each frame in the messages for viewers has it, and none has it without.
+    """With a prefix each frame name in the messages for viewers starts with it.
 
-    The messages are otherwise the same.
+    Without a prefix no frame has it, and the messages are otherwise the same.
     """
     start, end = islice(cam_states(scene_of_kinds.scene), 2)
     simulator = FollowerSimulator.of(scene_of_kinds)
@@ -294,9 +297,9 @@ def test_inertia_of_a_turned_box():
 
 
 def matrices(cdr):
-    """Return the transforms of a message by (parent, child), and their stamps.
+    """Return the transforms of a serialized TFMessage by (parent, child), and stamps.
 
-    A transform is a matrix, shape (4, 4).
+    A transform is a matrix, shape (4, 4). The stamps are in ns.
     """
     result, stamps = {}, set()
     for stamped in TYPES.deserialize_cdr(cdr, "tf2_msgs/msg/TFMessage").transforms:
@@ -332,9 +335,9 @@ def test_transforms_equal_the_poses_of_the_urdf(kind):
 
 # -- markers, transformed by /tf into the frames of the cam and the follower
 
-#: Number of samples.
+#: Number of samples in the tests of markers.
 COUNT = 45
-#: Gap in flight (m).
+#: Gap between cam and follower in flight (m).
 GAP = 1.3e-3
 #: Cam angle at each sample (rad).
 ANGLE = np.linspace(0.001, 12.0, COUNT)
@@ -347,7 +350,7 @@ def flat(points):
 
 
 def markers_of(messages):
-    """Return the markers of each message."""
+    """Return the list of markers of each serialized MarkerArray."""
     kind = "visualization_msgs/msg/MarkerArray"
     return [TYPES.deserialize_cdr(cdr, kind).markers for cdr in messages]
 
@@ -357,14 +360,17 @@ def time_of(marker):
 
 
 def in_link(robot, lift, link, points):
-    """Return points of the frame of the guide in a link, one point per sample."""
+    """Transform points of the guide's frame into the frame of a link, one per sample.
+
+    `lift` (m) is that of the samples, at the cam angles `ANGLE`.
+    """
     moving = Transforms(robot).moving(np.zeros(COUNT, np.int64), ANGLE, lift)
     into = np.stack([np.linalg.inv(matrices(cdr)[0][GUIDE, link]) for cdr in moving])
     return np.einsum("nij,nj->ni", into, points)
 
 
 def distance_to_follower(robot, points):
-    """Return the distance (m) of points from the roller, tip or face of the follower.
+    """Return the distance (m) of points from the follower's roller, tip or face.
 
     The points are in the frame of the link follower.
     """
@@ -384,7 +390,10 @@ def distance_to_follower(robot, points):
 
 
 def require_on_both(robot, lift, cam_points, follower_points):
-    """Require that points are on the cam's contour and on the follower, to 1e-9 m."""
+    """Require that points are on the cam's contour and on the follower, to 1e-9 m.
+
+    There is one point per sample, in the frame of the guide.
+    """
     contour = contours_at(robot.mounted.follower, robot.law, ANGLE)[0].points.T
     on_cam = in_link(robot, lift, CAM, cam_points)[:, :2]
     np.testing.assert_allclose(on_cam, contour, rtol=0, atol=1e-9)

@@ -42,7 +42,10 @@ def array_message(dims, data):
 
 
 def hostile():
-    """Yield topic and message for each kind of invalid message."""
+    """Yield topic and message of each kind of invalid message.
+
+    The nodes must survive them.
+    """
     nan, law = math.nan, [("tm21", 2), (PIECE_LABEL, 4)]
     yield "/cam/state", state(3, [nan], [1.0])
     yield "/cam/state", state(3, [], [])
@@ -64,7 +67,7 @@ def hostile():
 
 
 def forge(user, topic, message):
-    """Publish a message as another program, and return the publisher.
+    """Publish a message as another program, and return its publisher.
 
     The message is published after a subscriber of the topic has been discovered.
     """
@@ -75,7 +78,7 @@ def forge(user, topic, message):
     return publisher
 
 
-#: Topics without an owner that are not latched.
+#: Topics that any program may publish and that do not keep (latch) messages.
 OPEN = ("/cam/rpm", "/parameter_events")
 
 
@@ -111,7 +114,7 @@ def test_invalid_messages_do_not_end_a_node(user, short_scene, tmp_path, capfd):
 
 
 def open_topics():
-    """Yield topic and impossible message for the topics that any program may publish."""
+    """Yield a topic that any program may publish, with an impossible message of it."""
     yield "/cam/rpm", Float64(data=math.nan)
     yield "/cam/rpm", Float64(data=-1e9)
     for kind in (77, 4):
