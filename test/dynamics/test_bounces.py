@@ -211,7 +211,7 @@ def test_a_slightly_negative_force_gives_a_flight(laws, minimum, hair):
 
 @pytest.mark.parametrize("hair", [1e-12, 1e-9, 1e-7])
 def test_a_gap_below_rounding_gives_two_events(laws, minimum, hair):
-    """A flight with a gap below rounding has a lift-off, and a landing without impulse."""
+    """A flight with a gap below rounding has a lift-off and a landing of impulse 0."""
     off, on = one_turn(laws["poly345"], abs(minimum[1]) * (1.0 - hair))
     assert (off.kind, on.kind) == ("lift-off", "landing")
     assert off.angle < minimum[0] < on.angle

@@ -153,7 +153,7 @@ def test_states_wait_for_their_law(straight):
     "scene", sorted((config_root() / "scenes").glob("*.yaml")), ids=lambda path: path.stem
 )
 def test_every_shipped_scene_has_a_tick_for_each_state_after_the_first(scene):
-    """In each shipped scene the follower computes samples for each state but the first."""
+    """For each shipped scene the follower computes samples for all but the first state."""
     loaded = open_scene(scene)
     simulator, states = FollowerSimulator.of(loaded), list(islice(cam_states(loaded.scene), 4))
     laws = list(simulator.laws.values())

@@ -16,7 +16,7 @@ from ..conftest import assumed
 
 #: Numbers of a follower on an arm, mm.
 ARM = {"base_radius": 40, "pivot_distance": 90, "arm": 75}
-#: Numbers of each kind of follower: lengths in mm, angles in degrees.
+#: Numbers of each kind of follower, by kind: lengths in mm, angles in degrees.
 FOLLOWERS: dict[str, dict[str, float]] = {
     "point": {"base_radius": 40, "eccentricity": 5},
     "roller": {"base_radius": 40, "roller_radius": 8, "eccentricity": -6},
@@ -40,7 +40,7 @@ UNEVEN += [("poly345", 120, 0), ("dwell", 30, None)]
 #: Segments with s(θ) + s(θ + π) = s_max and unequal dwells.
 OPPOSITE: Segments = [("dwell", 10, None), ("poly345", 150, 1), ("dwell", 30, None)]
 OPPOSITE += [("poly345", 150, 0), ("dwell", 20, None)]
-#: Kinds of followers that need such segments.
+#: Kinds of followers that need segments with s(θ) + s(θ + π) = s_max.
 BREADTH = ("constant_breadth", "constant_diameter")
 
 
@@ -57,7 +57,7 @@ class SampleCam:
 
     @property
     def discs(self) -> tuple[Disc, ...]:
-        """Discs of the cam with their contact elements of the follower."""
+        """Discs of the cam. Each has the part of the follower that touches it."""
         return discs(self.cam.follower, self.law)
 
 
@@ -86,11 +86,14 @@ def every_kind() -> list[SampleCam]:
 
 @pytest.fixture(params=list(FOLLOWERS))
 def sample(request: pytest.FixtureRequest, every_kind: list[SampleCam]) -> SampleCam:
-    """Each of the cams of `every_kind`, one after another."""
+    """Each of the cams of `every_kind`; the test runs once per kind."""
     return every_kind[list(FOLLOWERS).index(request.param)]
 
 
 @pytest.fixture
 def angles() -> FloatArray:
-    """360 cam angles in rad that are not at a joint of a law."""
+    """360 cam angles in rad that are not at a joint of a law.
+
+    At a joint two pieces of the law meet, and derivatives may jump.
+    """
     return np.radians(np.arange(360.0) + 0.137)

@@ -1,4 +1,4 @@
-"""Figures of cams: the drawn positions of the follower touch the contour."""
+"""Tests of figures of cams: the drawn follower positions touch the contour."""
 
 import re
 
@@ -13,7 +13,10 @@ from cam_rig.studies.profile.figures import figure, positions
 
 @pytest.fixture(scope="module")
 def draw(cams, laws):
-    """Function that returns the figure of a shipped cam with a number of positions."""
+    """Function that returns the figure of a shipped cam.
+
+    A further argument is the number of follower positions.
+    """
     return lambda name, *count: figure(
         cams[name], laws[name], check_cam(cams[name], laws[name]), *count
     )
@@ -51,7 +54,7 @@ def test_number_of_positions(draw):
 
 
 def test_displayed_numbers_are_those_of_the_contour(draw, cams, laws):
-    """The displayed smallest radius and largest pressure angle are correct.
+    """The smallest radius and the largest pressure angle in a figure are correct.
 
     They and their cam angles agree with 36 000 contour points to the displayed digits.
     """

@@ -1,4 +1,7 @@
-"""Drawn followers, which touch their cam, and body and angle dial of a cam."""
+"""Tests of drawn followers, which touch their cam, and of drawn cams.
+
+A cam has a body and an angle dial.
+"""
 
 from itertools import pairwise
 
@@ -18,7 +21,7 @@ from cam_rig.profile.shapes import (
     rotation_arrow,
 )
 
-#: Cam angles in rad that are not at a joint of a law.
+#: Cam angles (rad) that are not at a joint of a law, where two of its pieces meet.
 ANGLES = turn_angles(720) + 1e-3
 #: One cam of each kind of follower.
 KINDS = (
@@ -57,9 +60,9 @@ def test_contact(drawn):
 
 
 def test_follower_moves_as_a_rigid_body(drawn):
-    """In a small rise the reference point of the follower moves along `upward`.
+    """In a small rise a follower's reference point moves along the vector `upward`.
 
-    `carried` moves points as parts of the rigid follower.
+    `carried` moves points from a lift to another as parts of the rigid follower.
     """
     lift, rise = np.array([LIFT]), np.array([1e-7])
     start, end = np.array([0.5 * LIFT]), np.array([3.0 * LIFT])
@@ -89,7 +92,7 @@ def test_outline_agrees_with_the_reference_point(drawn):
 
 
 def test_moving_parts_stay_below_the_bearing(cams, laws):
-    """The head of the follower stays below the bearing at 1.1 of the largest lift.
+    """At 1.1 of the largest lift the follower's head stays below its bearing.
 
     At rest the stem is in the bearing.
     """
@@ -108,9 +111,9 @@ def test_moving_parts_stay_below_the_bearing(cams, laws):
 
 
 def test_dial():
-    """The number at the top of the ring is the cam angle.
+    """The number at the top of the drawn angle dial is the cam angle.
 
-    The arrow of the rotation is counterclockwise.
+    The arrow of the cam's rotation is counterclockwise.
     """
     for centre, number in zip(*ring_numbers(10.0), strict=True):
         up = rotate(np.array([[0.0, 10.0 * NUMBER_RADIUS]]), np.radians(float(number)))
