@@ -26,7 +26,7 @@ from cam_rig.viewer.recording import save_recording
 
 from ..conftest import scene_data
 
-#: Two cams at two speeds. At the second speed the follower lifts off.
+#: Two cams at two speeds, two turns each. At the second speed the follower lifts off.
 SCENE = scene_data(
     title="Two cams, two speeds", speeds=[300, 700], turns=2, ticks_per_turn=2, sample_rate=4000
 )
@@ -34,7 +34,7 @@ SCENE = scene_data(
 
 @dataclass
 class SmallBag:
-    """Small bag and the data that were written into it."""
+    """Small bag of a simulated run, and the data that were written into it."""
 
     path: Path
     loaded: LoadedScene
@@ -62,7 +62,7 @@ class SmallBag:
         return self.samples[1] - np.concatenate(lifts)
 
     def sample_of(self, picture, entity):
-        """Return for each row of an entity the index of the sample at its time."""
+        """Return for each row of a displayed entity the index of the sample at its time."""
         return np.abs(self.samples[0][:, None] - picture.time(entity)).argmin(axis=0)
 
 
@@ -86,7 +86,10 @@ def of_profile(cam, points):
 
 
 def make_bag(folder, config, leave_out=(), scene=SCENE):
-    """Simulate a scene and write its topics, except `leave_out`, to a bag."""
+    """Simulate a scene and write its topics, except `leave_out`, to a bag.
+
+    The `SmallBag` is returned.
+    """
     for part in ("cams", "rigs"):
         shutil.copytree(config / part, folder / "config" / part)
     path = folder / "config" / "scenes" / "small.yaml"
@@ -128,7 +131,7 @@ def make_bag(folder, config, leave_out=(), scene=SCENE):
 
 
 def play(view, bag):
-    """Pass a run to a live view tick by tick, and yield the state before each tick."""
+    """Pass the run of a bag to a live view, and yield each cam state before that."""
     feed, states = view.feed, cam_states(bag.loaded.scene)
     for cam, points in bag.profiles.items():
         feed.profiles[cam] = points
@@ -153,7 +156,10 @@ def bag(tmp_path_factory, config_dir):
 
 @pytest.fixture(scope="session")
 def drawings(bag, tmp_path_factory):
-    """Function that records the small bag with options and returns the `Picture`."""
+    """Function that records the small bag for the viewer with options.
+
+    It returns the recording as a `Picture`.
+    """
 
     @cache
     def drawn(*options):
@@ -166,7 +172,7 @@ def drawings(bag, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def picture(drawings):
-    """Recording of the small bag with the default options."""
+    """Viewer recording of the small bag with the default options."""
     return drawings()
 
 
@@ -180,7 +186,10 @@ def strict():
 
 
 class Picture:
-    """Rerun recording, read by entity and column."""
+    """Rerun recording, whose data are read by entity and column.
+
+    An entity is the path of a displayed object.
+    """
 
     def __init__(self, path):
         from rerun.chunk import RrdReader
@@ -208,7 +217,7 @@ class Picture:
         return np.array(self.column(entity, name), dtype=np.float64).squeeze()
 
     def time(self, entity):
-        """Return the simulated time (s) of the rows of an entity, shape (n,)."""
+        """Return the rig time (s) of the rows of an entity, shape (n,)."""
         times = [
             batch.column("rig_time").cast("int64").to_numpy()
             for batch in self._batches[f"/{entity}"]

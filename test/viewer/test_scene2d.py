@@ -13,7 +13,10 @@ CAM, FOLLOWER, CONTOUR = "scene/rig/cam", "scene/rig/follower", "scene/rig/cam/c
 
 
 def gap(point, outline):
-    """Return the distance of a point to a closed polyline of shape (n, 2)."""
+    """Return the distance of a point to a closed polyline, both in the same unit.
+
+    The polyline has the shape (n, 2).
+    """
     start, along = outline[:-1], np.diff(outline, axis=0)
     fraction = np.sum((point - start) * along, axis=1) / np.sum(along**2, axis=1)
     foot = start + np.clip(fraction, 0.0, 1.0)[:, None] * along
@@ -66,7 +69,10 @@ def test_the_roller_touches_the_turned_contour(bag, picture):
 
 
 def test_frames_come_at_equal_angles_across_blocks():
-    """Frames are at equal cam angles, however the samples are divided into blocks."""
+    """Frames of the moving picture are at equal cam angles.
+
+    The division of the samples into blocks has no effect.
+    """
     angle = np.linspace(0.0, 4.0 * np.pi, 5000, endpoint=False)
     step = angle[1]
     whole = frame_mask(angle, step)
@@ -95,7 +101,7 @@ def test_the_gap_is_drawn_in_flight_only(bag, picture):
 
 
 def test_the_arrow_is_the_contact_force(bag, picture):
-    """The force arrow has the contact force to scale, along the common normal.
+    """The drawn arrow has the contact force to scale, along the common normal.
 
     There is no arrow in flight.
     """

@@ -1,7 +1,7 @@
-"""Branches of periodic motions over the speed: both sides of each bifurcation.
+"""Tests of branches: periodic motions followed over the cam speed.
 
-A bifurcation is a fold, a period doubling (flip), or a graze, where a landing of zero speed
-appears.
+A branch ends or changes at a bifurcation. It is a fold, a period doubling (flip), or a graze, where
+a landing of zero speed appears.
 """
 
 import numpy as np
@@ -22,25 +22,28 @@ from cam_rig.units import RPM
 
 from .table import by_speed
 
-#: Relative speed difference from a bifurcation, at which the motion on either side is checked.
+#: Relative difference from a bifurcation's speed at which the motion on either side is checked.
 BESIDE = 1e-6
 
 
 @pytest.fixture(scope="module")
 def follower():
-    """The paper's follower with restitution 0.7."""
+    """Follower of one mass with the restitution 0.7."""
     return FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8, 0.7)
 
 
 @pytest.fixture(scope="module")
 def family(laws, follower):
-    """Family of motions on the TM21's cam that repeat after one turn, over the speed."""
+    """Family of motions on the TM21's cam that repeat after one turn, by cam speed."""
     return Family(laws["tm21"], by_speed(follower), 1)
 
 
 @pytest.fixture(scope="module")
 def four(family, follower):
-    """Branch of the motions with four landings per turn, from 410 to 520 rpm."""
+    """Branch (family of periodic motions over speed) with four landings per turn.
+
+    It extends from 410 to 520 rpm.
+    """
     state = StroboscopicMap(family.law, follower, 450.0 * RPM).run(200).states[-1]
     start = family.at(450.0 * RPM, tuple(state))
     return branch_through(family.law, family.sweep, start, 410.0 * RPM, 520.0 * RPM)
@@ -56,10 +59,10 @@ def nearest(branch, rpm, stable=None):
 
 
 def test_every_motion_repeats(four, family, follower):
-    """Simulating one turn from the state of a motion returns to that state.
+    """Each motion of a branch repeats: a simulated turn returns to its start state.
 
-    The motions are those of a branch. The error is below 1e-9 of the state's scale, and the turn
-    has the four landings that the motion states.
+    A branch is a family of periodic motions over speed. The error is below 1e-9 of the state's
+    scale, and the turn has the four landings that the motion states.
     """
     for motion in four.motions[::10]:
         turn_map = StroboscopicMap(family.law, follower, motion.point.speed)
@@ -117,7 +120,8 @@ def test_a_graze_adds_a_landing(four, family, follower):
 def test_a_motion_on_a_branch_starts_no_other_branch(four, family):
     """Two start states on the same branch do not give two copies of this branch.
 
-    A third start state, from which no periodic motion is found, adds no branch.
+    A branch is a family of periodic motions over speed. A third start state, from which no periodic
+    motion is found, adds no branch.
     """
     seen = [(m.point.speed, m.state, 1) for m in (four.motions[60], four.motions[120])]
     seen.append((380.0 * RPM, (0.5, 3.0), 1))
