@@ -22,7 +22,7 @@ from cam_rig.extras import EXTRAS, OPTIONAL
 from .processes import ended
 
 ROOT = Path(__file__).parents[1]
-#: rosdep keys of the libraries whose key is not python3-<name>.
+#: Keys of rosdep for the libraries whose key is not python3-<name>.
 KEYS = {
     "markupsafe": "python3-jinja2",
     "lz4": "mcap-ros2-support",
@@ -396,12 +396,12 @@ def defined(node):
 
 @pytest.fixture(scope="module")
 def nodes():
-    """All classes and functions of the package, with the paths of their files."""
+    """All classes and functions of cam_rig, with the paths of their files."""
     return [(path, node) for path, text in PACKAGE.items() for node in defined(ast.parse(text))]
 
 
 def test_a_class_name_is_defined_once(nodes):
-    """No two classes of the package have the same name."""
+    """No two classes of cam_rig have the same name."""
     names = Counter(node.name for _, node in nodes if isinstance(node, ast.ClassDef))
     assert {name: count for name, count in names.items() if count > 1} == {}
 
@@ -418,7 +418,7 @@ def lines_without_docstrings(node, first, last):
 
 
 def test_no_file_is_too_long_to_read():
-    """Each file of the package has at most 420 lines, not counting docstrings."""
+    """Each file of cam_rig has at most 420 lines, not counting docstrings."""
     lines = {
         str(path): lines_without_docstrings(ast.parse(text), 1, len(text.splitlines()))
         for path, text in PACKAGE.items()
@@ -427,7 +427,7 @@ def test_no_file_is_too_long_to_read():
 
 
 def test_no_function_is_longer_than_a_screen(nodes):
-    """Each function of the package has at most 60 lines, not counting its docstring."""
+    """Each function of cam_rig has at most 60 lines, not counting its docstring."""
     lines = {
         f"{path}:{node.name}": lines_without_docstrings(node, node.lineno, node.end_lineno)
         for path, node in nodes

@@ -105,7 +105,7 @@ def leaves(node: Any) -> Iterator[str]:
 
 
 def plotjuggler(path: Path) -> tuple[list[Use], set[str]]:
-    """Return the curves of a PlotJuggler file, and no frames.
+    """Return the curves of a PlotJuggler file, and an empty set of frames.
 
     A curve is a topic and a field with slashes. For a joint, the name of the joint precedes the
     field.

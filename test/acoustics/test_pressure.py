@@ -144,8 +144,9 @@ def structure_after_force(radiation, ordinates, rate, seconds=0.5):
 def test_the_structure_is_exact_under_a_linear_force(silent, random):
     """The filter state after a force that is linear in time is exact to 1e-12.
 
-    Under a curved force the method replaces the force by a straight line in each sample interval.
-    Its error therefore falls to a quarter at twice the sample rate.
+    The filter is the structure between contact force and sound pressure. Under a curved force the
+    method replaces the force by a straight line in each sample interval, so that its error falls to
+    a quarter at twice the sample rate.
     """
     # The error of a chord is of second order in the sample interval.
     result, exact = structure_after_force(silent, np.array([3.0, -40.0]), RATE)

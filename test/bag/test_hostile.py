@@ -172,7 +172,7 @@ def test_data_that_cannot_be_unpacked_are_refused(tmp_path):
 @pytest.mark.parametrize("length", [2**20, 2**32, 2**62, 2**64 - 1])
 @pytest.mark.parametrize("opcode", [1, 3, 4, 5, 6, 7, 8, 9, 11, 12, 200])
 def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, length):
-    """A record that claims to be longer than its file is refused without reading it.
+    """A record that claims to be longer than its file is refused without being read.
 
     A recovery skips the record and saves all messages.
     """

@@ -86,7 +86,7 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, whole, some)
 
 @SOME
 def test_a_recorder_killed_while_splitting_keeps_flushed_messages(tmp_path, golden, some):
-    """A recorder killed at the start of a new file loses no flushed message."""
+    """A recorder that is killed while it starts a new file loses no flushed message."""
 
     def noting(bag):
         """Write a bag and store the number of its flushed messages in a file next to it.

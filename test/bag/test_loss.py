@@ -104,7 +104,10 @@ def moves():
 
 @pytest.mark.parametrize("topic", [t.name for t in RECORDING if t.per == "tick"])
 def test_the_missing_topic_of_a_tick_is_named(topic):
-    """A topic that is missing at some ticks is reported with the numbers of the ticks."""
+    """A topic without messages at some ticks is reported with the ticks' numbers.
+
+    A tick is the interval between two published cam states, and each topic has messages for it.
+    """
     for first, last in ((4, 4), (11, 13)):
         gone = set(TIMES[first : last + 1])
         kept = held(lambda name, m, gone=gone: name != topic or m.log_time not in gone)
@@ -149,7 +152,8 @@ def test_missing_instants_and_diagnostics_are_counted():
 def test_an_interrupted_run_has_no_loss(tmp_path, golden):
     """The bag of a run that was stopped after tick 6 of 16 has no loss.
 
-    Ticks that were not recorded are not lost.
+    A tick is the interval between two published cam states. Ticks that were not recorded are not
+    lost.
     """
     bag, last = tmp_path / "bag", max(i for i, m in enumerate(golden) if m[0].per == "tick")
     recorder = BagRecorder(bag, LOADED, samples_per_turn=2)
@@ -166,7 +170,10 @@ def test_an_interrupted_run_has_no_loss(tmp_path, golden):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("part", range(5, 100, 9))
 def test_the_report_agrees_with_the_recovered_bag(tmp_path, part):
-    """The ticks that a recovery reports as missing are not in the recovered bag."""
+    """The ticks that a recovery reports as missing are not in the recovered bag.
+
+    A tick is the interval between two published cam states.
+    """
     bag = cut_off(tmp_path / "bag", part / 100)
     words = recover(bag, tmp_path / "recovered").text
     assert "flushed" not in words
@@ -206,7 +213,8 @@ def full_after(monkeypatch, size):
 def test_a_recovery_on_a_full_disk_does_not_change_the_bag(tmp_path, monkeypatch, room):
     """A recovery on a full disk fails and leaves the bag unchanged.
 
-    The error states the readable messages, the missing ticks and the command for another folder.
+    The error states the readable messages, the missing ticks (intervals between cam states) and the
+    command that recovers into another folder.
     """
     bag = cut_off(tmp_path / "my bag", 200_000)
     file = bag / "my bag_0.mcap"

@@ -56,7 +56,7 @@ def test_a_bag_of_standard_messages_is_read_in_si(tmp_path, plugin):
 
 
 def test_a_field_may_be_omitted_or_named_by_joint_or_use_the_bag_clock(tmp_path):
-    """A field may be omitted, or selected by joint name or index.
+    """In --topics a field may be omitted, or selected by joint name or index.
 
     With @bag the time is the receive time of the bag. All spellings give the same readings.
     """
@@ -102,9 +102,9 @@ def test_readings_are_sorted_and_invalid_numbers_are_dropped(tmp_path):
 
 
 def test_lost_messages_are_a_gap_that_is_not_filled(tmp_path):
-    """Lost messages are returned and noted as gaps, and no reading is interpolated.
+    """Lost messages are reported as gaps, and their readings are not interpolated.
 
-    One lost message is a gap. The usual jitter is not.
+    A single lost message is a gap. The usual jitter of the stamps is not.
     """
     jitter = TIME + 2e-5 * np.random.default_rng(5).normal(size=TIME.size)
     kept = np.delete(np.arange(400), [20, *range(100, 140)])

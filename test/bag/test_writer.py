@@ -86,7 +86,7 @@ def test_the_end_of_the_file_is_written_last(tmp_path, monkeypatch):
 def test_flushed_messages_are_on_the_disk_within_half_a_second(tmp_path, monkeypatch):
     """Flushed messages reach the disk within half a second.
 
-    The fsync runs at once after a pause, else at the next timer call.
+    The file is synchronised (fsync) at once after a pause, otherwise at the next call of a timer.
     """
     synced, now = [], [100.0]
     monkeypatch.setattr("cam_rig.bag.file_writer.time.monotonic", lambda: now[0])

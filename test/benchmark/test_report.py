@@ -54,9 +54,11 @@ def test_error_is_relative_to_the_largest_value():
 
 
 def test_a_missed_event_counts_with_its_distance():
-    """The error of a missed event is its distance (s) to the nearest found event.
+    """The error of a missed event is its distance (s) in time.
 
-    It is infinite for a solver without any event, which thus cannot be the best.
+    An event is a lift-off or landing that a solver must find. It is the distance to the nearest
+    event that was found. It is infinite for a solver without any event, which thus cannot be the
+    best.
     """
     two, one = solution([("landing", 1.0), ("landing", 1.5)]), solution([("landing", 1.0)])
     assert one.event_error(two) == pytest.approx(0.5)

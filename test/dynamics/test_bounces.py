@@ -235,7 +235,8 @@ def two_mass_touch(laws):
 def test_two_masses_touch(laws, two_mass_touch, hair):
     """Two masses lift off if the preload is too small to keep the force above zero.
 
-    The preload is 1e-6 to 1e-4 below it. At this value, or up to 1e-9 above it, there is no event.
+    The cases are 1e-6 to 1e-4 below the preload at which the force just touches zero. At this
+    preload, or up to 1e-9 above it, there is no event.
     """
     p = replace(TWO, preload=two_mass_touch * (1.0 + hair))
     trajectory = Separation(laws["poly345"], p, FAST)

@@ -86,9 +86,10 @@ def test_a_stem_makes_the_jump_continuous(jumping, follower):
 
 @pytest.mark.parametrize("kind", ["one", "two"])
 def test_motion_around_joints_against_fifty_digits(jumping, many_digits, kind):
-    """The motion from 10 ns before to 10 ns after each joint agrees with 50 digits.
+    """The motion within 10 ns of each jump of s'' agrees with 50-digit arithmetic.
 
-    The tolerance is 1e-12 of the largest value.
+    The jumps are at joints, where two polynomial pieces of the law meet. The tolerance is 1e-12 of
+    the largest value.
     """
     model = Oscillator(1.3, 8.642, 4030.0, 1.26e6)
     if kind == "two":
@@ -104,9 +105,10 @@ def test_motion_around_joints_against_fifty_digits(jumping, many_digits, kind):
 
 @pytest.mark.parametrize(("model", "rpm"), [("one_mass", 600.0), ("two_mass", 900.0)])
 def test_lift_off_at_a_jump_of_the_force(harmonic, follower, model, rpm):
-    """A force that jumps to a negative value at a joint gives a lift-off there.
+    """A contact force that jumps to a negative value gives a lift-off at the jump.
 
-    The force changes its sign without being zero.
+    The jump is at a joint, where two polynomial pieces of the law meet. The force changes its sign
+    without being zero.
     """
     speed, start = rpm * np.pi / 30.0, np.radians(200.0)
     fall = int(np.flatnonzero(harmonic.breaks > np.radians(239.0))[0])

@@ -312,7 +312,7 @@ def test_a_sample_at_the_end_of_an_interval(model, rpm):
 
 
 def test_names_are_the_columns_in_order():
-    """Each attribute of `Samples` is the row of the quantity of its name."""
+    """Each attribute of `Samples`, such as `time`, is the array row of that quantity."""
     samples = Samples(np.arange(12.0).reshape(6, 2))
     names = ("time", "lift", "velocity", "acceleration", "force", "impulse")
     for row, (name, column) in enumerate(zip(names, COLUMNS, strict=True)):

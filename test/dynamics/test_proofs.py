@@ -74,7 +74,8 @@ def random_trajectory(law, model, rng):
 def test_the_gap_is_zero_at_every_event(kind, model):
     """A flight starts and lands on the cam, and is never below it.
 
-    The gap is checked at every event and at 400 times of each flight, within rounding.
+    The simulations are random. The gap is checked at every lift-off and landing, and at 400 times
+    of each flight, within rounding.
     """
     events = jumps_in_flight = 0
     for seed in SEEDS:
@@ -132,10 +133,10 @@ def random_machine(rng):
 
 @pytest.mark.parametrize("kind", ["straight", "smooth"])
 def test_a_vibration_never_exceeds_its_share(kind):
-    """Inequality (4) bounds the free vibration's part V of the contact force, and V̈.
+    """(4) bounds the vibration's part V of the contact force, and V̈.
 
-    Some cases reach half the bound. The code takes contact as proven, F > ε_F with the rounding
-    error ε_F, by inequality (8) only where the sampled force F is above it.
+    The inequality is that of docs/proofs.md. Some cases reach half the bound. By (8), contact is
+    taken as proven only where the force exceeds its rounding error.
     """
     closest, proven = 0.0, 0
     for seed in range(CASES):
@@ -175,9 +176,10 @@ def test_a_vibration_never_exceeds_its_share(kind):
 @pytest.mark.parametrize("model", ["one_mass", "two_mass"])
 @pytest.mark.parametrize("kind", ["straight", "smooth"])
 def test_a_proven_step_has_an_open_gap(kind, model):
-    """(2) and (3) accept a time step only if its gap is open at every sample.
+    """(2) and (3) of docs/proofs.md accept a time step only if its gap stays open.
 
-    They depend on (5), the bound of the gap's acceleration, which is checked as well.
+    The gap is that between cam and follower, at every sample of the step. Both inequalities depend
+    on (5), the bound of the gap's acceleration, which is checked as well.
     """
     accepted = closed = 0
     for seed in range(CASES):

@@ -131,9 +131,10 @@ def assert_same_events(problem, result, expected, tolerance, max_distance):
     restitution=st.sampled_from([0.0, 0.0, 0.3, 0.8]),
 )
 def test_one_mass(law, speed, mass, damping, spring, preload, restitution):
-    """The motion of one mass is exact to 1e-11, and its events to 1e-11 of a turn.
+    """The motion of one mass with random parameters is exact to 1e-11 of its size.
 
-    With rebounds the limits are 1e-9 and 1e-6.
+    Its lift-offs and landings are exact to 1e-11 of a turn. With rebounds the limits are 1e-9 and
+    1e-6.
     """
     # A series of bounces ends with bounces of 1e-12 of the lift, whose times are exact only to
     # 1e-6.
@@ -157,7 +158,10 @@ def test_one_mass(law, speed, mass, damping, spring, preload, restitution):
     preload=between(1.0, 300.0),
 )
 def test_two_masses(law, speed, mass, share, stem, spring, dampings, preload):
-    """The motion of two masses is exact to 1e-10, and its events to 1e-8 s."""
+    """The motion of two masses with random parameters is exact to 1e-10 of its size.
+
+    Its lift-offs and landings are exact to 1e-8 s.
+    """
     # A landing at 1e-6 m/s has a time error of 1e-14 m, the rounding of the gap, divided by this
     # speed.
     model = TwoMasses(mass * share, mass * (1.0 - share), stem, spring, *dampings, preload)
@@ -228,9 +232,10 @@ def test_a_stem_at_any_speed(laws, cam, rpm):
 @pytest.mark.parametrize("rpm", SPEEDS)
 @pytest.mark.parametrize(("masses", "limit"), [(1, 1e-12), (2, 1e-11)])
 def test_masses_at_any_speed(laws, cam, rpm, masses, limit):
-    """One and two masses are exact to 1e-12 from 0.01 to 1e5 rpm.
+    """One and two masses are exact to 1e-12 at speeds from 0.01 to 1e5 rpm.
 
-    From 1e4 rpm on there are events, exact to 1e-11 of a turn.
+    From 1e4 rpm on there are lift-offs and landings, exact to 1e-12 (one mass) or 1e-11 (two
+    masses) of a turn.
     """
     model = judge = OneMass(MASS, DAMPING, SPRING, PRELOAD, 0.0, 1e-12 * laws[cam].lift)
     if masses == 2:

@@ -115,7 +115,7 @@ def test_the_duration_of_ticks_does_not_matter(laws, ramp, model, p):
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
 def test_a_very_slow_ramp_equals_constant_speed(laws, model):
-    """A ramp with an acceleration near zero gives the motion at constant speed."""
+    """A speed ramp with an acceleration near zero gives the motion at constant speed."""
     p = CALM if model == "two_mass" else ONE
     law, speed = laws["poly345"], 30.0
     constant = run_in_ticks(law, model, p, Interval(0, 250 * MS, 0.4, speed), [0, 250 * MS])[0]
@@ -126,7 +126,7 @@ def test_a_very_slow_ramp_equals_constant_speed(laws, model):
 
 # -- a law with velocity jumps on a ramp
 
-#: Step of s' at the joints of the cam `edge`, m/rad.
+#: Jump of the slope s' (m/rad) at the ends of rise and fall of the cam `edge`.
 STEP = 0.05 / np.radians(90.0)
 #: Ramp from rest that reaches 60° after 0.1 s.
 START = Interval(0, 340 * MS, 0.0, 0.0, 2.0 * math.pi / 3.0 / 0.01)

@@ -27,7 +27,8 @@ from .helpers import MS, run_in_ticks, tick_borders
 
 #: Duration of a run, ns.
 TOTAL = 400 * MS
-#: Sample rate, Hz. It is prime, so that no sample is at an event, where it could have either value.
+#: Sample rate, Hz. It is prime, so that no sample coincides with a lift-off or landing, where it
+#: could have either value.
 RATE = 12_007
 CAMS = ("poly345", "tm21")
 CASES = {
@@ -131,7 +132,10 @@ def test_critical_damping_is_not_a_special_case(laws):
 
 
 def test_a_force_of_zero_at_the_start_of_a_phase(laws):
-    """A phase that starts with a force of zero does not cause endless events."""
+    """A phase that starts with a force of zero does not cause endless events.
+
+    A phase is a time in contact or in flight.
+    """
     mass, share, stem, spring = 1.3, 0.3, 37085.62382270041, 0.039389330736387895
     for critical in (spring * mass, spring * mass * 0.7, (stem + spring) * mass * 0.7):
         damping, preload = 2.0 * np.sqrt(critical), 0.2726594001662999
@@ -305,7 +309,10 @@ def test_contact_continues_over_late_borders(laws):
 
 
 def test_an_interval_must_start_at_the_angle_of_the_state(laws, paper_rig):
-    """An interval must start at the cam angle of the state, to 2e-6 rad, in any turn."""
+    """A simulated time interval must start at the cam angle of the last state.
+
+    The tolerance is 2e-6 rad, in any turn.
+    """
     law, end = laws["poly345"], 1.0 + SPEED * 0.007
     for name, model in MODELS.items():
         p, advance = late_case(paper_rig, name)[1], model.advance

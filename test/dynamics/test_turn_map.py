@@ -193,7 +193,7 @@ def test_derivatives_are_differences(laws, seed):
 def test_a_period_on_the_cam_has_no_memory(laws):
     """After a time of contact the motion is equal in all bits for every start state.
 
-    Seven runs of 60 turns end in the same state.
+    Seven runs of 60 turns on the TM21 cam end in the same state.
     """
     turn_map = StroboscopicMap(laws["tm21"], replace(ONE, restitution=0.7), 370.0 * RPM)
     ends = {tuple(turn_map.run(60, (0.01 * i, 0.1 * i)).states[-1]) for i in range(6)}
@@ -201,7 +201,7 @@ def test_a_period_on_the_cam_has_no_memory(laws):
 
 
 def test_a_follower_that_never_lands():
-    """A follower without preload and with almost no spring flies forever."""
+    """A follower without preload and with almost no spring never lands."""
     p = replace(ONE, spring_stiffness=1e-15, preload=0.0, damping=0.0, restitution=0.5)
     law = Law("disc", np.array([0.0, TURN]), np.zeros((2, 1)))
     run = StroboscopicMap(law, p, 400.0 * RPM).run(50, (0.0, 1.0))
@@ -211,7 +211,10 @@ def test_a_follower_that_never_lands():
 
 
 def test_invalid_arguments(laws):
-    """A start below the cam, or a speed of 0, is an error."""
+    """A start below the cam, or a cam speed of 0, is an error of the turn map.
+
+    The map gives the state after a turn.
+    """
     turn_map = StroboscopicMap(laws["poly345"], ONE, 40.0)
     with pytest.raises(DynamicsError, match=r"gap is -0\.001; allowed"):
         turn_map.run(1, (-1e-3, 0.0))

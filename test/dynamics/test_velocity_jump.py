@@ -37,7 +37,8 @@ from .helpers import (
 LIFT, RISE = 0.05, np.radians(90.0)
 #: Step of s' (m/rad) at the ends of rise and fall of the cam `edge`.
 STEP = LIFT / RISE
-#: Speed of 60° in 0.1 s: joints are at 0.1, 0.25, 0.35 and 0.5 s of each turn of 0.6 s.
+#: Cam speed (rad/s) of 60° in 0.1 s. The velocity of the cam `edge` jumps at 0.1, 0.25, 0.35 and
+#: 0.5 s of each turn of 0.6 s.
 SPEED = 100.0 * np.pi / 30.0
 #: Borders (ns) of ticks, the time intervals of a run. Most are at velocity jumps of the cam.
 ON_JOINTS = [0, 100 * MS, 250 * MS, 350 * MS, 500 * MS, 550 * MS]
@@ -170,7 +171,7 @@ def test_many_turns_in_one_interval(stop):
 
 
 def test_velocity_jumps_of_a_law(edge, laws):
-    """The velocity jumps of a law are the joints at which its slope has a step.
+    """The velocity jumps of a law are the angles at which its slope has a step.
 
     Of the shipped cams only the constant-velocity cam has any.
     """
@@ -211,7 +212,7 @@ def test_one_interval_contains_a_joint():
 
 
 def test_the_time_of_a_velocity_jump_is_not_before_its_joint(edge):
-    """At the time of a velocity jump the slope is already that after the joint."""
+    """At the computed time of a velocity jump the slope is that after the jump."""
     angles = np.random.default_rng(5).uniform(0.0, TURN, 300)
     for angle in angles.tolist():
         for velocity_jump in velocity_jumps_ahead(edge, angle, 7.3, 2.0):

@@ -44,7 +44,7 @@ class Copy:
         self.insert("cam_rig/cli/main.py", '    "vibration": "', line)
 
     def add(self, source, target):
-        """Copy a new file into the package."""
+        """Copy a new file into the copy of cam_rig."""
         path = self.folder / target
         path.parent.mkdir(exist_ok=True)
         shutil.copyfile(source, path)
@@ -59,7 +59,7 @@ class Copy:
 
 @pytest.fixture
 def copy(tmp_path):
-    """Copy of the package in a temporary folder, which a test can change."""
+    """Copy of cam_rig in a temporary folder, which a test can change."""
     return Copy(tmp_path)
 
 

@@ -43,7 +43,7 @@ def run_out(schedule, commands=()):
 
 
 def test_states_without_a_command_equal_those_of_the_scene():
-    """Without a command the drive sends the states of the scene, bit for bit.
+    """Without a command the drive sends the cam states of the scene, bit for bit.
 
     A live run therefore equals the simulated run.
     """
@@ -266,7 +266,10 @@ def test_a_speed_outside_the_limits_is_rejected(program):
 
 
 def test_an_emergency_stop_before_the_first_state_lasts_until_a_reset():
-    """After an emergency stop at rest the cam turns only after reset and start."""
+    """After an emergency stop before the first state the cam needs reset and start.
+
+    A start without a reset has no effect.
+    """
     program = drive()
     assert program.halt() is None and program.halted
     program.run(True)
@@ -293,9 +296,9 @@ def test_an_override_with_a_cam_that_the_law_server_refuses_ends():
 
 
 def test_after_a_reset_the_cam_of_the_scene_is_requested_again():
-    """After a reset the drive requests the cam of the scene again, once.
+    """After a reset the drive requests the cam of the scene from the law server, once.
 
-    Otherwise the operator's cam would stay mounted and displayed.
+    Otherwise a cam that an operator had mounted would stay mounted and displayed.
     """
     requested = []
     program = drive(lambda cam: requested.append(cam) is None)

@@ -153,7 +153,7 @@ def test_states_wait_for_their_law(straight):
     "scene", sorted((config_root() / "scenes").glob("*.yaml")), ids=lambda path: path.stem
 )
 def test_every_shipped_scene_has_a_tick_for_each_state_after_the_first(scene):
-    """For each shipped scene the follower computes samples for all but the first state."""
+    """For each shipped scene the follower computes samples after the first state."""
     loaded = open_scene(scene)
     simulator, states = FollowerSimulator.of(loaded), list(islice(cam_states(loaded.scene), 4))
     laws = list(simulator.laws.values())
@@ -263,7 +263,7 @@ def test_a_block_with_wrong_samples_is_rejected(wrong):
 def make_flow(*consumers, ticks=MAX_TICKS_IN_FLIGHT):
     """Return a flow control with the maximum number of unacknowledged ticks.
 
-    The drive has sent the maximum number of ticks, the intervals between cam states.
+    The drive has sent these ticks, the intervals between cam states, and must now wait.
     """
     flow = FlowControl(list(consumers))
     for stamp in range(0, 10 * ticks + 1, 10):

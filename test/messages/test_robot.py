@@ -112,9 +112,10 @@ def test_the_parser_of_ros_accepts_the_urdf(kind, tmp_path):
 
 
 def test_the_cam_joint_has_the_limits_of_the_drive(kind):
-    """The velocity limit of the joint `cam` is the highest speed of commands in the scene.
+    """In the URDF the velocity limit of the joint `cam` is the scene's highest speed.
 
-    The effort limit is at least the shaft torque at each angle: contact force times ds/dθ.
+    This is the highest speed of commands. The effort limit is at least the shaft torque at each
+    angle: contact force times ds/dθ.
     """
     limit = ElementTree.fromstring(kind.urdf).find(f"joint[@name='{CAM}']/limit")
     robot = kind.robot
@@ -201,9 +202,9 @@ def test_dimensions_are_those_of_the_files(kind):
 
 
 def test_the_follower_joint_is_the_same_for_all_cams_of_the_scene(scene_of_kinds):
-    """The URDF of each cam of a scene has the same follower joint and bench.
+    """The URDFs of all cams of a scene have the same follower joint and bench.
 
-    The limits of the joint include the largest lift of all cams, and the gap in flight.
+    The limits of the follower's joint include the largest lift of all cams, and the gap in flight.
     """
     limits, bench = [], []
     fastest = max(scene_of_kinds.scene.schedule.speeds.si_list)
@@ -429,8 +430,8 @@ def test_markers_in_contact_are_the_contact_point_and_the_force(kind):
 def test_markers_in_flight_are_a_line_along_the_gap_and_its_length(kind):
     """In flight the markers are a line from contour to follower, and its length in µm.
 
-    They have the ids of the markers in contact, which they thus replace. If a tick contains contact
-    and flight, the force of each sample decides.
+    They have the ids of the markers in contact, which they thus replace. If a tick (interval
+    between cam states) contains contact and flight, the force of each sample decides.
     """
     robot = kind.robot
     follower_markers, lift = markers.FollowerMarkers(robot), robot.law(ANGLE) + GAP

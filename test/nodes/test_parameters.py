@@ -113,9 +113,9 @@ WRONG = {
 
 
 def test_an_invalid_value_at_the_start_is_rejected_with_the_allowed_values(values_of):
-    """An invalid value at the start raises ConfigError with the allowed values.
+    """An invalid argument of a node raises ConfigError with the allowed values.
 
-    Values of a wrong type do so too, in place of an error of rclpy.
+    An argument of a wrong type does so too, in place of an error of rclpy.
     """
     for argument, message in WRONG.items():
         with pytest.raises(ConfigError) as rejected:
@@ -224,10 +224,11 @@ def test_help_does_not_start_a_node():
 
 
 def test_scenes_are_compared_by_name_and_content(tmp_path):
-    """A node whose scene differs from that of the drive in name or content is refused.
+    """A node whose scene differs from that of the drive is refused.
 
-    Copies in other folders are equal. A node without a scene is accepted, as are the consumers
-    of a player. A file that was removed after it was read is not compared.
+    The scenes are compared by name and content. Copies in other folders are equal. A node without a
+    scene is accepted, as are the consumers of a player. A file that was removed after it was read
+    is not compared.
     """
 
     def scene(name, text, folder=""):

@@ -88,7 +88,10 @@ def test_the_type_lookup_service_is_disabled(profiles):
 
 
 def start_run(scene, bag, pacing):
-    """Start `cam-rig run`, and wait for its first tick."""
+    """Start `cam-rig run`, and wait for the report of its first tick.
+
+    A tick is the interval between two cam states.
+    """
     arguments = ["run", str(scene), "--bag", str(bag), "--pacing", pacing]
     command = [sys.executable, "-m", "cam_rig.cli.main", *arguments]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
@@ -194,10 +197,10 @@ def test_a_node_reports_why_it_ends(domain, run_here):
 
 
 def test_an_error_at_the_start_is_published_on_rosout(user):
-    """An error at the start of a node is published on /rosout as fatal with its name.
+    """An error at the start of a node is published on /rosout as fatal.
 
-    This applies also if the node cannot be created. On a busy machine the discovery can take
-    longer than the node waits, so it starts up to 5 times.
+    It has the name of the node, also if the node cannot be created. On a busy machine the discovery
+    can take longer than the node waits, so it starts up to 5 times.
     """
     received = []
     latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -246,7 +249,7 @@ def test_a_process_ends_if_the_middleware_does_not_return(failed, code):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("nodes", [2, pytest.param(15, marks=LONG)])
 def test_an_early_signal_ends_a_node_in_order(domain, short_scene, tmp_path, number, nodes):
-    """A signal at any time of its start ends a node with code 0 and no traceback."""
+    """A signal at any time while a node starts ends it with code 0 and no traceback."""
     chance = random.Random(int(number))
     for i in range(nodes):
         name = NODES[i % len(NODES)]

@@ -70,9 +70,9 @@ RAMP = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n
     ],
 )
 def test_runs_of_other_programs_equal_the_simulation(domain, tmp_path, changes):
-    """Runs with ramps or with several short cams equal the simulation, bit for bit.
+    """Runs with speed ramps or several short cams equal the simulation bit for bit.
 
-    All ticks are reported in order.
+    All ticks (intervals between cam states) are reported in order.
     """
     text = QUICK.read_text(encoding="utf-8")
     for old, new in changes.items():

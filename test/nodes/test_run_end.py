@@ -1,7 +1,7 @@
 """Tests of runs without `cam-rig run`, whose nodes are started one by one.
 
-They are started as by `ros2 run`. They receive the end of the run, close the bag, and end or stay
-for another run.
+They are started as by `ros2 run`. They learn of the end of the run from the drive, close the bag,
+and end or stay for another run.
 """
 
 import re

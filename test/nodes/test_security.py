@@ -169,7 +169,10 @@ def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, mes
 
 
 def test_a_law_that_was_forged_before_the_start_ends_the_run(user, short_scene, tmp_path):
-    """A law that another program latched before the start ends the run with its topic."""
+    """A motion law that another program latched before the start ends the run.
+
+    The error has the topic of the law.
+    """
     law = [("tm21", 2), (PIECE_LABEL, 4)]
     forged = array_message(law, [0.0, 0.0, 1e-3, 0.0, 3.0, 0.0, 1e-3, 0.0])
     publisher = user.node.create_publisher(type(forged), "/cam/law_coefficients", LATCHED)

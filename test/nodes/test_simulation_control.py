@@ -190,7 +190,10 @@ def test_steps_are_ticks(control):
 
 
 def test_a_step_that_cannot_be_completed_has_a_reason(control):
-    """A step request fails if the rig turns, is cancelled, is stopped or reaches its end."""
+    """A request to step the simulation that cannot be completed fails with a reason.
+
+    The rig turns already, the request is cancelled, or the rig is stopped or reaches its end.
+    """
     control._node.start()
     assert step(control, 1) == (FAILED, "the rig must be paused; set the state to paused first")
     control._node.stop()

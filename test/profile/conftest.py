@@ -32,12 +32,13 @@ FOLLOWERS: dict[str, dict[str, float]] = {
 }
 #: Numbers of a follower that are angles.
 ANGLES = {"arms_angle", "inclination", "most_pressure_angle"}
-#: Law, span (degrees) and lift at the end (fraction, None for a dwell) of each segment.
+#: Segments of a motion law: name of the law, span (degrees), and lift at the end as a fraction
+#: (None for a dwell).
 Segments = list[tuple[str, float, float | None]]
-#: Segments of a cam whose rise and fall differ.
+#: Segments of a cam whose rise and fall differ, as for `make`.
 UNEVEN: Segments = [("dwell", 60, None), ("cycloidal", 110, 1), ("dwell", 40, None)]
 UNEVEN += [("poly345", 120, 0), ("dwell", 30, None)]
-#: Segments with s(θ) + s(θ + π) = s_max and unequal dwells.
+#: Segments of a cam with s(θ) + s(θ + π) = s_max and dwells of different length.
 OPPOSITE: Segments = [("dwell", 10, None), ("poly345", 150, 1), ("dwell", 30, None)]
 OPPOSITE += [("poly345", 150, 0), ("dwell", 20, None)]
 #: Kinds of followers that need segments with s(θ) + s(θ + π) = s_max.
@@ -64,8 +65,8 @@ class SampleCam:
 def make(kind: str, segments: Segments = UNEVEN, lift: float = 10.0, **numbers: float) -> SampleCam:
     """Return a cam with a kind of follower.
 
-    Each of `segments` is a law, its span in degrees, and the lift at its end (None for a dwell).
-    `lift` is in mm. `numbers` in mm and degrees replace those of `FOLLOWERS`.
+    Each of `segments` is a law, its span in degrees, and the lift at its end as a fraction of
+    `lift` (mm), or None for a dwell. `numbers` in mm and degrees replace those of `FOLLOWERS`.
     """
     sizes = (FOLLOWERS[kind] | numbers).items()
     sized = {key: assumed(value, "deg" if key in ANGLES else "mm") for key, value in sizes}

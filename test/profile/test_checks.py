@@ -122,7 +122,7 @@ def test_base_circle_out_of_reach():
 
 
 def test_cam_surrounds_its_shaft():
-    """A contour that does not contain the cam's axis fails the check of its distance.
+    """A cam whose contour does not contain the axis fails a check.
 
     With the base radius that the error suggests, the contour contains the axis.
     """

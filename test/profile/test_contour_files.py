@@ -213,7 +213,7 @@ def test_bore_is_left_out_and_layer_selected(drawing):
 
 @pytest.mark.parametrize("is_ambiguous", [False, True])
 def test_circle_around_a_cam_is_ambiguous(drawing, is_ambiguous):
-    """A circle around an eccentric curve is refused, as each may be the cam.
+    """A circle around an eccentric curve is refused, because either may be the cam.
 
     A concentric circle or a frame is excluded with a note. `layer` selects the cam.
     """

@@ -84,9 +84,9 @@ FAILED.append(("recorder", 1, r"node recorder ended with code 1 before .*: no sp
 
 @pytest.mark.parametrize(("node", "code", "words"), FAILED)
 def test_failed_node_is_named_even_if_the_drive_has_finished(made, node, code, words):
-    """A node that fails after the drive has finished is named with its last line.
+    """A node that fails after the drive has finished is reported with its name.
 
-    The line is the last one of its stderr.
+    The error also has the last line of its stderr.
     """
     graph = made(cam_drive=[0], **{node: [code]})
     graph._start_all()
@@ -134,7 +134,7 @@ def test_stopped_drive_is_an_error(made):
 def test_shared_memory_is_cleaned_after_a_failed_run(made, code, cleans):
     """Shared memory is cleaned after a run in which a node failed, and only then.
 
-    A node on a full disk leaves segments like a killed node.
+    It is that of Fast DDS. A node on a full disk leaves segments like a killed node.
     """
     with made(microphone=[code]):
         pass

@@ -292,7 +292,7 @@ def test_missing_shared_memory_folder_is_ignored(tmp_path):
     assert explain_signal(-signal.SIGBUS, tmp_path / "none") == ""
 
 
-#: Shell commands that mount a full /dev/shm of one page, before a command is executed.
+#: Shell commands that replace /dev/shm by a full file system of one page, before a command is run.
 FULL = "mount -t tmpfs -o size=4k tmpfs /dev/shm && head -c 4096 /dev/zero > /dev/shm/fill && exec "
 
 

@@ -31,10 +31,10 @@ def listen(loaded, background, frequency="Z", time="F"):
 
 @pytest.mark.parametrize("cam", ["poly345", "tm21"])
 def test_the_meter_agrees_with_the_energy_account(make_loaded_scene, cam):
-    """Without background, the meter's LZeq of a tick is the level of its energy.
+    """Without background, the meter's LZeq of a tick is the level of the sound energy.
 
-    A tick is the interval between two cam states. The levels agree to 0.03 dB in contact, and to
-    0.15 dB with landings.
+    A tick is the interval between two cam states. The energy is computed directly from the force.
+    The levels agree to 0.03 dB in contact, and to 0.15 dB with landings.
     """
     # The tolerance in contact is 0.03 dB, because arcs make the force jump between samples. The
     # pulse of a landing is added to the force and also excites the structure. The account ignores

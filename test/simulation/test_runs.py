@@ -129,7 +129,8 @@ def test_levels_with_landings_are_those_of_the_run(make_loaded_scene):
 def test_the_speed_response_applies_to_the_contact_only(make_loaded_scene):
     """A speed response of ±3 dB changes only the sound power of the contact.
 
-    It is part of the radiation constants. The background does not change.
+    The speed response is a function of speed in the radiation constants. The background does not
+    change.
     """
     loaded = make_loaded_scene()
     plain = simulation.Acoustics(loaded.radiation)

@@ -131,7 +131,10 @@ def make_bag(folder, config, leave_out=(), scene=SCENE):
 
 
 def play(view, bag):
-    """Pass the run of a bag to a live view, and yield each cam state before that."""
+    """Pass the run of a bag to a live view tick by tick.
+
+    Each cam state is yielded before the samples that follow it.
+    """
     feed, states = view.feed, cam_states(bag.loaded.scene)
     for cam, points in bag.profiles.items():
         feed.profiles[cam] = points

@@ -355,7 +355,8 @@ def test_a_finished_run_has_its_results_at_every_time(bag, picture, drawings, la
 def test_numbers_are_listed_by_origin(bag):
     """The text about a run lists its numbers as given, assumed or identified.
 
-    They have units. These are the origins of the numbers. The text states if curves are reduced.
+    These are the origins of the numbers, which are listed with units. The text states if curves are
+    reduced.
     """
     words = about(bag.loaded, 1)
     assert words.startswith("# Two cams, two speeds\n")

@@ -249,7 +249,7 @@ def imported(tmp_path_factory):
 
 
 def test_the_documented_options_give_named_curves_over_rig_time(tmp_path):
-    """With the documented options Rerun's import names the curves after the joints.
+    """With the documented options Rerun names the curves of a bag after the joints.
 
     The times are durations from 0, as in the simulation.
     """
@@ -302,7 +302,7 @@ def test_the_rig_moves_without_options(imported):
 def test_the_file_contains_the_schemas_of_all_messages():
     """The golden bag contains the definition of each message type, for viewers.
 
-    Foxglove and PlotJuggler read them. All messages are of standard ROS types.
+    Foxglove and PlotJuggler read the definitions. All messages are of standard ROS types.
     """
     with bag_file(GOLDEN).open("rb") as stream:
         reader = make_reader(stream)

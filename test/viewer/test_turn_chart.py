@@ -150,7 +150,8 @@ def test_the_cursor_is_at_the_cams_angle(bag, picture):
 def test_values_beyond_their_axis_are_drawn_at_its_edge():
     """Values beyond an axis of the turn chart are drawn at its edge.
 
-    They would otherwise be in the next row. They occur if an operator drives faster than the scene.
+    Otherwise they would be drawn in the next row. They occur if an operator drives faster than the
+    scene.
     """
     (lift, *_) = plot_rows("one_mass")
     axes = TurnAxes([lift], {"lift": (0.0, 10.0, 5.0)})
@@ -187,10 +188,9 @@ def replayed(bouncing_bag, tmp_path_factory):
 
 
 def exact(loaded):
-    """Yield speed (rpm) and gap (mm) at the end of each turn, from exact motions.
+    """Yield speed (rpm) and gap (mm) at the end of each turn, from the exact motion.
 
-    The map is the motion from turn to turn. Each speed starts from the last state of the previous
-    one.
+    Each speed starts from the last state of the previous one.
     """
     (law,), state = loaded.laws.values(), ON_THE_CAM
     for speed in loaded.scene.schedule.speeds.si_list:

@@ -452,7 +452,7 @@ def test_the_request_contains_timeline_and_time():
 
 
 def test_only_a_recording_with_a_start_time_moves_the_cursor():
-    """Only the page of a recording with a start time moves the cursor of its viewer.
+    """Only the page of a recording with a start time moves its viewer's time cursor.
 
     The page of a live run does not.
     """

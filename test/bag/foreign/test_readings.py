@@ -58,9 +58,10 @@ def counted(found):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_message_without_the_joint_or_the_number_is_skipped(tmp_path, seed):
-    """A message without the joint or its position is skipped, counted and noted.
+    """A message without the required joint or its position is skipped and counted.
 
-    The other messages are read, whatever the order of the joints in a message.
+    A note reports the number. The other messages are read, whatever the order of the joints in a
+    message.
     """
     rng = np.random.default_rng(seed)
     rows, kept = [], {"cam": [], "follower": []}
@@ -82,7 +83,7 @@ def test_a_message_without_the_joint_or_the_number_is_skipped(tmp_path, seed):
 
 
 def test_it_is_an_error_if_all_messages_lack_the_joint(tmp_path):
-    """If no message contains the joint, BagError lists the existing joints."""
+    """If no message contains the required joint, BagError lists the existing joints."""
     line = LINE.replace("[cam]", "[cm]")
     with pytest.raises(BagError, match=r"from 0 or one of cam, follower, got 'cm'"):
         read(tmp_path, line, joints=(joints, TIME, both()))

@@ -123,7 +123,7 @@ def test_wrong_angles_are_dropped_and_the_others_kept(way, kind, seed):
 @pytest.mark.parametrize("count", [2, 3, 5])
 @pytest.mark.parametrize("seed", range(6))
 def test_angles_averaged_across_the_wrap_are_wrong(way, count, seed):
-    """Means of readings on both sides of the wrap are dropped as wrong angles.
+    """Averages of angles on both sides of an encoder's wrap are dropped as wrong.
 
     The mean of 359° and 1°, for example, is 180°. At least 90 % of such means are found, and no
     other reading is dropped.
@@ -189,7 +189,10 @@ def test_an_angle_in_degrees_is_not_taken_as_radians(sign, start):
 
 
 def test_a_cam_that_starts_and_stops_has_no_wrong_angle():
-    """No reading is dropped if a cam starts suddenly, stops, or pauses for an hour."""
+    """No reading is dropped if a cam starts suddenly, stops, or pauses for an hour.
+
+    The readings are those of an encoder.
+    """
     parts = [np.zeros(200), 0.3 * np.ones(300), np.zeros(200), 0.3 * np.ones(300), np.zeros(50)]
     angle = np.cumsum(np.concatenate(parts))
     time = np.arange(angle.size) / 100.0
@@ -232,9 +235,10 @@ def test_a_counter_that_restarts_at_zero_after_a_pause_continues_forwards(sign):
     ],
 )
 def test_an_impossible_motion_is_refused_with_its_time(value, error):
-    """Angles of an impossible motion raise BagError with the time or its reading rate.
+    """Angles of an impossible motion raise BagError.
 
-    The motions have too many wrong angles, a reversal, or too few readings per turn.
+    The motions have too many wrong angles, a reversal, or too few readings per turn. The error has
+    the time of the fault, or the rate of the readings.
     """
     with pytest.raises(BagError, match=error):
         count_turns(Signal(np.arange(400.0), value), "bag")

@@ -127,9 +127,9 @@ def test_a_stiffer_stem_takes_no_more_evaluations(laws, two_mass, monkeypatch, s
 
 
 def random_rig(two_mass, seed):
-    """Return random two masses whose parameters are anywhere in their range.
+    """Return two masses with random parameters from the whole allowed range.
 
-    Each is at a limit of the range, between the limits, or the paper's.
+    Each parameter is at a limit, between the limits, or that of the identified rig.
     """
     rng = np.random.default_rng(seed)
     numbers = {}

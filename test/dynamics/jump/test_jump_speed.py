@@ -229,7 +229,10 @@ def test_a_follower_without_preload(laws, follower, cam):
 
 
 def test_contact_is_lost_at_rest_on_a_law_below_zero(laws, follower):
-    """If the preload is too small for a negative lift, the jump speed is 0."""
+    """If the preload is too small for a law with negative lift, the jump speed is 0.
+
+    Contact is then lost without any rotation.
+    """
     law = laws["poly345"]
     below = Law("below", law.breaks, law.ordinates - 0.5 * peak(law, 0).value)
     assert rigid_jump(below, replace(follower, preload=0.0)) == (0.0, extremes(below, 0)[0].angle)

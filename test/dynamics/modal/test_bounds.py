@@ -75,9 +75,9 @@ def chord_errors(function, low, high):
 
 
 def test_norm_of_a_free_vibration():
-    """Inequalities (16), (17) and (18) hold for random free vibrations.
+    """(16), (17) and (18) of docs/proofs.md hold for random free vibrations.
 
-    They are those of docs/proofs.md. Some cases reach 99 % of each bound.
+    They bound a vibration by its norm N. Some cases reach 99 % of each bound.
     """
     closest = np.zeros(3)
     for seed in range(4 * CASES):
@@ -132,10 +132,10 @@ def pieces_of(table, motion, duration, rng):
 
 
 def test_output_in_pieces():
-    """Inequalities (15), (19), (20) and (21) hold in random pieces of the law.
+    """(15), (19), (20) and (21) of docs/proofs.md hold in random pieces of the law.
 
-    The turns are random, too. (15) bounds the error of the output itself, the others are lower
-    bounds of it. Some cases must be close to each bound.
+    By (15) the output is that of the exact model, the others are lower bounds of it. Some cases
+    must be close to each bound.
     """
     floors = chords = pairs = 0
     for seed, law, rig, duration, speed, on_law, motion in runs():
@@ -170,10 +170,10 @@ def test_output_in_pieces():
 
 
 def test_output_in_parts_of_pieces():
-    """Inequality (22) bounds |V|, |V̈| and |P''| in random pieces of the law.
+    """(22) of docs/proofs.md bounds |V|, |V̈| and |P''| in random pieces of the law.
 
-    The bound is often within a factor of 2. V is the free vibration and P the part of the output
-    that the law forces.
+    V is the free vibration and P the part of the output that the law forces. The bound is often
+    within a factor of 2.
     """
     close = 0
     for seed, law, rig, duration, speed, on_law, motion in runs():
@@ -488,8 +488,9 @@ def random_function(rng):
 def test_steps_that_are_proven():
     """(33), (34) and (35) accept only speed steps without a missed lift-off.
 
-    In an accepted step a random function, which stands for the smallest contact force, stays
-    positive, or becomes negative once and stays so.
+    The inequalities are those of docs/proofs.md. A step is a range of the cam speed. In an accepted
+    step a random function, which stands for the smallest contact force, stays positive, or becomes
+    negative once and stays so.
     """
     positive, negative_once = 0, 0
     for seed in range(200 * CASES):
@@ -512,8 +513,8 @@ def test_steps_that_are_proven():
 def test_groups_that_are_proven():
     """(27), (33), (35) and (36) accept only groups without a missed lift-off.
 
-    A group is several pieces of the law. In an accepted group the force P + V is never negative, or
-    stays negative from one cam speed on.
+    The inequalities are those of docs/proofs.md, and a group is several pieces of the law. In an
+    accepted group the force P + V is never negative, or stays negative from one cam speed on.
     """
     proven, by_forced = 0, 0
     for seed in range(200 * CASES):
@@ -537,8 +538,9 @@ def test_groups_that_are_proven():
 def test_parts_that_keep_a_rigid_mass_in_contact():
     """(37) discards only pieces of the law in which a rigid follower keeps contact.
 
-    In a discarded piece the force is not negative at any speed up to the known jump speed. Rounding
-    of 1e-12 is allowed.
+    The inequality is that of docs/proofs.md. A piece is one polynomial of the law. In a discarded
+    piece the force is not negative at any speed up to the known jump speed. Rounding of 1e-12 is
+    allowed.
     """
     discarded = 0
     for seed in range(100 * CASES):

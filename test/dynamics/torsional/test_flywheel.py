@@ -44,8 +44,8 @@ def momentum(motion, time):
 def test_balance_of_angular_momentum(law, shaft):
     """The angular momentum of shaft and cam changes by the integral of the torques.
 
-    These are motor torque minus follower torque. The follower torque is F s' with the contact force
-    F. The tolerance is 1e-12 of its integral.
+    The torque is motor torque minus follower torque F s', with the contact force F. The tolerance
+    is 1e-12 of the integral of |F s'|.
     """
     p = dataclasses.replace(shaft, motor_torque=2.0)
     start = TorsionalState(2e-4, -0.1, 0.7, SPEED, 0.01, -0.3)
@@ -169,9 +169,9 @@ def test_a_run_may_start_at_any_angle(laws, shaft):
 
 
 def test_a_ramp_follows_the_drive_and_a_new_speed_is_steady(laws, shaft):
-    """On a ramp the drive prescribes the motion of the flywheel.
+    """On a speed ramp the drive prescribes the motion of the flywheel.
 
-    After the ramp, and after a change of speed, the motion is steady again.
+    After the ramp, and after a change of speed, the motion of the shaft is steady again.
     """
     law, advance = laws["poly345"], MODELS["torsional"].advance
     ramp = Interval(0, 100 * MS, 0.0, 0.0, 10.0 * SPEED)

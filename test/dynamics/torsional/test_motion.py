@@ -111,7 +111,7 @@ def test_periodic_state_returns(law, damped, speed):
 def test_resonance_has_no_periodic_state(laws, follower):
     """A whole number of undamped shaft periods per turn raises an error.
 
-    It has no periodic state. A speed of 0 is an error, too.
+    Such a shaft has no periodic state. A speed of 0 is an error, too.
     """
     base = laws["poly345"]
     undamped = dataclasses.replace(follower, damping=0.0)

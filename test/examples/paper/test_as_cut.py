@@ -82,11 +82,10 @@ def test_fifty_digits():
 
 
 def test_lift_is_kept_and_never_below(followed_by):
-    """The lift of a roller on a cam cut for a point is at least the law s.
+    """The lift of a roller on a cam cut for a point is at least the point's lift s.
 
-    The law s is the lift of the point. It is equal to s at the extremes of s. The acceleration
-    there is s''/(1 − R_r s''/(ρ (ρ + R_r))), with the roller radius R_r and the distance ρ from the
-    axis.
+    Both are equal at the extremes of s. The roller's acceleration there is s''/(1 − R_r s''/(ρ (ρ +
+    R_r))), with the roller radius R_r and the distance ρ from the axis.
     """
     at = np.array([np.pi])
     for law, found in followed_by:
@@ -142,7 +141,7 @@ def test_the_jump_speed_by_the_exact_model(bezier, two_mass):
 
 
 def test_numbers_of_the_report(bezier):
-    """The row of Bézier 15 has the numbers that the report prints."""
+    """The result of Bézier 15 as cut has the numbers of the report on the paper."""
     row = ["65", "10", "0.866", "-39.12", "-37.41", "569.05", "584.16", "-0.027", "+0.023"]
     assert table([bezier], "").for_report.text_rows == [["Bézier degree 15", *row, "–", "–"]]
 

@@ -68,15 +68,16 @@ def test_the_first_speed_of_the_grid_by_the_exact_model():
     assert math.isnan(first_on_grid(law, follower, rpm - 5.0, 1.0))
 
 
-#: Follower with little damping: the vibration of the 3-4-5 cam grows for ten turns near 415 rpm.
+#: Follower of two masses with little damping. The vibration of the 3-4-5 cam grows for ten turns
+#: near 415 rpm.
 LIGHT = TwoMassParameters(0.634, 0.666, 2.424962e6, 4030.0, 0.0105, 0.0105, 14.29)
 
 
 def test_a_window_by_the_exact_model():
     """`window` returns the width (rpm) of the speeds with the printed lift-off time.
 
-    It agrees with the exact simulation at 501 speeds within 0.04 rpm. The time may differ by half a
-    turn.
+    The lift-off time of a simulation may differ from the printed time by half a turn. The width
+    agrees with simulations at 501 speeds within 0.04 rpm.
     """
     law = build_law(CAMS["poly345"])
     printed = (415.0, 1.2)
@@ -91,9 +92,9 @@ def test_a_window_by_the_exact_model():
 
 
 def test_a_trial_that_shows_the_table_has_no_miss():
-    """A trial rig has no error at its own jump speed, and has at 5 rpm off it.
+    """A trial rig has no error if its jump speed is the printed one.
 
-    The jump speed takes the place of the printed one.
+    A printed speed that is 5 rpm higher or lower gives an error.
     """
     reading = READINGS["shipped"]
     numbers = {key: np.array([getattr(reading, key).si]) for key in BOUNDS}
@@ -131,7 +132,11 @@ def shipped():
 
 
 def test_numbers_of_the_report(shipped):
-    """Jump speeds and times of the shipped reading are those of the report."""
+    """Jump speeds and times of the shipped reading are those of the report.
+
+    The report is that on the paper. A reading is a set of the four numbers of the rig that the
+    paper does not print.
+    """
     readings, cams = tables([shipped])
     assert "".join(readings.rows[0][:8]).count("*") == len(shipped.reading.fitted) == 4
     assert readings.for_report.text_rows[0][8:] == ["4", "4", "0", "0.41"]

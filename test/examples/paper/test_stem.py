@@ -130,9 +130,9 @@ def test_a_fixed_free_bar(two_mass):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_masses_tend_to_the_bar_as_one_over_n_squared(seed):
-    """With twice the masses, the error of a chain against the bar is a quarter.
+    """With twice the masses, a stem's error against a continuous bar is a quarter.
 
-    This is true for frequencies and transfer functions.
+    This is true for natural frequencies and transfer functions.
     """
     p, rates = some_follower(seed), 1j * np.array([300.0, 900.0, 2500.0])
     limit, bar = Stem(p, BAR).frequencies(3), Stem(p, BAR).transfer(rates)

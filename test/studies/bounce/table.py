@@ -138,7 +138,7 @@ class TwoInManyDigits:
         return [mp.re(value) for value in shapes * modes][: len(state)]
 
     def gap(self, state, start, t):
-        """Return the function of time that is zero at the next event.
+        """Return the function of time whose next zero is the next lift-off or landing.
 
         In flight it is the gap (m) between roller and table. In contact it is the force (N) on the
         table.
@@ -155,7 +155,7 @@ class TwoInManyDigits:
         """Return gap, stem stretch and their rates one turn later, in m and m/s.
 
         `numbers` has the same four values at angle 0. `events` has the pairs (time in s, kind) of
-        the turn. The times are approximate and are refined to roots here.
+        the turn's lift-offs and landings. The times are approximate and are refined to roots here.
         """
         gap, gap_rate, w, rate = numbers  # table at angle 0: s = 0 and ṡ = 0
         flies = gap != 0 or gap_rate != 0

@@ -109,7 +109,7 @@ def two(laws, rig):
 
 
 def test_two_motions_at_one_speed(two):
-    """At 420 rpm one motion is irregular and one periodic.
+    """At 420 rpm one of the two possible motions is irregular and one periodic.
 
     Each start state of the grid ends in one of them. The shares of the motions are the fractions of
     the start states and are in descending order.

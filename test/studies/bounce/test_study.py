@@ -61,7 +61,7 @@ def test_the_level_is_that_of_a_simulation(tm21, rig):
 
 
 def test_an_executor_gives_the_same_rows(tm21, rig):
-    """Rows computed by a thread pool equal the rows computed without an executor."""
+    """A bounce map computed by a thread pool equals one computed without an executor."""
     rpm, how = (
         np.array([390.0, 450.0, 310.0]),
         {"restitution": 0.7, "turns": 60, "transient_turns": 300},

@@ -67,7 +67,7 @@ def test_the_window_starts_at_its_closed_form(restitution):
 
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
 def test_multipliers_are_those_of_the_closed_form(restitution):
-    """The derivative of the map of one turn has the known trace and determinant.
+    """The derivative of the motion over one turn has the known trace and determinant.
 
     The trace is (1 + r)² (1 + s̈/g) − 2 r within 1e-10, and the determinant r² within a relative
     1e-11.

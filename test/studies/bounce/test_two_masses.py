@@ -72,7 +72,7 @@ def events_of(turn_map, numbers):
     ],
 )
 def test_derivatives_and_exponents_in_many_digits(changed, speed, turns, kinds):
-    """The derivative of a turn agrees with central differences in 60 digits.
+    """The derivative of the motion over one turn agrees with differences in 60 digits.
 
     The tolerance is 1e-10 of the largest entry. The cases start in flight and in contact. The
     Lyapunov exponents agree within 1e-9 per turn with a QR decomposition of these differences.

@@ -21,10 +21,10 @@ KINDS = ("latin_hypercube", "sobol", "shares")
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_point_is_the_same_in_any_batch(kind):
-    """The inputs of a point do not depend on the batch in which it is drawn.
+    """A campaign's inputs at a point do not depend on the batch of the point.
 
-    A point is a simulation of a campaign. They lie strictly inside the unit cube and change with
-    the seed.
+    A point is one simulation of the campaign. The inputs lie strictly inside the unit cube and
+    change with the seed.
     """
     first, second = (unit_points(kind, seed, 64, 2, 0, 64) for seed in (1, 2))
     assert not (first == second).any()
@@ -210,8 +210,8 @@ def test_a_wave_is_within_the_documented_bounds(law, degrees):
 def test_a_wave_closes_without_a_step(law, degrees):
     """A wave whose length does not divide 360° is blended at the end of the turn.
 
-    The lift and its first two derivatives have no step there beyond rounding, and the wave does not
-    exceed its amplitude.
+    The wave is an error of the cam's profile. The lift and its first two derivatives have no step
+    there beyond rounding, and the wave does not exceed its amplitude.
     """
     errors = ProfileErrors(waviness=1e-5, wavelength=math.radians(degrees), waviness_phase=1.0)
     wavy = errors.add_to(law)

@@ -259,7 +259,7 @@ def test_a_rig_without_restitution_has_the_same_derivatives(study):
 def test_the_touch_is_at_the_lift_off():
     """`touch_of` and `jump_speed` give the same speed, angle and turn on shipped cams.
 
-    The touch is the instant at which the contact force just reaches zero at the jump speed. The
+    `touch_of` finds the instant at which the contact force just reaches zero at the jump speed. The
     speeds agree within a relative 1e-5 and the angles within 1°.
     """
     rig = cam_rig.load_rig("paper_table2")

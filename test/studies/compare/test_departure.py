@@ -116,7 +116,7 @@ def test_events_are_found_at_the_loss_of_force(noise):
 def test_noise_of_a_small_force_on_a_dwell_is_no_flight():
     """A small force with noise on a dwell is not taken for a loss of contact.
 
-    12 N under noise of 3 N are below 4 standard deviations in every other reading.
+    The force is 12 N with noise of 3 N, so that every other reading is below 4 standard deviations.
     """
     rng = np.random.default_rng(3)
     model = 12.0 + 90.0 * np.clip(np.sin(ANGLE), 0.0, None)

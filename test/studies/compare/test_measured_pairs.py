@@ -186,10 +186,10 @@ def test_late_stamps_are_distinguished_from_an_offset(scene):
 
 @pytest.mark.slow
 def test_a_coarse_encoder_causes_no_clock_correction(scene):
-    """The error of a coarse encoder near a ramp is not taken for a clock error.
+    """The error of a coarse encoder near a speed ramp is not taken for a clock error.
 
-    With 256 counts per turn the angle is known to half a count. Drift and delay must stay exactly
-    0.
+    With 256 counts per turn the angle is known to half a count. Drift and delay of the clock must
+    stay exactly 0.
     """
     loaded = scene("cycloidal", (235.5, 223.7, 135.9), turns=6, transient_turns=0, ramp=0.81)
     for seed in range(3):

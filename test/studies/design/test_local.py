@@ -173,7 +173,7 @@ def test_above_the_jump_speed_the_level_is_that_of_the_microphone(rpm):
 
 @pytest.mark.long
 def test_a_search_is_quieter_than_the_optimum_without_landings():
-    """Above the jump speed, a search that includes landings finds a quieter law.
+    """Above the jump speed, a design that allows landings finds a quieter law.
 
     It is at least 0.1 dB quieter than the start law and than the optimum for permanent contact.
     """
@@ -228,7 +228,8 @@ def test_optimal_spans_are_proportional_to_the_root_of_the_rise(two_rises, tmp_p
 def test_a_limit_on_a_span_holds_and_dwells_give_way(two_rises):
     """With limits on the spans, rises and falls widen into the dwells.
 
-    They keep their middles. The peak acceleration is 4h/β² of the fall, whose span is at its limit.
+    They keep their middles. The peak acceleration is 4h/β², with the limit β of the span and the
+    lift h of the fall.
     """
     widest = 109.5
     limits = [f"event_angle@{number}<={widest}deg" for number in (1, 2, 3)]

@@ -310,7 +310,7 @@ def test_the_maximum_of_the_branches_is_the_measured_value():
 UNKNOWNS = 4
 #: Number of unknowns that linear equations determine from the free unknowns.
 TIED = 3
-#: Relative rounding error of a sum over all rows.
+#: Relative excess over a bound that is allowed for the rounding of a sum.
 ROUNDING = 1e-12
 
 
@@ -362,7 +362,7 @@ def test_points_are_necessary_and_ordinates_sufficient(name):
 def test_any_multipliers_bound_the_level(seed):
     """(39) of docs/proofs.md: even wrong multipliers give a valid bound of the goal.
 
-    No goal value that satisfies the program exceeds it.
+    No goal value that satisfies the program is better than the bound.
     """
     rng = np.random.default_rng(seed)
     program = random_program(rng)

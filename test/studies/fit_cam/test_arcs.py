@@ -377,7 +377,7 @@ def test_a_column_that_any_follower_may_have_made():
 
 
 def test_the_farthest_reading_is_named_with_its_line():
-    """The reading farthest from the law is reported with its line, but not excluded.
+    """The reading farthest from the fitted law is reported with its line, but used.
 
     It is off by 0.1 mm, five times the scatter.
     """

@@ -201,9 +201,9 @@ def test_equal_readings_at_the_nose_are_the_nose():
 @pytest.mark.parametrize("step", [0.1, 0.5, 1.0, 2.0, 5.0])
 @pytest.mark.parametrize("noise", [0.0, 2e-6])
 def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
-    """Half a lobe is mirrored only if it reaches both its nose and a dwell.
+    """A table of half a lobe is mirrored only if it reaches both its nose and a dwell.
 
-    The nose must be within a step of the last reading.
+    The nose must be within a reading distance of the end of the table.
     """
 
     def mirror(start, end):

@@ -21,7 +21,7 @@ from cam_rig.studies.fit_rig.jumps.search import RIGID
 from cam_rig.studies.fit_rig.run.fit import fit_run
 from cam_rig.units import to_rpm
 
-#: Cams with and without dwells, smooth or with jumps of acceleration.
+#: Names of the machines' cams: with and without dwells, smooth or with jumps of acceleration.
 CAMS = ("poly345", "cycloidal", "bezier15", "poly4567", "arcs_convex", "tm21", "arcs_straight")
 #: Speeds relative to the jump speed of a rigid follower. Near it the contact force is small in
 #: parts of the turn.
@@ -41,13 +41,13 @@ TURNS = (
     *(("one_mass", "mixed"), ("one_mass", "landings"), ("one_mass", "in contact")),
     ("two_mass", "mixed"),
 )
-#: Largest random change of a speed, relative to the jump speed.
+#: Largest random change of a machine's cam speed, relative to its jump speed.
 SCATTER = 0.02
-#: Range of the correlation between neighbouring samples of correlated noise.
+#: Range of the correlation between neighbouring samples of noise that is correlated.
 CORRELATIONS = (0.5, 0.95)
-#: Noise of the force, relative to its maximum.
+#: Standard deviation of the noise of the force, relative to the largest force.
 FORCE_NOISE = 0.01
-#: Noise of the lift, m.
+#: Standard deviation of the noise of the lift, m.
 LIFT_NOISE = 10e-6
 
 
@@ -120,7 +120,10 @@ def measured(law, rig, kind, rpms, random, rate):
 
 
 def scores_of(seed: int, rate: int = 500) -> list[Score]:
-    """Return the errors of all parameters fitted to the machine with this seed."""
+    """Return the errors of all parameters fitted to a simulated machine.
+
+    The machine, a cam and a rig, is random. `rate` is the sample rate in Hz.
+    """
     random = np.random.default_rng(seed)
     kind = (*TURNS[seed % len(TURNS)], NOISES[seed % len(NOISES)])
     law = cam_rig.build_law(cam_rig.load_cam(CAMS[seed % len(CAMS)]))

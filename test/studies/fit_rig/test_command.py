@@ -54,7 +54,7 @@ def test_a_wide_error_has_a_warning(found, words):
 def test_a_rig_file_has_the_digits_of_the_error(rig):
     """The rig file states a fitted preload as 14.948 ± 0.032 N.
 
-    These are the digits of the standard error. Parameters that are not identified are taken from
+    The digits are those of the standard error. Parameters that are not identified are taken from
     the base rig as assumed.
     """
     text, _ = build_rig_text(

@@ -238,7 +238,7 @@ def test_error_names_a_wrong_speed(law, rig):
     ],
 )
 def test_readings_outside_the_limits_are_errors(law, rig, change, words):
-    """A reading outside the limits is an error with line, value and limit."""
+    """A jump speed outside the limits is an error with its line, value and limit."""
     read = table(law)
     wrong = (*read.readings[:-1], replace(read.readings[-1], **change))
     with pytest.raises(ConfigError, match=f"line 10: {words}"):

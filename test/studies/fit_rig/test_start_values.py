@@ -147,8 +147,7 @@ def test_parameters_of_all_speeds_may_contradict_some(flying):
 def test_a_ringing_sensor_is_no_stem(law, rig):
     """A force sensor that rings after landings is fitted with a resonance.
 
-    It is not taken for an elastic stem. Its reading is then negative at times, although a cam never
-    pulls.
+    The ringing, in which the reading is negative at times, is not taken for an elastic stem.
     """
     errors = InstrumentErrors(sensor_frequency=300.0, sensor_damping=0.01)
     other = rig.with_follower(restitution=0.2)

@@ -151,7 +151,10 @@ call = partial(run, "jump")
 
 
 def run_json(*arguments):
-    """Run `cam-rig jump` and return its rows by cam, the run data, and stderr."""
+    """Run `cam-rig jump` with JSON.
+
+    The results are its rows by cam, the run data, and stderr.
+    """
     result = call(*arguments, "--json", "-")
     assert result.exit_code == 0, result.output
     data = json.loads(result.stdout)

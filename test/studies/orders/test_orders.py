@@ -166,7 +166,7 @@ PAPER = cam_rig.load_rig("paper_table2")
 
 
 def random_law(seed, name="random"):
-    """Return a smooth law of three Bézier segments that is C³ at each joint."""
+    """Return a smooth law of three Bézier segments, continuous up to s'''."""
     random = np.random.default_rng(seed)
     breaks = np.array([0.0, *np.sort(random.uniform(0.8, TURN - 0.8, 2)), TURN])
     places = random.uniform(0.0, 0.02, 3)
