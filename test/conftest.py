@@ -114,7 +114,10 @@ settings.load_profile("ordinary")
 
 @pytest.fixture
 def hangup_enabled() -> Iterator[None]:
-    """Default action of SIGHUP, so that it ends commands even under nohup."""
+    """Default action of SIGHUP during a test.
+
+    The signal thus ends commands even under nohup.
+    """
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
     signal.signal(signal.SIGHUP, before)
@@ -133,7 +136,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def figures(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Figures without a screen, which are closed at the end of the test."""
+    """Matplotlib without a screen. The figures are closed at the end of the test."""
     import matplotlib as mpl
 
     monkeypatch.setitem(mpl.rcParams, "backend", "agg")
@@ -205,7 +208,10 @@ def radiation(rig: RigConfig) -> RadiationParameters:
 
 
 def assumed(value: Any, unit: str) -> dict[str, Any]:
-    """Return a quantity of a file whose value is an assumption."""
+    """Return an entry of a cam or rig file with the origin "assumed".
+
+    It has a value and its unit.
+    """
     return {"assumed": value, "unit": unit}
 
 

@@ -91,7 +91,10 @@ READERS = {
 
 
 def number(data, written, quantity):
-    """Return a quantity of a command's JSON, or of the files that it wrote."""
+    """Return a quantity from a command's JSON output, or from the files that it wrote.
+
+    `quantity` is a name, or name@place.
+    """
     name, _, place = quantity.partition("@")
     reader = next(READERS[key] for key in READERS if key in data)
     return reader(data, written, name, place)

@@ -131,7 +131,7 @@ def test_rosdep_and_pip_install_the_same():
 
 
 def names_in(file):
-    """Return the names in a stored copy of a list of ros/rosdistro."""
+    """Return the names in a file of test/rosdep, a stored list of ros/rosdistro."""
     lines = (ROOT / "test" / "rosdep" / file).read_text(encoding="utf-8").splitlines()
     return {line for line in lines if not line.startswith("#")}
 

@@ -22,7 +22,7 @@ from ruamel.yaml import YAML
 ROOT = Path(__file__).parents[1]
 LAYOUTS = sorted((ROOT / "config" / "layouts").iterdir())
 MARKERS, WRENCH = "visualization_msgs/msg/MarkerArray", "geometry_msgs/msg/WrenchStamped"
-#: Message type of each type of display in RViz.
+#: Message type that each type of display in RViz shows, or None.
 DISPLAYS = {
     "rviz_default_plugins/MarkerArray": MARKERS,
     "rviz_default_plugins/RobotModel": "std_msgs/msg/String",
@@ -134,7 +134,10 @@ def number(message: Any, field: str) -> float:
 
 
 def curve(golden: SimpleNamespace, name: str) -> float:
-    """Return the number in the golden bag that a curve of PlotJuggler displays."""
+    """Return the number in the golden bag that a curve of PlotJuggler displays.
+
+    `name` is the name of the curve: topic and field with slashes.
+    """
     topic = max((t for t in golden.types if name.startswith(f"{t}/")), key=len)
     message, path = golden.messages[topic], name.removeprefix(f"{topic}/")
     if golden.types[topic] == "sensor_msgs/msg/JointState":

@@ -64,7 +64,7 @@ class Kept:
 
 @pytest.fixture
 def kept():
-    """Bag writer that keeps the written messages in memory."""
+    """Replacement of a bag writer that keeps the written messages in memory."""
     return Kept()
 
 

@@ -28,7 +28,7 @@ SPLIT = Split(duration=0.7)
 SOME = pytest.mark.parametrize("some", [3, pytest.param(0, marks=pytest.mark.long)])
 
 
-#: `payloads` with a cache, for bags that do not change.
+#: Function `payloads` (messages of a bag by topic) with a cache, for bags that do not change.
 once = cache(payloads)
 
 

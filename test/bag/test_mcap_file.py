@@ -11,7 +11,7 @@ from cam_rig.bag.reader import raw_messages, read_counts
 from cam_rig.bag.recover import examine
 from cam_rig.errors import BagError
 
-#: Schema that is not text, such as that of protobuf.
+#: Message definition (schema) that is not text, as for protobuf.
 BINARY = bytes(range(256))
 
 

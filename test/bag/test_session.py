@@ -58,7 +58,7 @@ def by_topic(kept):
 
 @pytest.fixture
 def session(kept):
-    """Recording session that writes into `kept`."""
+    """Recording session that writes into the fake bag writer of the fixture `kept`."""
     return RecordingSession(kept, StateValidator(RATE))
 
 

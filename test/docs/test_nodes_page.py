@@ -91,9 +91,9 @@ def test_the_bag_of_quick():
 def test_the_bag_of_quick_with_more_ticks(tmp_path):
     """The bag size in nodes.md for more ticks per turn is that of a run.
 
-    A tick is the interval between two cam states, and the scene is quick. They are compared with
-    runs of the scene quick. The number of messages agrees to 1 %, because rounding decides at which
-    angle of a dwell the force is largest, and thus how many messages are published.
+    A tick is the interval between two cam states. The run is that of the scene quick. The number of
+    messages agrees to 1 %, because rounding decides at which angle of a dwell the force is largest,
+    and thus how many messages are published.
     """
     ticks, *figures = rows(PAGE, "`ticks_per_turn`")[1]
     scene, bag = tmp_path / "scenes" / "quick.yaml", tmp_path / "bag"

@@ -33,7 +33,10 @@ from .helpers import ONE, TWO
 
 
 def bumpy(rng):
-    """Return a C¹ law of random cubics, in some cases with one velocity jump."""
+    """Return a random C¹ motion law of cubics.
+
+    In three of ten cases it has a velocity jump.
+    """
     count = int(rng.integers(2, 30))
     breaks = np.array([0.0, *np.sort(rng.uniform(0.1, TURN - 0.1, count - 1)), TURN])
     points = 0.01 * rng.standard_normal(count)
@@ -133,7 +136,10 @@ def test_a_number_of_any_kind(laws, monkeypatch, kind):
 
 
 def test_binomials_beyond_the_table():
-    """Binomials of a degree beyond the table are computed by a recurrence."""
+    """Binomial coefficients of a degree beyond the stored table are correct.
+
+    They are computed by a recurrence.
+    """
     for degree in (3, len(vectors.PASCAL) - 1, len(vectors.PASCAL), len(vectors.PASCAL) + 9):
         assert vectors.binomials(degree)[2] == math.comb(degree, 2)
 
@@ -244,7 +250,10 @@ COMPILES = "events: compiling find_rigid_zero, once (about 15 s)\n"
 
 
 def start(folder):
-    """Start `PROGRAM` with a folder for compiled code, and return the process."""
+    """Start `PROGRAM` with a folder for compiled code, and return the process.
+
+    It is the program of this test module.
+    """
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM],
         stdout=subprocess.PIPE,

@@ -90,7 +90,10 @@ def test_one_mass_with_velocity_jumps(edge, restitution):
 
 
 def stored_in_two(p, state):
-    """Return the energy (J) of two masses, both springs and the preload."""
+    """Return the energy (J) that two masses, both springs and the preload store.
+
+    `state` has positions and velocities.
+    """
     z, v, y, w = state[:4]
     kinetic = 0.5 * p.roller_mass * v**2 + 0.5 * p.end_mass * w**2
     springs = 0.5 * p.stem_stiffness * (z - y) ** 2 + 0.5 * p.spring_stiffness * y**2
@@ -145,7 +148,10 @@ def test_two_masses(laws, edge, cam, p, rpm, turns, limit):
 
 
 def stored_in_shaft(motion, times):
-    """Return the energy (J) of cam, follower, spring and shaft at the times (s)."""
+    """Return the stored energy (J) of cam, follower, spring and shaft.
+
+    `times` are in s.
+    """
     p, f = motion.parameters, motion.parameters.follower
     twist, _, angle, speed = motion.at(times)[:4]
     s, s1 = motion.law(angle), motion.law(angle, 1)

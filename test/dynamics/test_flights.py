@@ -23,7 +23,7 @@ from .helpers import exact_law, land
 P = FollowerParameters(1.3, 4030.0, 8.642, 30.0, 3.3e8)
 SPEED = 300.0 * np.pi / 30.0
 EPS = float(np.finfo(float).eps)
-#: Heights of the flights, m.
+#: Heights of the tested flights above the cam, m.
 HEIGHTS = (1.5e-4, 1e-6, 6e-9, 1e-11, 1e-13)
 
 
@@ -201,7 +201,7 @@ def test_weight_without_a_spring(follower):
 
 # -- hard cases of the search for events: long series, close events, a landing at a joint
 
-#: Law with a dwell from 1 to 6 rad at zero lift.
+#: Motion law with a dwell from 1 to 6 rad at zero lift, on which followers bounce.
 DWELL = Law(
     "dwell",
     [0.0, 0.5, 1.0, 6.0, TURN],

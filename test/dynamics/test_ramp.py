@@ -39,7 +39,10 @@ RAMPS = {
 
 @pytest.fixture(params=RAMPS, ids=list(RAMPS))
 def ramp(request):
-    """Ramp of each kind: from rest, up, down, to rest, and over many turns."""
+    """Speed ramp of each kind: from rest, up, down, to rest, and over many turns.
+
+    The fixture runs each test with all of them.
+    """
     return RAMPS[request.param]
 
 

@@ -192,7 +192,10 @@ def test_arguments_of_a_trajectory(laws):
 
 @pytest.mark.parametrize(("name", "parameters"), [("elastic_stem", FOLLOWER), ("two_mass", TWO)])
 def test_a_state_of_another_model(laws, name, parameters):
-    """A state with the size of another model's state is an error."""
+    """A state with the size of another follower model's state raises an error.
+
+    The error has both sizes.
+    """
     state = FollowerState(0.0, 0.0, 1.0, True, inner=(0.0, 0.0, 0.0))
     with pytest.raises(DynamicsError, match=r"state: has 3 numbers; allowed: 2"):
         advance = MODELS[name].advance

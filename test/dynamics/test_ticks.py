@@ -25,7 +25,7 @@ from cam_rig.units import NS, RPM, TURN
 
 from .helpers import MS, run_in_ticks, tick_borders
 
-#: Duration of a run, ns.
+#: Duration of each tested run, ns.
 TOTAL = 400 * MS
 #: Sample rate, Hz. It is prime, so that no sample coincides with a lift-off or landing, where it
 #: could have either value.
@@ -223,7 +223,7 @@ def test_events_and_impulses_are_in_order(whole):
 #: Speed of 480 rpm in rad/s. A thousand turns are whole seconds, so they have the same sample
 #: times.
 SPEED = 480.0 * RPM
-#: Duration of a turn, ns.
+#: Duration of a turn at 480 rpm, ns.
 PERIOD = NS // 8
 LATE = {
     "kinetostatic": ("kinetostatic", {}),

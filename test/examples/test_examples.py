@@ -36,7 +36,7 @@ LEFT = {
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
-    """Run examples in a temporary working folder without a screen."""
+    """Run each example in a temporary working folder without a screen."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(mpl.rcParams, "backend", "agg")
 

@@ -50,7 +50,7 @@ class Copy:
         shutil.copyfile(source, path)
 
     def python(self, *arguments):
-        """Return the output of a Python process that imports this copy."""
+        """Return the output of a Python process that imports this copy of cam_rig."""
         env = os.environ | {"PYTHONPATH": str(self.folder)}
         done = ended(sys.executable, *arguments, cwd=self.folder, env=env)
         assert done.returncode == 0, done.stderr[-2000:]

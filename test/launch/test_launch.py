@@ -40,7 +40,7 @@ class FakeAction:
 
 
 class FakeModule(ModuleType):
-    """Module in which every name is a class of fake actions."""
+    """Replacement of a launch package in which every name is a class of fake actions."""
 
     def __getattr__(self, name):
         if name.startswith("__"):

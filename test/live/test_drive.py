@@ -220,7 +220,7 @@ def test_a_command_ends_a_step(program):
 
 
 def test_a_stopped_drive_sends_no_state_and_can_be_resumed(program):
-    """A stopped drive sends no state. Resumed, it sends the remaining ones."""
+    """A stopped drive sends no cam state, and later sends the remaining states."""
     out = follow(program, 5)
     program.run(False)
     assert follow(program, 5) == []

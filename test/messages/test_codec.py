@@ -51,7 +51,10 @@ def test_other_arrays_are_rejected(laws):
 
 
 def message(positions, velocities=None, stamp=(3, 7), frame="tm21"):
-    """Return an object with the fields of a JointState of rclpy or rosbags."""
+    """Return an object with the fields of a ROS JointState message.
+
+    It replaces the message classes of rclpy and rosbags.
+    """
     velocities = [50.0] * len(positions) if velocities is None else velocities
     header = SimpleNamespace(stamp=SimpleNamespace(sec=stamp[0], nanosec=stamp[1]), frame_id=frame)
     return SimpleNamespace(header=header, position=positions, velocity=velocities)
@@ -91,7 +94,7 @@ def test_a_cam_state_of_an_earlier_version_is_accepted():
     ],
 )
 def test_an_invalid_cam_state_is_rejected(positions, text):
-    """A cam state with invalid angles raises RefusedError with the values."""
+    """A cam state message with invalid angles raises RefusedError with the values."""
     with pytest.raises(RefusedError, match=text):
         codec.cam_state_of(message(positions))
 

@@ -32,7 +32,7 @@ from cam_rig.units import NS
 from ..processes import ended
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
-#: Equality within the six digits of numbers in the URDF.
+#: Comparison of numbers of the URDF, which have six digits.
 near = partial(pytest.approx, rel=1e-5)
 
 
@@ -243,7 +243,7 @@ def test_the_bodies_of_the_cam_approximate_its_contour(kind):
 
 
 def inertia(link):
-    """Return the inertia of a link of a URDF, shape (3, 3)."""
+    """Return the inertia matrix (kg·m²) of a link element of a URDF, shape (3, 3)."""
     i = {key: float(value) for key, value in link.find("inertia").attrib.items()}
     return np.array([[i["i" + "".join(sorted(a + b))] for b in "xyz"] for a in "xyz"])
 

@@ -79,7 +79,7 @@ class OneProcess:
         self._stack.close()
 
     def start(self, name):
-        """Spin a node in a thread until it ends."""
+        """Spin the node of this name in a thread until it ends."""
         self._threads[name] = Thread(target=self._spin, args=[name])
         self._threads[name].start()
 
@@ -107,7 +107,7 @@ class OneProcess:
                     yield report
 
     def end(self):
-        """End the nodes that still run, the recorder last."""
+        """End the nodes that still run, the recorder last because it writes the bag."""
         for name in sorted(self._threads, key=lambda name: name == RECORDER):
             if name == RECORDER:
                 self._join()
@@ -165,7 +165,7 @@ def node_processes(path):
     return ended("pgrep", "-f", path).stdout.split()
 
 
-#: Poll until a condition holds, and return its value.
+#: Wait until a condition of the run is true, and return its value.
 wait_until = partial(until, step=lambda: time.sleep(0.02), wait=WAIT)
 
 
@@ -203,7 +203,7 @@ def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):
 
 @pytest.fixture(scope="session", autouse=True)
 def unbounded():
-    """Disable the time limit of DDS's shutdown, which would end the tests."""
+    """Disable the time limit of a node's shutdown, which would end the test process."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(process, "bounded", lambda failed=False: nullcontext())
         yield
@@ -281,7 +281,7 @@ class User(RigClient):
         return str(refused.value)
 
     def refused(self, node, name, value):
-        """Set a parameter, which must be rejected, and return the reason."""
+        """Set a parameter of a node, which must be rejected, and return the reason."""
         with pytest.raises(RunError) as refused:
             self.set(node, name, value)
         return str(refused.value)

@@ -35,7 +35,7 @@ def test_a_slow_subscriber_is_named_with_its_topic_and_factor(make, user, capfd)
 
 
 def test_publishing_is_timed(make):
-    """The duration of each attempt to publish is added to that of its topic."""
+    """The duration of each attempt to publish is added to the time of its topic."""
     drive = make("cam_drive")
     before = drive._clock_publisher.publishing_s
     drive.publish_time(1)

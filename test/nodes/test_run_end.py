@@ -225,7 +225,10 @@ def test_messages_in_transit_are_received_for_a_limited_time(monkeypatch, writes
 
 
 def test_a_second_recorder_is_rejected(domain, short_scene, undisturbed, tmp_path):
-    """A second recorder is refused, and the run of the first is undisturbed."""
+    """A second recorder in a run is refused.
+
+    The run of the first recorder is undisturbed.
+    """
     text = "this rig has a recorder already, in ROS domain"
     with OneProcess(patient(short_scene, tmp_path / "bag", pacing=SLOW)) as here:
         reports = here.progress()

@@ -157,7 +157,10 @@ def test_impossible_messages_on_open_topics_do_not_affect_the_run(
     ("topic", "message"), [("/cam/state", JointState()), ("/recorder/ack", Header())]
 )
 def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, message):
-    """A second publisher of a topic of the rig ends the run with topic and node."""
+    """A second publisher of a topic ends the run with an error.
+
+    It contains the topic, which belongs to the rig, and the second publisher's node.
+    """
     text = rf"{topic}: has a second publisher, /user; only this rig's "
     here = OneProcess(patient(short_scene, tmp_path / "bag", pacing=SLOW))
     with pytest.raises(RunError, match=text), here:

@@ -14,7 +14,7 @@ from cam_rig.units import FloatArray
 
 from ..conftest import assumed
 
-#: Numbers of a follower on an arm, mm.
+#: Dimensions of a follower on an arm, in mm.
 ARM = {"base_radius": 40, "pivot_distance": 90, "arm": 75}
 #: Numbers of each kind of follower, by kind: lengths in mm, angles in degrees.
 FOLLOWERS: dict[str, dict[str, float]] = {
@@ -30,7 +30,7 @@ FOLLOWERS: dict[str, dict[str, float]] = {
     "conjugate": {"base_radius": 50, "roller_radius": 8, "eccentricity": 4},
     "oscillating_conjugate": ARM | {"roller_radius": 8},
 }
-#: Numbers of a follower that are angles.
+#: Keys of a follower whose numbers are angles, not lengths.
 ANGLES = {"arms_angle", "inclination", "most_pressure_angle"}
 #: Segments of a motion law: name of the law, span (degrees), and lift at the end as a fraction
 #: (None for a dwell).
@@ -47,13 +47,13 @@ BREADTH = ("constant_breadth", "constant_diameter")
 
 @dataclass(frozen=True, eq=False)
 class SampleCam:
-    """Cam and its law."""
+    """Cam configuration and its motion law."""
 
     cam: CamConfig
     law: Law
 
     def contours(self, angle: FloatArray) -> tuple[Contour, ...]:
-        """Return the contours at cam angles (rad), one per disc."""
+        """Return the contours at cam angles (rad), one for each disc of the cam."""
         return contours_at(self.cam.follower, self.law, angle)
 
     @property

@@ -24,7 +24,7 @@ def named(sample, name):
 
 
 def test_possible_cams_pass(followable_laws, cams, every_kind):
-    """Shipped cams and a cam of each kind of follower pass all checks."""
+    """Shipped cams and a cam of each kind of follower pass all checks of the contour."""
     for name, law in followable_laws.items():
         assert [str(check) for check in check_cam(cams[name], law) if not check.passed] == []
     require_profile(cams["tm21"], followable_laws["tm21"])

@@ -527,7 +527,7 @@ def test_polar_points_are_placed_like_x_and_y(tmp_path):
 
 
 def closest(points, others):
-    """Return the distances of points from the closest of other points."""
+    """Return the distance of each point from the closest of other points."""
     return np.hypot(*(points[:, :, None] - others[:, None])).min(axis=1)
 
 

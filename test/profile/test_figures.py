@@ -23,7 +23,7 @@ def draw(cams, laws):
 
 
 def test_positions_touch_the_contour(followable_laws, cams):
-    """Each drawn position of the follower touches the contour within 0.02 mm."""
+    """Each drawn position of the follower touches the cam's contour within 0.02 mm."""
     for name, law in followable_laws.items():
         for contour in contours(cams[name].follower, law, 7200):
             ring = LinearRing(contour.points.T * 1e3)

@@ -23,7 +23,7 @@ from cam_rig.profile.shapes import (
 
 #: Cam angles (rad) that are not at a joint of a law, where two of its pieces meet.
 ANGLES = turn_angles(720) + 1e-3
-#: One cam of each kind of follower.
+#: Names of shipped cams, one for each kind of follower.
 KINDS = (
     *("poly345", "eccentric_roller", "flat", "inclined_flat", "oscillating_point"),
     *("oscillating_roller", "oscillating_flat", "conjugate", "oscillating_conjugate"),
@@ -35,7 +35,7 @@ LIFT = 0.01
 
 @pytest.fixture(scope="module")
 def drawn(cams, laws):
-    """Cam, law and drawn follower of each kind."""
+    """Cam, motion law and drawn follower, for each kind of follower."""
     return [(cams[n], laws[n], follower_shape(cams[n], laws[n])) for n in KINDS]
 
 
@@ -75,7 +75,10 @@ def test_follower_moves_as_a_rigid_body(drawn):
 
 
 def test_outline_agrees_with_the_reference_point(drawn):
-    """The drawn outline is at the reference point of the follower at each lift."""
+    """The drawn outline of a follower is at its reference point at each lift.
+
+    The reference point is the centre of the roller, the tip, or a point of the face.
+    """
     lift = np.array([LIFT])
     for cam, _, shape in drawn:
         strip = shape.outline()[0]

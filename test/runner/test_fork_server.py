@@ -38,7 +38,7 @@ def command_line(pid):
 
 
 def test_exit_code_and_output_of_a_forked_node(start, tmp_path):
-    """The runner receives exit code and stderr of a forked node."""
+    """The runner receives exit code and stderr of a node that the server has forked."""
     node = start("-p", f"scene:={tmp_path}/none.yaml")
     assert node.wait(timeout=100) == 2 and "none.yaml: no such file" in node.stderr.read()
     assert node.stdout.read() == ""
@@ -95,7 +95,7 @@ def test_failed_import_ends_only_the_node(ros_domain, fork_server):
 
 
 def test_node_ends_if_its_start_is_interrupted(ros_domain, fork_server, monkeypatch):
-    """A node ends if a signal arrives before the runner has stored its process."""
+    """A forked node ends if a signal arrives before the runner has stored its process."""
     forked = []
 
     def interrupted(pid, *_):

@@ -33,7 +33,7 @@ from ..processes import ended
 
 @pytest.fixture
 def temporary(monkeypatch, tmp_path):
-    """Temporary folder of this test. There is no runtime folder."""
+    """Temporary folder of this test, and no runtime folder (XDG_RUNTIME_DIR)."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
     return tmp_path
@@ -84,7 +84,7 @@ def test_domain_is_reserved_by_one_run(monkeypatch, place):
 
 
 def test_different_texts_of_a_number_are_the_same_domain(monkeypatch, place):
-    """Different texts of one number, such as 030 and 24, are one domain."""
+    """Different texts of one ROS domain number, such as 030 and 24, are one domain."""
     for first, other in (("030", "24"), ("0x10", "16"), ("", "0"), ("+7", "07")):
         monkeypatch.setenv("ROS_DOMAIN_ID", first)
         with reserve_domain():
@@ -119,7 +119,7 @@ def test_domain_number_is_parsed_like_strtoul(text):
 
 @pytest.mark.ros
 def test_domain_number_agrees_with_rclpy(monkeypatch):
-    """`domain_number` agrees with the domain that rclpy uses."""
+    """`domain_number` returns the ROS domain that rclpy uses."""
     import rclpy
 
     for text in ("030", "0x10"):
@@ -181,7 +181,7 @@ def test_unusable_runtime_folder_is_replaced_by_the_temporary_one(monkeypatch, t
 
 
 def test_lock_that_cannot_be_written_gives_the_remedy(monkeypatch, temporary):
-    """A lock that cannot be written raises OutputError that names TMPDIR."""
+    """A lock file that cannot be written raises OutputError that suggests TMPDIR."""
     (temporary / "file").touch()
     monkeypatch.setattr("tempfile.tempdir", str(temporary / "file"))
     check_refused(OutputError, "name a folder with room in TMPDIR")
@@ -331,7 +331,7 @@ print(node.exit_summary())
 
 @pytest.mark.ros
 def test_exit_summary_of_a_node_with_full_shared_memory():
-    """The exit summary of a node that SIGBUS ended names full shared memory."""
+    """The summary of a node that SIGBUS ended names full shared memory as the cause."""
     done = run_in_full_memory(sys.executable, "-c", NODE)
     words = "follower was ended by signal 7 (SIGBUS: /dev/shm was full, 0 KiB are free now; remove "
     assert done.stdout.startswith(words), done.stderr

@@ -56,7 +56,7 @@ from cam_rig.units import RPM
 from ..figure_faults import faults
 from ..processes import ended
 
-#: Label of a quantity with its unit, such as "cam angle θ [°]".
+#: Pattern of an axis label with a unit, such as "cam angle θ [°]".
 LABEL = re.compile(r"\w.* \[[^\[\]]+\]", re.DOTALL)
 DURATION, SPEED = 0.5, 460.0
 
@@ -158,7 +158,7 @@ def test_vibration_is_plotted_at_the_requested_speed(figures: dict[str, Figure])
 
 
 def test_a_cam_has_one_look_in_every_figure(figures: dict[str, Figure], cam_set: CamSet) -> None:
-    """A cam has the same colour in each figure, for any order of the cams."""
+    """A cam has the same colour in every figure, for any order of the cams."""
     for ordered in (
         cam_set,
         CamSet(dict(reversed(cam_set.cams.items())), cam_set.laws, cam_set.rig),
@@ -209,7 +209,10 @@ def test_published_jump_speeds_are_marked_on_the_axis(jumps: JumpResult) -> None
 
 
 def test_series_do_not_have_colours_of_cams() -> None:
-    """Seven series have different colours and dashes, and no colour of a cam."""
+    """Seven series that are not cams have different colours and dashes.
+
+    No colour is that of a cam.
+    """
     styles = [series(i) for i in range(7)]
     assert len({s["color"] for s in styles}) == len({str(s["ls"]) for s in styles}) == 7
     assert not {s["color"] for s in styles} & set(map(web, COLOURS))
@@ -301,7 +304,7 @@ def test_an_svg_is_reproducible_and_contains_no_pixels(tmp_path: Path) -> None:
 
 
 def test_the_parameters_of_matplotlib_are_restored() -> None:
-    """The style does not change matplotlib's parameters after a figure is drawn."""
+    """The style of cam_rig does not change matplotlib's parameters after a figure."""
     assert _bad() and mpl.rcParams["pdf.fonttype"] == 3 and not mpl.rcParams["axes.grid"]
 
 
@@ -354,7 +357,10 @@ def test_cams_shown_together_have_different_colours() -> None:
 
 
 def test_lines_are_distinct_in_grey() -> None:
-    """Any two shipped names differ in dash pattern or in marker, also in grey."""
+    """The lines of any two shipped cams or rises are distinct in grey.
+
+    They differ in dash pattern or in marker.
+    """
     listed = [cam_look(name) for name in LISTED_NAMES]
     pairs = {(str(look.dash), look.marker if look.marked else "") for look in listed}
     assert len(pairs) == len(LISTED_NAMES)

@@ -88,7 +88,10 @@ def test_the_error_of_a_step_of_lift_names_the_file(make_loaded_scene, tmp_path,
 
 
 def test_a_scene_accepts_all_followers_with_a_closing_spring(make_loaded_scene):
-    """A scene accepts flat, oscillating and eccentric followers."""
+    """A scene accepts cams with flat, oscillating and eccentric followers.
+
+    A spring presses these followers on the cam.
+    """
     cams = ["flat", "inclined_flat", "eccentric_roller", "oscillating_roller", "oscillating_flat"]
     assert list(make_loaded_scene(cams=cams).laws) == cams
 

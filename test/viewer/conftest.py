@@ -56,7 +56,10 @@ class SmallBag:
 
     @property
     def gap(self):
-        """Lift minus the law of the cam at every sample, m, shape (n,)."""
+        """Lift minus the cam's law at every sample, m, shape (n,).
+
+        It is the gap between cam and follower.
+        """
         laws, angles = self.loaded.laws.values(), np.split(self.angle, len(self.loaded.laws))
         lifts = [law(angle) for law, angle in zip(laws, angles, strict=True)]
         return self.samples[1] - np.concatenate(lifts)
@@ -153,7 +156,7 @@ def play(view, bag):
 
 @pytest.fixture(scope="session")
 def bag(tmp_path_factory, config_dir):
-    """Small bag with all topics."""
+    """Small bag with all topics, created once for all tests."""
     return make_bag(tmp_path_factory.mktemp("whole"), config_dir)
 
 
@@ -181,7 +184,7 @@ def picture(drawings):
 
 @pytest.fixture(scope="session", autouse=True)
 def strict():
-    """Make Rerun raise errors instead of warnings."""
+    """Make Rerun raise errors instead of warnings in every test."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     yield
@@ -204,11 +207,11 @@ class Picture:
 
     @property
     def entities(self):
-        """Entity paths, each with a leading slash."""
+        """Set of entity paths in the recording, each with a leading slash."""
         return set(self._batches)
 
     def column(self, entity, name):
-        """Return the values of a column of an entity, in the order of sending."""
+        """Return the values of a column of an entity as a list, in the order of sending."""
         values = []
         for batch in self._batches[f"/{entity}"]:
             if name in batch.schema.names:

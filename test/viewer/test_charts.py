@@ -161,7 +161,7 @@ RATE = 12_000.0
 
 @pytest.fixture(scope="module")
 def radiation(rig):
-    """Constants of radiation of the shipped rig."""
+    """Radiation constants of the shipped rig."""
     return RadiationParameters.from_rig(rig)
 
 

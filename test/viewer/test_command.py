@@ -162,7 +162,10 @@ UNITS = ("h", "h/β", "h/β²", "h/β³")
 
 
 def test_each_curve_is_the_law(tmp_path):
-    """Each curve in a chart of laws is its law or derivative, on a common scale."""
+    """Each curve in a chart of laws has the values of its law or derivative, to scale.
+
+    The scale is common to all curves of a chart.
+    """
     curves = [rise_curves(name) for name in ("poly345", "cycloidal", "simple_harmonic")]
     save_laws(curves, "u", UNITS, tmp_path / "a.rrd")
     picture = Picture(tmp_path / "a.rrd")
@@ -267,7 +270,10 @@ def test_the_documented_options_give_named_curves_over_rig_time(tmp_path):
 
 
 def test_joint_states_and_pressure_are_plotted_without_options(imported):
-    """Rerun's import plots joint states and pressure with the values of the bag."""
+    """Rerun's import of the golden bag plots joint states and pressure.
+
+    They have the values of the bag.
+    """
     every = ("position", "velocity", "effort")
     for topic, fields in (
         (topics.CAM_STATE, every),

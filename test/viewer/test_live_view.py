@@ -106,7 +106,7 @@ def written(path, end):
 
 
 def results(chunks):
-    """Return the headings of the table of results, in order of time."""
+    """Return the headings of the table of results in recording chunks, by time."""
     texts = rows(chunks, "/results", "TextDocument:text")
     return [str(words[0]).partition("\n")[0] for _, words in texts if words]
 
@@ -168,7 +168,7 @@ def test_a_change_of_cam_or_speed_clears_the_chart(bag, arrived):
 
 
 def rows(chunks, entity, column):
-    """Return (time in ns, value) of a column, in order of time."""
+    """Return (time in ns, value) of an entity's column in recording chunks, by time."""
     pairs = []
     for batch in (chunk.to_record_batch() for chunk in chunks if chunk.entity_path == entity):
         if "rig_time" in batch.schema.names and column in batch.schema.names:

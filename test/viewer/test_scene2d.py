@@ -38,7 +38,7 @@ def test_each_cam_replaces_the_previous_cam(bag, picture):
 
 
 def test_the_picture_turns_the_cam_like_the_drive(bag, picture):
-    """The drawn cam is rotated by its angle, counterclockwise."""
+    """In each frame the drawn cam is rotated by its cam angle, counterclockwise."""
     time, quaternion = picture.time(CAM), picture.numbers(CAM, "Transform3D:quaternion")
     x, y, z, w = quaternion.T
     angle = np.interp(time, bag.samples[0], bag.angle)
@@ -155,7 +155,10 @@ def test_title_speed_and_force_bar_are_below_the_cam(bag, picture):
 
 @pytest.mark.parametrize("scene", ["tm21_sweep", "quick"])
 def test_the_arrow_is_visible_at_every_speed(scene):
-    """The arrow of the preload is longer than a hundredth of the view."""
+    """At any speed the arrow of the preload is longer than 1/100 of the view.
+
+    The arrow displays a contact force.
+    """
     loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
     for cam in loaded.cams:
         slowest = min(loaded.scene.schedule.speeds.si_list)
@@ -191,7 +194,10 @@ def test_a_follower_outside_its_view_is_drawn_at_the_edge():
 
 
 def test_cam_and_follower_are_completely_visible(bag, picture):
-    """Contour, angle ring, guide and follower are within the view at the highest lift."""
+    """Contour, angle ring, guide and follower are within the moving picture.
+
+    This is so even at the highest lift.
+    """
     (left, right), (top, bottom) = bounds(framings(bag.loaded))
     zoom = picture.numbers("scene/rig", "Transform3D:mat3x3").reshape(-1, 3, 3)
     place = picture.numbers(FOLLOWER, "Transform3D:translation")[:, :2]
@@ -210,9 +216,10 @@ def test_cam_and_follower_are_completely_visible(bag, picture):
 
 
 def test_the_readings_are_those_of_the_frame(bag, picture):
-    """The displayed readings are angle, lift and force of their frame.
+    """The readings (text) next to the moving picture belong to its frame.
 
-    In flight they contain the gap, and in contact the pressure angle.
+    They are angle, lift and force. In flight they contain the gap, and in contact the pressure
+    angle.
     """
     words = [row[0] for row in picture.column("scene_readings", "TextDocument:text")]
     sample, gaps = bag.sample_of(picture, "scene_readings"), bag.gap * 1e6

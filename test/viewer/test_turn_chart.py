@@ -65,7 +65,10 @@ def test_the_axes_contain_the_whole_scene(scene):
 
 
 def test_a_curve_shows_the_samples_of_the_turn(bag, picture):
-    """The curves of a turn are its samples over 0 to 360°, with their peaks."""
+    """The curves of the turn chart are the samples of the turn, with their peaks.
+
+    They extend over 0 to 360°.
+    """
     for step, cam in enumerate(("poly345", "poly345", "bezier15", "bezier15")):
         rows, angle = rows_of(bag, step, 0)
         degrees = np.degrees(angle) % 360.0
@@ -84,7 +87,7 @@ def test_a_curve_shows_the_samples_of_the_turn(bag, picture):
 
 
 def test_the_law_is_drawn_over_the_lift(bag, picture):
-    """The law is drawn over the lift as a second, thinner line."""
+    """In the turn chart the law is drawn over the lift as a second, thinner line."""
     for strips in picture.column("turn/lift/follower/0", STRIPS):
         if strips:
             degrees, lift = back(bag, "poly345", "lift", strips[1])
@@ -96,7 +99,7 @@ def test_the_law_is_drawn_over_the_lift(bag, picture):
 
 
 def test_equal_turns_are_sent_once(bag, picture):
-    """A turn that equals the previous turn is not sent again.
+    """A turn whose samples equal the previous turn is not sent to the viewer again.
 
     In contact from rest the second turn equals the first.
     """
@@ -115,7 +118,7 @@ def test_equal_turns_are_sent_once(bag, picture):
 
 
 def test_landings_and_lift_offs_are_marked_and_flights_shaded(bag, picture):
-    """Landings and lift-offs are marked at their cam angles.
+    """In the turn chart landings and lift-offs are marked at their cam angles.
 
     Strokes cover each flight, within half a degree.
     """
@@ -172,7 +175,10 @@ TURNS = 6
 
 @pytest.fixture(scope="module", params=[1, 4], ids=["a tick a turn", "four"])
 def bouncing_bag(request, tmp_path_factory, config_dir):
-    """Bag with three speeds from contact to irregular bouncing."""
+    """Bag with three speeds from contact to irregular bouncing.
+
+    The fixture runs each test with one and with four ticks (cam states) per turn.
+    """
     speeds = sorted(np.random.default_rng(7).uniform(380.0, 560.0, 3).round(2).tolist())
     rig, program = "tm21_bouncing", {"turns": TURNS, "ticks_per_turn": request.param}
     scene = scene_data(cams=["tm21"], rig=rig, speeds=speeds, sample_rate=4000, **program)

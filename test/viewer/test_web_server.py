@@ -138,7 +138,7 @@ def test_no_other_server_can_take_the_same_port_of_ipv6(page):
 
 
 def test_the_entry_page_leads_to_no_other_host(page):
-    """The page that sets the cookie redirects only to this server, for any path."""
+    """The page that sets the cookie redirects only to its own server, for any path."""
     for path in ("/%2Fevil.example", "/%5Cevil.example", "/%22%3E%3Cscript%3E"):
         status, _, body = ask(page.address, f"{path}?{page.url.query}")
         led = re.search(rb'0; url=([^"]*)"', body)[1]
@@ -193,7 +193,7 @@ def test_invalid_paths_are_refused(page, capfd, monkeypatch):
 
 
 def listening_ports(pids):
-    """Return the TCP ports at which these processes listen."""
+    """Return the TCP ports at which the processes with these ids listen."""
     rows = [row for pid in pids for row in sockets(pid, "tcp", "tcp6")]
     return {int(row[1].split(":")[1], 16) for row in rows if row[3] == "0A"}
 
@@ -268,7 +268,7 @@ def test_a_live_run_is_sent_while_it_is_written(live):
 
 
 def test_a_page_that_does_not_read_blocks_no_other_page(live):
-    """A page that does not read blocks neither the run nor another page."""
+    """A viewer page that does not read blocks neither the run nor another page."""
     pages, reader = live
     recording = new_recording(pages.folder)
     with recording.open("wb", buffering=0) as node:
@@ -313,7 +313,7 @@ def test_the_recording_is_closed_after_its_page(live):
     recording.write_bytes(b"begin")
 
     def is_open():
-        """Return True if this process has the recording open."""
+        """Return True if this process, the server, has the recording file open."""
         links = [link for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
         return any(os.path.realpath(link) == str(recording) for link in links)
 

@@ -40,7 +40,7 @@ from cam_rig.units import TURN
 
 from .test_first_zero import case, forces, noise, random_law, random_rig
 
-#: Number of random combinations of law, rig and speed per inequality.
+#: Number of random combinations of law, rig and cam speed for each inequality.
 CASES = 30
 #: Relative excess over a bound that is allowed for rounding errors.
 ROUNDING = 1e-9

@@ -26,7 +26,7 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN
 
-#: Durations (s) of the runs from rest. None is the steady state.
+#: Durations (s) of the runs from rest. None stands for the steady state.
 DURATIONS = (1.7, 0.4, None)
 #: Random relative change of the derivatives of the lift at joints (angles where two polynomial
 #: pieces meet), from those of an eccentric cam.
@@ -71,7 +71,10 @@ def random_rig(rng):
 
 
 def case(seed):
-    """Return a random law, a random rig and the duration (s) of a run, or None."""
+    """Return a random law, a random rig of two masses, and the duration (s) of a run.
+
+    The duration None stands for the steady state.
+    """
     rng = np.random.default_rng(seed)
     law, rig = random_law(rng), random_rig(rng)
     duration = DURATIONS[int(rng.integers(3))]
@@ -79,7 +82,7 @@ def case(seed):
     return law, rig, DURATIONS[0] if is_undamped and duration is None else duration
 
 
-#: Number of speeds of the scan from the lowest speed to the jump speed.
+#: Number of cam speeds of the scan up to the jump speed, the lowest with a loss of contact.
 SPEEDS = 400
 #: Number of the scan's lowest minima that a minimisation refines.
 DIPS = 4
@@ -89,12 +92,15 @@ ROUNDING = 1e-11
 
 @pytest.fixture(autouse=True)
 def compiled(monkeypatch):
-    """Use compiled code, because each case needs thousands of evaluations."""
+    """Fixture that selects compiled code.
+
+    Each case needs thousands of evaluations.
+    """
     monkeypatch.setenv(VARIABLE, "compiled")
 
 
 def noise(law, rig, speed):
-    """Return the rounding error (N) of a contact force at a speed (rad/s)."""
+    """Return the rounding error (N) of a contact force at a cam speed (rad/s)."""
     on_law = mode_on_law(law_series(law), force_run(law, rig, None).mode)
     sizes, series = on_law.law.max_derivatives, on_law.series.output
     return ROUNDING * max(np.abs(series) * sizes[:-1] * speed ** np.arange(law.degree + 1.0))

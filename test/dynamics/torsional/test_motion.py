@@ -31,7 +31,7 @@ REST = TorsionalState(0.0, 0.0, 0.0, SLOW)
 
 @pytest.fixture(scope="module")
 def damped(follower):
-    """Soft, damped shaft of a flywheel at constant speed."""
+    """Parameters of a soft, damped shaft behind a flywheel at constant speed."""
     return TorsionalParameters(follower, 0.02, 8e3, 0.4)
 
 
@@ -140,7 +140,7 @@ def test_a_stiff_shaft_equals_the_kinetostatic_model(laws, ramp):
 
 # -- ramps θ_v = θ₀ + ω t + α t²/2 of the flywheel, with the law at the twisted angle
 
-#: Shaft without damping, as in the reference.
+#: Parameters of a shaft without damping, the same as in the reference model `TWIST`.
 SHAFT = TorsionalParameters(FOLLOWER, 0.02, 5e3)
 TWIST = Twist(0.02, 5e3, 1.3, 8.642, 4030.0, 12.753)
 

@@ -116,7 +116,7 @@ def eq_3_6():
 
 
 def shape(name):
-    """Return a unit rise as a curve over u from 0 to 1."""
+    """Return a rise of unit lift, by its name, as a curve over u from 0 to 1."""
     breaks, pieces = unit_rise(name)
     return BPoly(np.array(pieces).T, breaks)
 
@@ -179,7 +179,7 @@ def eq_2_13():
 
 
 def distance(angle):
-    """Return the follower's distance (m) from the axis at cam angles (rad)."""
+    """Return a test follower's distance (m) from the axis at cam angles (rad)."""
     return 0.05 + 0.01 * np.sin(angle) + 0.003 * np.cos(2.0 * angle)
 
 

@@ -68,7 +68,7 @@ def test_the_page(tmp_path, capsys):
 @pytest.mark.long
 @pytest.mark.slow
 def test_the_whole_page(tmp_path):
-    """The page of all speeds, readings and laws has all its figures."""
+    """The report with all speeds, readings of Table 2 and laws has all 19 figures."""
     check_page(tmp_path, figures=19)
 
 
@@ -105,7 +105,7 @@ def check_page(tmp_path, figures):
 
 @pytest.mark.slow
 def test_numbers_of_the_summary():
-    """The results in the summary are those that the documentation states."""
+    """The results in the report's summary are those that the documentation states."""
     paper = shared.Paper(factorial.study)
     rows = {question: here for question, _, here in shared.summary_table(paper).rows}
     assert list(rows.values()) == [

@@ -33,7 +33,7 @@ MASS = {"rig.follower.mass": {"values": [-1, 1, 1.3, 2, 3], "unit": "kg"}}
 
 @pytest.fixture
 def dataset(study, tmp_path):
-    """Data set of a small campaign over the mass, without computed points."""
+    """Small campaign over the mass, without computed points."""
     return CampaignDataset(tmp_path / "rows", study(vary=MASS, plan={"kind": "grid"}))
 
 

@@ -150,7 +150,10 @@ def test_correlated_inputs_keep_their_distributions(study):
 
 
 def test_contradicting_correlations_are_refused(study):
-    """Correlations whose matrix is not positive definite are refused."""
+    """Correlations of inputs whose matrix is not positive definite are refused.
+
+    They contradict each other.
+    """
     paths = [PRELOAD, MASS, "rig.follower.spring_stiffness"]
     pairs = [
         {"inputs": [paths[i], paths[j]], "coefficient": r}

@@ -14,11 +14,11 @@ from cam_rig.studies.compare.comparison import compare_steps
 from cam_rig.studies.compare.pairs import pair_measured
 from cam_rig.units import TURN
 
-#: Encoder counts per turn.
+#: Number of counts of the bench's encoder per turn.
 COUNTS = 1024
-#: Readings per second of each instrument.
+#: Number of readings per second of each instrument of the bench.
 RATE = 1000.0
-#: Cam angle minus encoder angle, in °.
+#: Cam angle minus encoder angle of the bench, in °.
 OFFSET_DEG = 3.0
 
 

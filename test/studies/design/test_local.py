@@ -195,7 +195,7 @@ HEIGHTS, LIFT = np.array([0.4, 0.6, 1.0]), 0.05
 
 @pytest.fixture
 def two_rises(make_cam):
-    """Cam with two rises, by 0.4 and 0.6 of the lift, and a fall, 80° each."""
+    """Cam with two rises, to 0.4 and 1 of the lift, and a fall, 80° each."""
     up = rise(80, 0.4), dwell(40), rise(80, 1)
     return make_cam(dwell(20), *up, dwell(40), rise(80, 0), dwell(20), roller_radius=0.01)
 

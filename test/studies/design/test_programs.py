@@ -186,7 +186,7 @@ def test_an_invalid_class_is_refused():
 
 
 def test_a_cam_that_rests_all_around_has_nothing_to_design():
-    """A circular cam, whose lift is constant, is refused."""
+    """A circular cam, whose lift is constant, cannot be designed and is refused."""
     circle = Law("circle", np.array([0.0, 2.0 * np.pi]), np.zeros((2, 1)))
     with pytest.raises(ConfigError, match="must have a lift"):
         Space(circle, LawClass()).events

@@ -217,7 +217,7 @@ def gl110(config_dir):
 
 @pytest.fixture(scope="module")
 def gl110_fit(gl110):
-    """Fit of arcs to the readings of the cam GL110."""
+    """Fit of tangent arcs to the readings of the GUNT GL 110 cam."""
     return fit_arcs(gl110, (None, None), 0.010, 0.03)
 
 

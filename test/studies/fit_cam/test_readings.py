@@ -382,7 +382,7 @@ def test_dwells_of_2_um_scatter(measured, name, count, near):
 
 
 def test_the_tops_of_waves_are_no_dwells():
-    """The round extremes of random harmonics are not reported as dwells."""
+    """The round extremes of random harmonic lifts are not reported as dwells."""
     angles = all_around(360)
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -394,7 +394,7 @@ def test_the_tops_of_waves_are_no_dwells():
 
 
 def test_two_dwells_of_one_level_have_one_level():
-    """Two dwells on the base circle get exactly the same level."""
+    """Two dwells of one level in noisy readings get exactly the same level."""
     inside = np.clip((all_around(360) % np.pi) / np.radians(90.0), 0.0, 1.0)
     noise = np.random.default_rng(3).normal(scale=2e-6, size=360)
     found = dwells(in_order(all_around(360), 0.01 * np.sin(np.pi * inside) ** 4 + noise))

@@ -52,7 +52,10 @@ LIFT_NOISE = 10e-6
 
 
 class Score(NamedTuple):
-    """Error of one fitted parameter of a machine, divided by its standard error."""
+    """Error of one fitted parameter of a machine, in standard errors (`off`).
+
+    `kind` is (model, kind of speeds, kind of noise), and `name` is that of the parameter.
+    """
 
     seed: int
     kind: tuple[str, str, str]
@@ -91,7 +94,10 @@ def numbers_of(rig, *more):
 
 
 def rig_of(model, random):
-    """Return a rig with random follower parameters for this model."""
+    """Return a shipped rig whose follower parameters are changed at random.
+
+    `model` is the follower model, which decides what parameters there are.
+    """
     rig = cam_rig.load_rig("tm21" if model == "one_mass" else "paper_table2")
     numbers = {n: v * float(random.uniform(0.6, 1.6)) for n, v in numbers_of(rig).items()}
     if model == "one_mass":

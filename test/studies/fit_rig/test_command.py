@@ -75,7 +75,7 @@ TABLE = "mass_kg,spring_N/mm,rpm\n" + "".join(f"{m},{k},{rpm}\n" for (m, k), rpm
 
 @pytest.fixture
 def jumps(tmp_path):
-    """File with a table of measured jump speeds."""
+    """Path of a file with a table of measured jump speeds."""
     path = tmp_path / "jumps.csv"
     path.write_text(TABLE, encoding="utf-8")
     return path

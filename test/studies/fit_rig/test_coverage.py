@@ -53,7 +53,7 @@ def test_intervals_of_200_machines_contain_the_truth():
 
 @pytest.fixture(scope="module")
 def solution(law, rig):
-    """Solution of a fit of one rigid mass that stays in contact."""
+    """Solution of a fit of one rigid mass that stays in contact with the cam."""
     errors = InstrumentErrors(rate=400, encoder_rate=400)
     run = measured_run(law, rig, "one_mass", (200.0, 300.0, 350.0), errors, 1)
     return fit_run(law, run, rig, "one_mass").solution

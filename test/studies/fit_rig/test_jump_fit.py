@@ -208,7 +208,7 @@ def test_too_few_readings_are_refused(law, rig):
 
 @pytest.mark.long
 def test_an_outlier_is_named(law, rig):
-    """The conclusions give the line of a jump speed that is 30 rpm off."""
+    """The fit's conclusions give the line of a jump speed that is 30 rpm off."""
     wrong = moved(table(law, noise=0.3), 30.0 * (np.arange(9) == 4))
     fit = fit_jumps(law, wrong, rig, error=0.3)
     assert any("Line 6" in words for words in fit.conclusions())

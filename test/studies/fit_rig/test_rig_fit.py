@@ -288,7 +288,10 @@ def test_another_cam_identifies_no_parameter(law, laws, rig):
 
 @pytest.mark.slow
 def test_a_stem_s_numbers_need_a_stem(law, rig, paper_rig):
-    """Fixed parameters of a stem require the two-mass model and a contact force."""
+    """Fixed parameters of an elastic stem are refused for a model without a stem.
+
+    Two masses in turn require a contact force. With both, the parameters are used as given.
+    """
     run = measured_run(law, paper_rig, "two_mass", (200.0, 300.0), QUICK, 1)
     with pytest.raises(ConfigError, match=r"roller_share.*two_mass"):
         fit_run(law, run, rig, None, {"roller_share": 0.4})

@@ -141,7 +141,10 @@ def test_tables(save, text):
     ],
 )
 def test_other_columns_are_refused(save, heading, error):
-    """A table of weighted levels, or of speeds in deg/s, is refused."""
+    """A table of A-weighted levels, of forces, or of speeds in deg/s is refused.
+
+    The levels must be in dB without weighting.
+    """
     with pytest.raises(ConfigError, match=error):
         read_levels(save(heading + "\n5,75.6\n6,89.9\n"))
 
@@ -255,14 +258,14 @@ def test_numbers_are_written_with_source_and_residual(path):
 
 
 def test_the_rest_of_the_file_is_unchanged(path):
-    """Writing a number keeps every other character of the file."""
+    """Writing a fitted number keeps every other character of the rig file."""
     set_identified(path, {("radiation", "gain"): 2.0}, "s", "r")
     changed = TEXT.replace("assumed: 1.5e-4", 'identified: 2.0, source: "s", residual: "r"')
     assert path.read_text(encoding="utf-8") == changed
 
 
 def test_writing_the_same_numbers_twice_gives_the_same_file(tmp_path, config_dir):
-    """Writing the same numbers again does not change the file."""
+    """Writing the same fitted numbers again does not change the rig file."""
     path = tmp_path / "tm21.yaml"
     path.write_bytes((config_dir / "rigs" / "tm21.yaml").read_bytes())
     for _ in range(2):
@@ -273,7 +276,7 @@ def test_writing_the_same_numbers_twice_gives_the_same_file(tmp_path, config_dir
 
 
 def test_an_unwritable_file_raises_a_one_line_error(path, monkeypatch):
-    """A file that cannot be written raises ConfigError and stays unchanged."""
+    """A rig file that cannot be written raises ConfigError and stays unchanged."""
 
     def full(*_):
         raise OSError(28, "No space left on device")

@@ -166,7 +166,7 @@ def test_shape_of_a_cam_file(cams, laws):
 
 
 def test_impossible_shape_is_refused(cams):
-    """A lift that arcs cannot reach raises LawError with the name of the cam."""
+    """An arc shape whose lift arcs cannot reach raises LawError with the cam's name."""
     with pytest.raises(LawError, match="tm21"):
         ArcShape(0.5, 1.0, 2.0).law(cams["tm21"])
 

@@ -37,7 +37,7 @@ from cam_rig.studies.noise.variants import (
     with_rigid_stem,
 )
 
-#: Other lift of the factorial study, m.
+#: Changed lift (m) in the factorial study of the noise.
 LIFT = 0.005
 
 
@@ -180,7 +180,7 @@ def test_every_crossing_of_the_published_curves_has_a_counterpart(methods):
 
 @pytest.fixture(scope="module")
 def found(study):
-    """Result of the factorial study of lift, high dwell and rise."""
+    """Result of the factorial study of lift, high dwell and kind of rise."""
     return study_high_dwell(study, study.start, LIFT)
 
 
