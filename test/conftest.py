@@ -34,7 +34,8 @@ CONFIG = Path(__file__).parents[1] / "config"
 #: Reference recording (bag) in the repository.
 GOLDEN = CONFIG.parent / "bags" / "golden"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
-#: Cams with velocity jumps. A follower cannot remain on them, so few models accept them.
+#: Cams whose law has velocity jumps. A follower cannot stay in contact there, so few models accept
+#: them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
 #: Timeouts (s) of marked tests, long enough for a busy machine. For others see pyproject.toml.
 TIMEOUTS = {"slow": 600, "ros": 300, "long": 3600}
@@ -77,7 +78,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _further_variants(items: list[pytest.Item]) -> Iterator[pytest.Item]:
-    """Yield the cases of tests marked ``variants(n)``, except n evenly spread cases.
+    """Yield all cases of tests marked ``variants(n)`` except n evenly spread cases.
 
     The yielded cases run only in a long run.
     """

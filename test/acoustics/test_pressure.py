@@ -197,9 +197,10 @@ def test_two_blocks_have_the_energy_of_one(radiation, random):
 
 
 def test_a_landing_radiates_pulse_and_decay(silent):
-    """A landing radiates the energy of its pulse and of the decay of the structure.
+    """A landing radiates the energy of its pulse and of the decay after it.
 
-    In the limit of a high sample rate the decay has the closed form gain² ω_c³ J²/2.
+    The decay is that of the structure, a low-pass filter with the corner ω_c. In the limit of a
+    high sample rate it has the closed form gain² ω_c³ J²/2 for an impulse J.
     """
     impulse, none, w = np.zeros(RATE), np.zeros(RATE), silent.corner_rate
     impulse[10] = 1.5
@@ -312,9 +313,10 @@ def test_the_background_has_its_level_and_seed(radiation):
 
 
 def test_background_spectrum():
-    """The background has unit variance at any rate.
+    """The random samples of the background noise have unit variance.
 
-    Above the corner it falls by 6 dB per octave.
+    This is so at any sample rate. Above the corner frequency their spectrum falls by 6 dB per
+    octave.
     """
     for rate in (48_000, 96_000):
         noise = Background(500.0, rate, seed=4).samples(5 * rate)

@@ -216,9 +216,9 @@ def test_overload_and_under_range_are_shown():
 
 
 def test_invalid_weightings_and_samples_are_refused():
-    """Unknown weightings, empty blocks and non-finite samples are refused.
+    """The sound-level meter refuses unknown weightings, empty blocks and NaN samples.
 
-    The error lists the weightings of the standard. The meter does not change.
+    The error lists the weightings of the standard. The state of the meter does not change.
     """
     # A refused block does not change the state of the meter.
     for arguments, message in (
@@ -261,9 +261,9 @@ def test_levels_of_a_tone():
 
 
 def test_samples_of_a_file_are_scaled_to_full_scale():
-    """Full scale of a file is 1, 2 or 5 times a power of ten, at least the peak.
+    """The full scale of a sound file is 1, 2 or 5 times a power of ten (Pa).
 
-    The samples are proportional to the pressure.
+    It is at least the peak. The samples in the file are proportional to the pressure.
     """
     # Samples are proportional to the pressure, ±scale is the largest number, little-endian.
     scales = {0.9: 1.0, 1.0: 1.0, 1.1: 2.0, 3.0: 5.0, 60.0: 100.0, 0.0: 1.0}
@@ -273,9 +273,9 @@ def test_samples_of_a_file_are_scaled_to_full_scale():
 
 
 def test_bands_have_their_frequencies_and_levels():
-    """There are 32 bands from 12.5 Hz to 16 kHz, with mid-band frequencies 10^(n/10).
+    """There are 32 third-octave bands from 12.5 Hz to 16 kHz.
 
-    At a rate of 1 kHz the last band is 400 Hz.
+    Their mid-band frequencies are 10^(n/10) Hz. At a sample rate of 1 kHz the last band is 400 Hz.
     """
     # In white noise each band has a power proportional to its bandwidth.
     spectrum = third_octaves(np.random.default_rng(8).normal(size=10 * LOW_RATE), LOW_RATE)
@@ -289,7 +289,7 @@ def test_bands_have_their_frequencies_and_levels():
 
 @pytest.mark.parametrize("number", [15, 39])
 def test_a_tone_is_in_its_band(number):
-    """A tone at the middle of a band has its level there, to 0.1 dB.
+    """A tone at the middle of a third-octave band has its level there, to 0.1 dB.
 
     The neighbouring bands are 17 dB lower.
     """

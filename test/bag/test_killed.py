@@ -39,9 +39,10 @@ def names(bag):
 @SOME
 @pytest.mark.parametrize("in_place", [True, False])
 def test_a_recovery_may_be_killed_at_any_step(tmp_path, some, in_place):
-    """A recovery killed at any file operation can be repeated and saves every message.
+    """A recovery that is killed at any file operation can be repeated.
 
-    Before that, readers refuse the incomplete bag. This applies in place and into a new folder.
+    The repeated recovery saves every message. Before that, readers refuse the incomplete bag. This
+    applies to a recovery in place and to one into a new folder.
     """
     torn = cut_off(tmp_path / "torn", 60_000)
     recover(torn, tmp_path / "all")

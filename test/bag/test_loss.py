@@ -86,9 +86,9 @@ def test_missing_ticks_are_numbered(first, last):
 
 
 def test_diagnostics_after_the_end_are_named_but_not_counted():
-    """Diagnostics after the end of a truncated file are reported, but not counted.
+    """Diagnostics that may be missing at the end of a truncated file are reported.
 
-    Their number is unknown.
+    They are not counted, because their number is unknown.
     """
     half = TIMES[8]
     loss = loss_of(held(lambda _topic, m: m.log_time <= half), SCENE, False, True)
@@ -119,8 +119,8 @@ def test_the_missing_topic_of_a_tick_is_named(topic):
 def test_without_a_scene_gaps_are_counted_by_sequence_numbers():
     """Without a scene, missing messages are counted by sequence numbers per topic.
 
-    The end of such a run is open, because an operator may have changed it. A bag of another program
-    has no gaps.
+    The report does not state that the end of such a run is complete, because an operator may have
+    changed the run. A bag of another program has no gaps.
     """
     gone = set(TIMES[5:9])
     kept = held(lambda topic, m: topic in NUMBERED - {"/diagnostics"} or m.log_time not in gone)

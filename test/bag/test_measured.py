@@ -74,7 +74,10 @@ def test_a_field_may_be_omitted_or_named_by_joint_or_use_the_bag_clock(tmp_path)
 
 @pytest.mark.parametrize("whole", [True, False], ids=["all turns", "within a turn"])
 def test_a_falling_angle_is_reversed_and_reported(tmp_path, whole):
-    """A falling angle is returned with the opposite sign, and a note reports this."""
+    """A cam angle that falls is returned with the opposite sign.
+
+    A note reports this.
+    """
     angle = -ANGLE if whole else np.remainder(-ANGLE, TURN)
     bag = bench(tmp_path, encoder=(joint, TIME, np.degrees(angle)))
     run = read_measured(bag, parse_topics(LINE.replace("[0]", "[0]:deg")))

@@ -238,7 +238,10 @@ def test_a_forged_diagnostic_is_refused(golden, session):
 
 
 def test_a_law_that_differs_from_the_file_is_refused(golden, kept):
-    """A law that the check refuses is not written to the bag, and recording continues."""
+    """A motion law that differs from its cam file is not written to the bag.
+
+    The recording continues.
+    """
     held = []
 
     def check(topic, message):
@@ -301,7 +304,10 @@ def of_speaker(node, stamp):
 
 
 def test_only_diagnostics_of_the_rig_in_rig_time_are_written(golden, kept):
-    """Diagnostics of another robot are refused. Those in wall-clock time are dropped."""
+    """Diagnostics of another robot are refused, and those in wall-clock time dropped.
+
+    Only diagnostics of the rig in rig time are written to the bag.
+    """
     record(golden, kept)
     straight, kept.messages = by_topic(kept), []
     wall = 1_767_225_600 * 10**9

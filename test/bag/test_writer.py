@@ -137,9 +137,9 @@ def test_a_bag_is_read_wherever_its_scene_was(tmp_path, monkeypatch):
 
 
 def test_the_distribution_is_that_of_the_environment_else_the_wheels(monkeypatch):
-    """metadata.yaml has the ROS distribution of the environment or of the wheels.
+    """metadata.yaml has the ROS distribution of the environment or of the rclpy wheel.
 
-    Without ROS it is unknown, so that a bag can be recovered there.
+    Without ROS the distribution is unknown, but a bag can be recovered.
     """
     wheels = ["numpy", "ros-jazzy-std-msgs", "ros_jazzy_rclpy"]
     there = [SimpleNamespace(name=name) for name in wheels]

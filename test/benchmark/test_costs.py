@@ -61,9 +61,9 @@ def test_the_peer_has_flights_above_the_jump_speed_alone():
 
 
 def test_a_command_counts_with_the_processes_it_waits_for():
-    """The cost of a command includes the time of its child processes.
+    """The measured cost of a command includes the time of its child processes.
 
-    Its ratio is relative to an interpreter that starts and ends at once.
+    The ratio in the table is relative to a Python process that starts and ends at once.
     """
     child = "import time\nwhile time.process_time() < 0.2: pass"
     parent = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"

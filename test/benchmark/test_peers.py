@@ -128,7 +128,7 @@ def test_peers_restart_at_joints_only(cases):
 
 
 def test_a_missing_peer_is_skipped_with_the_remedy(cases, monkeypatch):
-    """A peer whose library is missing has no points.
+    """For a compared solver whose library is missing there are no results.
 
     A note gives the command that installs the library.
     """

@@ -40,9 +40,10 @@ def test_the_torsional_reference_is_repeatable(cases):
 
 
 def test_the_torsional_reference_solves_the_equation(cases):
-    """The torsional reference satisfies eq. 10, by central differences of the twist.
+    """The stored torsional reference satisfies eq. 10 of the paper.
 
-    The remainder is below 1e-5 of the torque of the contact force, the error of the differences.
+    The derivatives are central differences of the twist. The remainder is below 1e-5 of the torque
+    of the contact force, the error of the differences.
     """
     case = cases["torsional"]
     step, at = 2e-6, 0.028

@@ -48,7 +48,10 @@ def study(cases):
 
 
 def test_error_is_relative_to_the_largest_value():
-    """The error is the larger of the relative errors of displacement and velocity."""
+    """The error of a solver is the larger of two relative errors.
+
+    They are those of displacement and velocity.
+    """
     assert solution(shift=0.5).error(solution()) == pytest.approx(0.25)
     assert solution().error(solution()) == 0.0
 

@@ -41,8 +41,8 @@ ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
 #: Parameters of two masses with an elastic stem between them, in SI: roller mass, end mass, stem
 #: and spring stiffness, both dampings, preload. They are identified from Table 2 of the paper.
 TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
-#: Two masses with a strongly damped stem. It does not bounce after a landing, so no rounding error
-#: is amplified from landing to landing.
+#: Two masses with a strongly damped stem, in SI as `TWO`. They do not bounce after a landing, so no
+#: rounding error is amplified from landing to landing.
 CALM = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
 
 

@@ -36,8 +36,8 @@ def law_of(name):
 def landing_times(mass, stiffness, load, restitution, count):
     """Return the landing times (s) of an undamped mass that is thrown up once.
 
-    They are sums of 2 atan(v Ω m/P)/Ω with Ω² = k/m and the preload P. Each landing multiplies v by
-    the restitution e.
+    They are sums of 2 atan(v Ω m/P)/Ω with Ω² = k/m and the preload P. Each landing multiplies the
+    speed v by the restitution e.
     """
     rate = np.sqrt(stiffness / mass)
     velocities = THROWN * restitution ** np.arange(count)

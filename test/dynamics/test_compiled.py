@@ -196,9 +196,9 @@ def truncated(data):
     ],
 )
 def test_damaged_code_is_compiled_again(cache, capsys, suffix, damage):
-    """Damaged stored code is reported in one line, compiled again and replaced.
+    """Damaged compiled code is reported in one line, compiled again and replaced.
 
-    The result is correct.
+    It is code on the disk. The result of the function is correct.
     """
     assert call_in_new_process(capsys) == "events: compiling double, once (about 15 s)\n"
     assert call_in_new_process(capsys) == ""

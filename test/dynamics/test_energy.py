@@ -164,7 +164,7 @@ def stored_in_shaft(motion, times):
 def test_shaft(law, follower):
     """The work of a flywheel at constant speed is stored or dissipated.
 
-    The balance of the elastic shaft is satisfied to 1e-11 of the total work.
+    The energy balance of the elastic shaft is satisfied to 1e-11 of the total work.
     """
     shaft, duration = TorsionalParameters(follower, 0.02, 8e3, 0.4), 2.3 * TURN / SPEED
     motion = solve(law, shaft, TorsionalState(2e-4, -0.1, 0.7, SPEED), 0.0, duration)
@@ -181,7 +181,10 @@ def test_shaft(law, follower):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("speed", [0.0, 3.0])
 def test_shaft_without_damping(law, follower, speed):
-    """Without damping the stored energy changes only by the work of the flywheel."""
+    """Without damping the stored energy changes only by the work of the flywheel.
+
+    The energy is stored in shaft and follower. The flywheel has a constant speed.
+    """
     p = TorsionalParameters(replace(follower, damping=0.0), 0.02, 5e3)
     motion = solve(law, p, TorsionalState(0.05, 5.0, 2.6, speed), 0.0, 0.3)
     instants = np.linspace(0.0, 0.3, 2000)

@@ -199,9 +199,9 @@ def test_adjacent_dwells_of_a_nanoradian(parameters, name):
 
 
 def test_a_rise_of_a_nanoradian_is_a_step(laws):
-    """The response of a stem to a rise over 1e-9 rad is that to a step.
+    """A rise over only 1e-9 rad gives the same response of a stem as a step.
 
-    It is x = h (1 − cos Ωt).
+    It is x = h (1 − cos Ωt) for a rise of h and the natural frequency Ω.
     """
     # The rise takes 1e-9/ω s, in which the phase of the stem advances by 2e-8 rad. This gives the
     # tolerance. Velocities of 1e9 m/s and accelerations of 1e19 m/s² in the rise must have no

@@ -26,7 +26,7 @@ EPS = float(np.finfo(float).eps)
 
 @pytest.mark.parametrize("turns", [20_000, pytest.param(TURNS, marks=pytest.mark.long)])
 def test_one_call_over_all_turns(laws, follower, turns):
-    """Samples of one interval of many turns are exact to the rounding of the angle."""
+    """Samples of one call over many turns are exact to the rounding of the cam angle."""
     # The angle of 1e5 turns, 6.3e5 rad, is rounded to eps times itself. Multiplied by the slope of
     # the law this is an error of the lift.
     law, rate = laws["poly345"], 7
@@ -43,7 +43,10 @@ def test_one_call_over_all_turns(laws, follower, turns):
 
 
 def test_free_vibration_keeps_its_phase(laws):
-    """The free vibration of an undamped stem is r₀ cos Ωt after 3.2e8 rad of phase."""
+    """The free vibration of an undamped stem keeps its phase over 3.2e8 rad.
+
+    It is r₀ cos Ωt with the start value r₀ and the natural frequency Ω.
+    """
     # The phase of one turn (1593 rad) is rounded to eps times itself, and the errors of all turns
     # add up.
     flat = Law("flat", laws["poly345"].breaks, 0.0 * laws["poly345"].ordinates)

@@ -165,7 +165,8 @@ def test_one_mass_lands_on_a_slope_at_the_end_of_a_tick(make_cam, milliseconds):
 def test_a_weak_spring_with_a_large_preload(laws, spring):
     """A follower lands although its position of rest is up to 1 km below the cam.
 
-    Samples have a rounding error of 1e-9 of that distance.
+    The spring is very weak and the preload large. Samples have a rounding error of 1e-9 of that
+    distance.
     """
     p = replace(PAPER, spring_stiffness=spring, preload=100.0)
     gap, events = min_gap(laws["poly345"], p, 62.0, 0.0, 200)

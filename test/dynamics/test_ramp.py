@@ -72,7 +72,7 @@ def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
 
 
 def test_substitute_law_is_as_smooth_as_the_law(laws):
-    """`substitute` returns the lift on a ramp as a law of time.
+    """`substitute` returns the lift on a speed ramp as a law of time.
 
     It has the continuity of the original law, and the same lift to 1e-15 m.
     """

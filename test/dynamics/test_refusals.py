@@ -57,7 +57,7 @@ def test_parameters(record, names, values, limit):
 
 
 def test_parameters_of_a_rig(rig, follower, paper_rig):
-    """The parameters of a model are the numbers of the rig in SI units.
+    """The parameters of a follower model are the numbers of the rig file in SI units.
 
     If the rig lacks a section that the model needs, this is an error.
     """
@@ -94,7 +94,7 @@ def test_the_largest_damping_ratio_is_ten(paper_rig):
 
 
 def test_contact_time_is_half_a_period(follower):
-    """The contact time of a landing is half a period of mass and stem.
+    """The contact time of a landing is half a natural period of mass and stem.
 
     It is the first zero of sin(√(k/m) T).
     """

@@ -114,9 +114,10 @@ def test_the_duration_of_ticks_does_not_matter(laws, paper_rig, cam, name):
 
 
 def test_critical_damping_is_not_a_special_case(laws):
-    """Events at critical damping agree with those at slightly different damping.
+    """Lift-offs and landings at critical damping agree with those at similar damping.
 
-    At critical damping two modes coincide. The weak springs have a distant position of rest.
+    At critical damping two modes of the free masses coincide. The weak springs have a distant
+    position of rest.
     """
     for spring in (4030.0, 4.0, 1.0, 0.04):
         critical, times = 2.0 * np.sqrt(spring * 1.3), []

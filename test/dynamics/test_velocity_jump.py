@@ -120,9 +120,9 @@ def test_rounding_neither_loses_nor_repeats_an_impact(edge, model, p):
 
 @pytest.mark.parametrize("stem", [1e5, 3.3e8])
 def test_stem_against_fifty_digits(edge, stem):
-    """On a stem the motion over velocity jumps agrees with 50 digits.
+    """On an elastic stem the motion over velocity jumps agrees with 50 digits.
 
-    Position and velocity are continuous there.
+    The jumps are those of the cam. Position and velocity of the mass are continuous there.
     """
     p, grid = dataclasses.replace(ONE, stem_stiffness=stem), np.arange(20) * 0.06
     times = np.sort(np.append(np.random.default_rng(8).uniform(0.0, 1.2, 40), grid[1:]))

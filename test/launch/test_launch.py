@@ -157,9 +157,9 @@ def test_profiles_restrict_sockets_unless_the_subnet_is_allowed(load):
 
 
 def test_run_continues_without_its_viewer(load):
-    """The end of the viewer does not end the launch, and is reported in one line.
+    """The end of the optional viewer does not end the launch.
 
-    The viewer is the only optional node.
+    It is reported in one line. The viewer is the only optional node.
     """
     nodes = launch_nodes(load("rig.launch.py"))
     event = SimpleNamespace(process_name="viewer-2", returncode=1)

@@ -174,9 +174,9 @@ def test_all_states_of_the_scene_are_sent_once_and_in_order():
 
 
 def test_no_state_is_sent_before_the_law_of_its_cam_is_known():
-    """Without the law of its cam no state is sent, and the request is repeated.
+    """Without the law of its cam no cam state is sent, and the cam is requested again.
 
-    It is repeated once per second, because the law server may not have received it.
+    The request is repeated once per second, because the law server may not have received it.
     """
     requested = []
     program = drive(lambda cam: requested.append(cam) is None, laws={})
@@ -348,7 +348,7 @@ def test_rig_time_advances_between_two_states(program):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(20))
 def test_rig_time_is_never_past_the_next_state(program, seed):
-    """Under any commands the rig time between two states is before the second state."""
+    """Under random commands the rig time between two cam states is before the second."""
     chance, newest_ns, states = random.Random(seed), -1, []
     program.pacing.set("real_time")
     commands = (

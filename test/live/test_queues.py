@@ -321,9 +321,9 @@ def test_pacings_are_free_real_time_or_a_factor():
 
 
 def test_each_state_waits_for_its_time():
-    """A state is due at its rig time divided by the real-time factor.
+    """A cam state is due at its rig time divided by the real-time factor.
 
-    A free run never waits. A small delay is made up.
+    This is the pacing of a run. A free run never waits. A small delay is compensated.
     """
     pacing = Pacing()
     pacing.record_sent(0, 0.0)

@@ -80,7 +80,10 @@ def test_a_line_that_is_not_an_object_is_rejected():
 
 
 def test_a_missing_socket_is_rejected(tmp_path):
-    """A node that is started without a panel raises an error that names cam-rig panel."""
+    """A bench node that is started without the panel's server raises an error.
+
+    It suggests the command cam-rig panel.
+    """
     with pytest.raises(ConfigError, match="must be that of cam-rig panel"):
         LineSocket(tmp_path / "nothing")
 

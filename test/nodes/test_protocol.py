@@ -87,7 +87,7 @@ def test_runs_of_other_programs_equal_the_simulation(domain, tmp_path, changes):
 
 
 def test_no_state_is_sent_before_every_node_is_ready(domain, short_scene, tmp_path):
-    """The drive waits for a recorder that starts late, and then sends all states."""
+    """The drive waits for a recorder that starts late, and then sends all cam states."""
     bag = tmp_path / "bag"
     with OneProcess(patient(short_scene, bag), late=["recorder"]) as here:
         wait_until(lambda: here.nodes["cam_drive"]._not_ready == {"recorder"})

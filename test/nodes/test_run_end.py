@@ -73,7 +73,7 @@ def listen(user, kind, topic):
 def test_nodes_end_with_the_run_and_leave_a_closed_bag(
     user, parameters, undisturbed, tmp_path, capfd
 ):
-    """Nodes that are started one by one end with the run and code 0.
+    """Nodes that are started one by one end with the run and exit code 0.
 
     The closed bag equals that of `cam-rig run`, and each node logs its progress.
     """

@@ -107,9 +107,10 @@ def test_conjugate_rollers_keep_their_distance(angles):
 
 
 def test_conjugate_arms_are_one_rocker(angles):
-    """The angle between conjugate arms is 2 γ + s_max / arm at each cam angle.
+    """The angle between the arms of a conjugate rocker is 2 γ + s_max / arm.
 
-    γ is the angle of an arm on the prime circle. The cam file can require another angle.
+    This is so at each cam angle. γ is the angle of an arm on the prime circle. The cam file can
+    require another angle.
     """
     pivot = 0.090 * np.exp(-1j * angles)  # in the cam's frame
     gamma = np.arccos((0.075**2 + 0.090**2 - 0.048**2) / (2 * 0.075 * 0.090))

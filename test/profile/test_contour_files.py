@@ -171,7 +171,10 @@ def test_rational_splines_are_exact(drawing):
 
 
 def test_lines_alone_are_points_of_a_smooth_curve(drawing):
-    """360 lines in any order and direction give the contour of a closed polyline."""
+    """360 lines of a drawing, in any order and direction, give a smooth contour.
+
+    It equals the contour of a closed polyline of the same points.
+    """
     points = np.column_stack([X, Y])
     path = drawing(in_space("add_lwpolyline", points, close=True))
     (expected,) = read_dxf(path).curves

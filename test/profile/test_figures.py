@@ -40,9 +40,9 @@ def test_discs_of_a_pair_are_distinguishable(draw):
 
 
 def test_number_of_positions(draw):
-    """A figure has the requested number of follower positions at equal angles.
+    """A figure of a cam has the requested number of follower positions.
 
-    If there are few, all are labelled.
+    They are at equal angles. If there are few, all are labelled.
     """
     for count in (3, 37):
         plan = draw("oscillating_roller", count).axes[0]

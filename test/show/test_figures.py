@@ -368,7 +368,10 @@ def test_lines_are_distinct_in_grey() -> None:
 
 
 def test_points_are_distinct_in_grey() -> None:
-    """Two compared cams with the same marker differ in luminance by at least 0.1."""
+    """Two cams that are compared and have the same marker differ in luminance.
+
+    The difference is at least 0.1, so that they are distinct in grey.
+    """
     compared = [cam_look(name) for name in ("tm21", *CONTACT)]
     for first, second in combinations(compared, 2):
         differ = abs(_luminance(first.colour) - _luminance(second.colour)) >= 0.1

@@ -41,7 +41,10 @@ def steps_of(coefficients):
 
 @pytest.fixture
 def published():
-    """Published levels of two cams as cubics of the speed. They cross at 335 rpm."""
+    """Published levels of two cams, "one" and "two", as cubics of the speed.
+
+    The curves cross at 335 rpm.
+    """
     return PublishedNoise(
         name="p",
         source="made",
@@ -181,7 +184,7 @@ def test_regression_recovers_a_cubic():
 
 
 def test_leading_coefficients_of_rounding_add_no_root():
-    """A cubic that was fitted to a straight line has the root of the line only.
+    """A cubic that was fitted to a straight line has only the root of the line.
 
     Its leading coefficients are rounding errors.
     """

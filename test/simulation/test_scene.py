@@ -179,9 +179,9 @@ def test_all_missing_keys_are_named_at_once():
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_level_needs_the_numbers_of_the_sound(model):
-    """A level needs `radiation`, and for a model with landings the stem's stiffness.
+    """A sound level needs the rig section `radiation`.
 
-    Each missing key is an error.
+    For a model with landings it also needs the stem's stiffness. Each missing key is an error.
     """
     base = [*NEEDS[model], "radiation"]
     lands = MODELS[model].lifts_off

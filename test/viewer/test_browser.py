@@ -54,7 +54,8 @@ SHOWN = {
     "follower": colours.FOLLOWER,
 }
 LEFT_OUT = series.VELOCITY_LINE
-#: Colours that no curve has, as different from the curves as these are from each other.
+#: Colours that no curve of the viewer has. They differ from the curves as much as these from each
+#: other.
 UNUSED = {"green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}
 
 

@@ -145,7 +145,7 @@ def test_the_cursor_stays_within_the_window_of_the_curves(bag, arrived):
 
 
 def test_the_results_report_the_state_of_the_run(arrived):
-    """The heading of the results is "running" until the end, and then "finished"."""
+    """The heading of the viewer's results is "running" until the end, then "finished"."""
     heads = results(arrived)
     assert heads[-1] == "# Results, finished"
     assert set(heads[:-1]) == {"# Results, running"}
@@ -301,9 +301,9 @@ def test_the_rate_is_constant_if_the_delay_is_unknown():
 
 
 def test_no_more_pictures_are_sent_than_a_screen_displays():
-    """The number of pictures sent is limited by the time since the last pictures.
+    """The viewer's pictures are limited to the rate that a screen displays.
 
-    The newest picture is always sent.
+    Their number follows from the time since the last pictures. The newest picture is always sent.
     """
     now = iter([0.0, 0.1, 0.1, 10.0])
     pace = FramePace(None, lambda: next(now))

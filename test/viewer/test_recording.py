@@ -76,7 +76,7 @@ def test_a_long_run_keeps_its_peaks(bag, tmp_path, monkeypatch):
 
 
 def test_static_data_are_read_first(picture):
-    """Colours and axes precede the curves in the file.
+    """Colours and axes precede the curves in a recording file.
 
     A viewer displays a file while it loads, and needs them first.
     """

@@ -24,7 +24,7 @@ def gap(point, outline):
 
 
 def test_each_cam_replaces_the_previous_cam(bag, picture):
-    """The picture has the closed contour of the mounted cam only.
+    """The moving picture has the closed contour of the mounted cam only.
 
     It is the recorded /cam/profile in mm.
     """
@@ -48,7 +48,7 @@ def test_the_picture_turns_the_cam_like_the_drive(bag, picture):
 
 
 def test_the_roller_touches_the_turned_contour(bag, picture):
-    """In contact the centre of the roller is one radius from the turned contour.
+    """In contact the drawn roller's centre is one radius from the turned contour.
 
     The tolerance is 0.02 mm. In flight it is farther away.
     """
@@ -182,9 +182,9 @@ def test_the_follower_covers_no_number_of_the_ring(make_loaded_scene, cam):
 
 
 def test_a_follower_outside_its_view_is_drawn_at_the_edge():
-    """A follower above its view is drawn at the edge, and the readings state this.
+    """A follower above the view of the picture is drawn at the view's edge.
 
-    They contain its lift and the lift at which it is drawn.
+    The displayed readings contain its lift and the lift at which it is drawn.
     """
     one = np.ones(1)
     words = readings(one, 5000.0, 0.2 * one, 0.0 * one, 0.1 * one, one, max_lift=0.065)[0]

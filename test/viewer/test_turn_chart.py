@@ -169,7 +169,7 @@ def test_values_beyond_their_axis_are_drawn_at_its_edge():
 #: Allowed error (m) of the gap at angle 0 if a landing is next to it: the travel of the follower in
 #: one sample period.
 LANDING_ERROR = 2.5e-4
-#: Turns at each speed, so few that rounding errors of irregular motion stay small.
+#: Number of turns at each speed, so few that rounding errors of irregular motion stay small.
 TURNS = 6
 
 

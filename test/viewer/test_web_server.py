@@ -327,9 +327,9 @@ def test_the_recording_is_closed_after_its_page(live):
 
 
 def test_the_page_reports_its_rig_time(live):
-    """The page reports its displayed time to the server, which computes the delay.
+    """The viewer's page reports its displayed time to the server.
 
-    The first report ends `until_open`.
+    The server computes the delay of the page from it. The first report ends `until_open`.
     """
     pages, reader = live
     assert b"/shown?ns=" in reader.get(reader.home)

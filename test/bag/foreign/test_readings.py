@@ -166,7 +166,7 @@ def test_readings_of_a_message_with_a_wrong_angle_are_dropped(tmp_path):
 
 @pytest.mark.parametrize("kind", ["Int16", "UInt8", "UInt16", "Int8"])
 def test_a_counter_wraps_at_the_span_of_its_type(tmp_path, kind):
-    """The angle of an integer counter continues when its integer type wraps.
+    """The angle of an integer encoder continues when its integer type wraps.
 
     This applies to counting upwards and downwards.
     """
@@ -244,9 +244,10 @@ def test_a_type_without_a_definition_is_refused_by_name(tmp_path, monkeypatch):
 
 
 def test_a_standard_type_of_another_distribution_is_read_by_its_definition(tmp_path):
-    """A standard type is read by the definition in the bag if distributions differ.
+    """A standard message type is read by the definition in the bag.
 
-    Here the type Range has no field `variance`, which later distributions have.
+    The installed definition may differ. The two may be of different ROS distributions. Here the
+    type Range has no field `variance`, which later distributions have.
     """
     text = "std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range"
     text += "\nfloat32 max_range\nfloat32 range"
@@ -312,7 +313,10 @@ def test_an_hour_without_readings_is_a_pause(tmp_path):
 
 
 def test_times_of_two_clocks_are_printed_as_dates(tmp_path):
-    """Topics of two clocks raise BagError, and times since 1970 are printed as dates."""
+    """A bag whose topics have stamps of two clocks raises BagError.
+
+    In the error times since 1970 are printed as dates.
+    """
 
     def simulated(stamp, value):
         return joint(stamp - BEGIN + NS, value)

@@ -92,9 +92,9 @@ def test_the_turns_are_those_of_the_cam(way, seed):
 @pytest.mark.parametrize("kind", ["zeros", "random", "runs"])
 @pytest.mark.parametrize("seed", range(8))
 def test_wrong_angles_are_dropped_and_the_others_kept(way, kind, seed):
-    """Readings that are wrong by more than 30° are dropped, and correct angles never.
+    """Encoder angles that are wrong by more than 30° are dropped.
 
-    The remaining angles are the true angles plus a constant.
+    Correct angles are never dropped. The remaining angles are the true angles plus a constant.
     """
     rng = np.random.default_rng(100 + seed)
     time, angle = run(rng, seconds=rng.choice([2.0, 20.0]))
@@ -204,7 +204,7 @@ def test_a_cam_that_starts_and_stops_has_no_wrong_angle():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_counter_that_restarts_at_zero_after_a_pause_continues_forwards(sign):
-    """The angle continues forwards if a counter restarts at zero after a pause.
+    """The angle continues forwards if an encoder restarts at zero after a pause.
 
     At most one turn is added, because the true motion in the pause is unknown. A note states the
     jump and its time.

@@ -159,7 +159,10 @@ def test_arrays_must_have_one_length(laws, shipped):
 
 
 def test_the_follower_of_a_rig():
-    """A rig with `roller_share` has a follower of two masses, another rig one mass."""
+    """The follower of a rig with `roller_share` has two masses.
+
+    The follower of any other rig has one mass.
+    """
     split, whole = cam_rig.load_rig("paper_table2"), cam_rig.load_rig("tm21")
     assert describe_follower(follower_of(split)) == "two masses"
     assert describe_follower(follower_of(whole)) == "one rigid mass"

@@ -61,9 +61,9 @@ def by_exponential(matrix, forcing, duration, start, time):
 @pytest.mark.parametrize("degree", [0, 5, 15])
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_random_stable_system(exact, n, degree):
-    """States of random stable systems are exact to 1e-11 of their maximum.
+    """States of random stable linear systems are exact to 1e-11 of their maximum.
 
-    The forcing is a polynomial over a few time constants.
+    The drive is a polynomial over a few time constants.
     """
     rng = np.random.default_rng(10 * n + degree)
     matrix = rng.normal(size=(n, n))
@@ -166,7 +166,7 @@ def test_stiffest_stem_without_damping(laws, many_digits, cam, turns):
 @pytest.mark.parametrize("off", [0.0, 1e-12, -1e-12, 1e-6, -1e-6])
 @pytest.mark.parametrize("speed", [0.3, 20.0, 3000.0])
 def test_a_critically_damped_stem(laws, many_digits, off, speed):
-    """Motion with critical damping, and with damping close to it, is exact to 1e-11.
+    """A vibration with critical damping, or close to it, is exact to 1e-11.
 
     At critical damping the two decay rates, 64 1/s, coincide.
     """
@@ -204,10 +204,10 @@ def test_critically_damped_flight():
 
 @pytest.mark.parametrize("turns", [1, 7, 1000])
 def test_a_mass_without_spring_and_damper(laws, turns):
-    """A free mass under a force K s(θ) moves by the double integral of the law.
+    """A mass without spring and damper under a force K s(θ) moves as in a closed form.
 
-    v increases by K ∮s dt per turn, and x(NT) = N x(T) + v(T) T N(N − 1)/2 after N turns. The
-    tolerance is a relative 1e-12.
+    The velocity v increases by K ∮s dt per turn of duration T, and x(NT) = N x(T) + v(T) T N(N −
+    1)/2 after N turns. The relative tolerance is 1e-12.
     """
     law, push = laws["poly345"], 7.0
     free = np.array([[0.0, 1.0], [0.0, 0.0]])

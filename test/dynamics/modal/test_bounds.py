@@ -350,7 +350,7 @@ def test_harmonics_of_a_law():
 
 
 def resonant_cases():
-    """Yield a random generator, the norm of a lightly damped mode, and two speeds."""
+    """Yield random generator, norm of a lightly damped mode, and two cam speeds."""
     for seed in range(4 * CASES):
         rng = np.random.default_rng(seed)
         low = 10.0 ** rng.uniform(0.0, 2.0)

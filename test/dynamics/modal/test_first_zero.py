@@ -142,7 +142,10 @@ def require_first(seed):
     ids=str,
 )
 def test_no_loss_of_contact_is_stepped_over(seeds):
-    """The jump speeds of random cases are the first zero of a fine scan of the force."""
+    """The jump speed of a random case is the lowest zero of the force in a fine scan.
+
+    The jump speed is the lowest cam speed with a loss of contact.
+    """
     for seed in seeds:
         require_first(seed)
 

@@ -39,7 +39,10 @@ def test_exactly_critical_damping(laws, two_mass):
 
 
 def test_no_steady_state_at_undamped_resonance(laws, two_mass):
-    """Without damping, a speed with a harmonic at the natural frequency is refused."""
+    """Without damping, a speed with a harmonic at the natural frequency is refused.
+
+    There is no steady state.
+    """
     parameters = replace(two_mass, stem_damping=0.0, damping=0.0)
     run = force_run(laws["poly345"], parameters, None)
     speed = np.sqrt(parameters.stiffness / parameters.end_mass) / 30.0

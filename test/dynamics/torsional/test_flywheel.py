@@ -111,9 +111,10 @@ def test_the_steady_state_returns_after_a_turn(laws, seed):
 
 @pytest.mark.parametrize("cam", ["poly345", "tm21"])
 def test_a_heavy_flywheel_has_constant_speed(laws, shaft, cam):
-    """For a flywheel inertia I_v → ∞ the twist converges to that at constant speed.
+    """With an infinite flywheel the twist of the shaft is that at constant speed.
 
-    The difference decreases as 1/I_v down to rounding. Constant speed is the assumption of eq. 10.
+    The difference decreases as 1/I_v with the flywheel inertia I_v, down to rounding. Constant
+    speed is the assumption of eq. 10 of the paper.
     """
     law, times = laws[cam], np.linspace(0.0, TURN / SPEED, 400)
     limit = steady_motion(law, dataclasses.replace(shaft, flywheel_inertia=None), SPEED).at(times)

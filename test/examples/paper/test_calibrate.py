@@ -21,7 +21,8 @@ def test_calibration_repeats_the_rig_file(printed_by):
     assert found.corner_frequency == pytest.approx(rig.radiation.corner_frequency.si, rel=1e-4)
 
 
-#: Geometry in config/cams/tm21.yaml (mm and degrees), with its residual in dB.
+#: Geometry of the cam in config/cams/tm21.yaml (mm and degrees), with the r.m.s. difference (dB) of
+#: its sound level and the number of trials of the search.
 SHIPPED = Geometry(lift=5.682, event=114.54, nose=78.60, rms=0.93, trials=1104)
 
 

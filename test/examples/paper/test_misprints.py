@@ -263,7 +263,7 @@ def eq_2_39():
 def part_a():
     """Return the errors of part a of the worked example, S = a θ/β + b at θ = π/2.
 
-    The identity is true for any a and b.
+    The equation is an identity, true for any a and b.
     """
     a, b, at, beta = 2.0, 3.0, np.pi / 2, np.pi / 2
     value = a * at / beta + b

@@ -72,10 +72,10 @@ def test_every_motion_repeats(four, family, follower):
 
 
 def test_a_period_doubling_is_located_to_a_millionth(four, family, follower):
-    """The motion is stable 1e-6 below a period doubling and unstable 1e-6 above it.
+    """A periodic motion is stable 1e-6 below a period doubling, and unstable above it.
 
-    The critical multiplier above it is −1 within 1e-4. At 0.1 % higher speed a stable motion of
-    twice the period exists, whose two states differ.
+    The critical multiplier (growth of a small change per period) at 1e-6 above it is −1 within
+    1e-4. At 0.1 % higher speed a stable motion of twice the period exists, whose two states differ.
     """
     (flip,) = of_kind(four, FLIP)
     near, speed = nearest(four, flip.point.rpm), flip.point.rpm * RPM
@@ -91,9 +91,10 @@ def test_a_period_doubling_is_located_to_a_millionth(four, family, follower):
 
 
 def test_a_fold_is_located_to_a_millionth(four, family):
-    """Two motions exist 1e-6 above the fold speed, and no motion 1e-6 below it.
+    """Two periodic motions exist 1e-6 above the speed of a fold.
 
-    One of the two is stable and the other unstable.
+    No motion exists 1e-6 below it. The difference of the speed is relative. One of the two motions
+    is stable, the other unstable.
     """
     (fold,) = of_kind(four, FOLD)
     speed = fold.point.rpm * RPM * (1.0 + BESIDE)
@@ -105,9 +106,10 @@ def test_a_fold_is_located_to_a_millionth(four, family):
 
 
 def test_a_graze_adds_a_landing(four, family, follower):
-    """Just beyond a graze the motion gets one more landing, whose speed is near zero.
+    """Just beyond a graze a periodic motion has one more landing, of near zero speed.
 
-    The speed of the new landing must be below 2 % of the smallest landing speed before the graze.
+    A graze is a bifurcation at which a landing appears. The speed of the new landing must be below
+    2 % of the smallest landing speed before the graze.
     """
     (graze,) = of_kind(four, GRAZE)
     last = nearest(four, graze.point.rpm)

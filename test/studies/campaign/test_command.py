@@ -314,7 +314,10 @@ def test_the_log_line_has_rate_time_left_and_size(batches, monkeypatch):
 
 
 def test_the_final_size_is_extrapolated(batches):
-    """The final size of the files is estimated from the first batches within 20 %."""
+    """The final size of a campaign's files is estimated from the first batches.
+
+    A batch is a group of points. The error is below 20 %.
+    """
     dataset, write = batches
     with dataset.open(False):
         for first, last in ((0, 1), (1, 101), (101, 201)):

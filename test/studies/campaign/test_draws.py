@@ -51,7 +51,10 @@ def test_a_latin_hypercube_meets_each_stratum_once():
 
 
 def test_the_sobol_sequence_is_scipys():
-    """The Sobol points are scipy's, moved to the middle of their interval of 2^-30."""
+    """The Sobol points of a campaign are scipy's, moved to the middle of their cell.
+
+    A cell is an interval of 2^-30.
+    """
     ours = unit_points("sobol", 9, 128, 4, 0, 128)
     theirs = qmc.Sobol(4, scramble=True, rng=9).random_base2(7)
     assert np.abs(ours - theirs).max() < 2.0**-30

@@ -172,7 +172,7 @@ def test_steady_vibration_is_that_of_the_whole_turn(measured):
 
 
 def test_steady_vibration_is_read_in_the_low_dwell_of_the_cam_without_errors(measured):
-    """Steady vibration is evaluated in the low dwell of the nominal cam.
+    """The measure of steady vibration is evaluated in the nominal cam's low dwell.
 
     An eccentricity of 1e-12 m removes the dwell from the actual profile but must not change the
     value.

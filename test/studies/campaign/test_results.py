@@ -133,7 +133,7 @@ def test_yields_count_failed_points_as_broken(results, tmp_path):
 
 
 def test_shares_of_a_campaign(results, tmp_path):
-    """A campaign attributes the variance of the jump speed to the mass.
+    """A campaign's variance shares attribute the jump speed's variance to the mass.
 
     The mass varies by 10 % and the preload by 1 %.
     """

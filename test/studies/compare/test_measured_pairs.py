@@ -135,7 +135,7 @@ def test_the_events_of_a_heavier_follower_are_shifted(scene):
 
 
 def test_backlash_of_the_gauge_is_identified(scene):
-    """A backlash of 0.2 mm in the lift gauge is identified within 1 µm.
+    """A backlash of 0.2 mm in the bench's lift gauge is identified within 1 µm.
 
     The angle offset is unaffected. The lift differs from the model by half the backlash.
     """
@@ -251,7 +251,7 @@ def test_slow_sensors_identify_the_offset(scene):
 
 
 def test_readings_without_errors_agree_with_the_model(scene):
-    """Readings without errors agree with the model within 1e-9 m and 1e-3 N.
+    """Bench readings without errors agree with the model within 1e-9 m and 1e-3 N.
 
     These are the errors of the model's sampling. The angle offset is exact within 1e-6°.
     """
@@ -287,7 +287,7 @@ def test_lost_readings_are_left_out(scene):
 
 @pytest.mark.parametrize("is_still", [False, True])
 def test_an_hour_of_pause_is_not_time_left_out(scene, is_still):
-    """A pause of an hour does not count as excluded time.
+    """A pause of an hour in a measured run does not count as excluded time.
 
     In the pause there are no readings, or the readings of a stopped cam.
     """
@@ -325,7 +325,8 @@ def test_a_cam_that_never_turns_steadily_is_refused(scene):
         compared(run, loaded)
 
 
-#: Functions that make a signal implausible. Their arguments are time, value and a random generator.
+#: Functions that make a measured signal implausible. Their arguments are time, value and a random
+#: generator.
 FAULTS = (
     lambda t, v, rng: np.stack([t, v])[:, rng.random(t.size) > rng.uniform(0.1, 0.95)],
     lambda t, v, _: (t[:5], v[:5]),

@@ -173,7 +173,7 @@ def test_the_first_angle_out_of_order_is_named():
 @pytest.mark.parametrize("missing", [4, 5, 6])
 @pytest.mark.parametrize("step", [1, 2])
 def test_a_flat_nose_that_is_missing_is_not_mirrored(missing, step):
-    """Half a lobe without its nose is not mirrored, even if the nose is flat.
+    """Readings of half a lobe without its nose are not mirrored, even at a flat nose.
 
     The curvature of a 3-4-5 law is zero at its nose, so the missing part is hard to detect.
     """

@@ -82,7 +82,7 @@ def jumps(tmp_path):
 
 
 def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
-    """The command writes a rig file that can be loaded, a figure and JSON.
+    """`cam-rig fit rig` writes a rig file that can be loaded, a figure and JSON.
 
     In the rig file fitted parameters are `identified`, those of --fix `given`, and others
     `assumed`.

@@ -62,10 +62,10 @@ def table(law, noise=0.0, seed=0):
 
 
 def random_table(random, columns, make_cam):
-    """Return a random machine on a random cam of one rise and one fall.
+    """Return random exact jump speeds of a random follower and cam.
 
-    The results are the law, the exact jump speeds, the parameters, and the range (°) of the jump
-    angles.
+    The cam has one rise and one fall. The results are the law, the table of jump speeds, the
+    parameters, and the range (°) of the jump angles. `columns` are the varied quantities.
     """
     first, second = random.uniform(60.0, 140.0, 2).round()
     laws = ["cycloidal", "poly345", "poly4567", "modified_sine", "simple_harmonic"]
@@ -166,10 +166,10 @@ def test_without_masses_no_parameter_is_identifiable(law, rig):
 
 
 def test_an_unidentified_mass_has_student_s_interval(law, rig):
-    """A mass with too large an error has no value, but an interval of Student's t.
+    """A fitted mass with too large an error has only an interval of Student's t.
 
-    Five speeds with errors of 1 rpm and one spring do not determine it. The factor of the interval
-    falls with the degrees of freedom, which rise with each given parameter.
+    It has no value. Five speeds with errors of 1 rpm and one spring do not determine it. The factor
+    of the interval falls with the degrees of freedom, which rise with each given parameter.
     """
     machine = MACHINE | {"mass": 0.8, "spring_stiffness": 4e3}
     read, _ = table_of(law, machine, [{"mass": on} for on in (0.0, 0.2, 0.4, 0.8, 1.2)])

@@ -53,7 +53,7 @@ def machine(cam, rig, **changes):
 
 
 def test_fit_agrees_with_scipy(law, rig):
-    """The fit agrees with scipy's `curve_fit` of the closed forms of force and lift.
+    """The rig fit agrees with scipy's `curve_fit` of closed forms of force and lift.
 
     Values agree within 5 % of their standard errors, and standard errors within 10 %.
     """

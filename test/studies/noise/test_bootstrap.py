@@ -68,9 +68,9 @@ def test_crossing_of_known_lines():
 
 
 def test_crossing_of_points():
-    """`points_crossing` returns the crossing of two polylines nearest to a speed.
+    """`points_crossing` returns the speed at which two level polylines cross, or None.
 
-    It is None if they do not cross.
+    Of several crossings it returns the one nearest to a given speed.
     """
     flat = np.full(21, 80.0)
     straight = flat + 0.1 * (RPM - 333.0)
