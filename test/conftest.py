@@ -204,7 +204,7 @@ def follower(rig: RigConfig) -> FollowerParameters:
 
 @pytest.fixture
 def radiation(rig: RigConfig) -> RadiationParameters:
-    """Radiation constants with round numbers, not the fitted ones of the rig file."""
+    """Radiation constants with round numbers instead of the fitted numbers."""
     return dataclasses.replace(RadiationParameters.from_rig(rig), gain=1e-4, corner_frequency=20.0)
 
 

@@ -149,7 +149,7 @@ def test_the_total_is_compared_if_metadata_has_no_counts_per_file(bag):
 
 
 def test_files_named_as_in_lyrical_are_read_in_the_order_of_their_numbers(bag, split):
-    """Without metadata.yaml the leading number of a file's name gives the order of the files.
+    """Without metadata.yaml the leading numbers of names order the files.
 
     ROS 2 Lyrical names the files of a split bag `{number}_{bag}_{time}.mcap`. A missing number is
     an error, as for the names `{bag}_{number}.mcap`.

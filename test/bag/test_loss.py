@@ -36,7 +36,7 @@ RECORDS = [record[1:3] for record in RECORDS if isinstance(record, RecordedMessa
 
 
 def held(keep=lambda topic, message: True):
-    """Return the inventory of the golden bag's messages, which shows missing ones.
+    """Return the inventory of the golden bag's messages, which shows missing messages.
 
     `keep` is a function of topic and message that returns False for a message to leave out.
     """

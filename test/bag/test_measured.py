@@ -144,7 +144,7 @@ def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
     """In a bag of two rigs the namespace selects a rig.
 
     The readings equal those of a bag with one rig. An unknown namespace is an error with the
-    allowed ones.
+    allowed namespaces.
     """
     bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
     expected = read_measured(GOLDEN, cam="tm21")

@@ -108,7 +108,7 @@ MOUNTED = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
 def test_a_subscriber_receives_the_messages_of_the_bag(user, short_scene, undisturbed, tmp_path):
     """A subscriber receives each message of the bag once and in order.
 
-    The messages before its discovery are excepted. The bag equals that of an undisturbed run.
+    It misses only messages before its discovery. The bag equals that of an undisturbed run.
     """
     bag, received = tmp_path / "bag", {topic: [] for topic in (*MOVING, *MOUNTED)}
     latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)

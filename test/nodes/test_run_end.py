@@ -1,6 +1,6 @@
 """Tests of runs without `cam-rig run`, whose nodes are started one by one.
 
-They are started as by `ros2 run`. They learn of the end of the run from the drive, close the bag,
+They are started as by `ros2 run`. The drive informs them of the end of the run. They close the bag,
 and end or stay for another run.
 """
 

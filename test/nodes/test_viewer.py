@@ -38,7 +38,7 @@ def curves(path):
 
 
 def complete_curves(file, recorded):
-    """Return the curves in a file if they reach the end of the recorded ones.
+    """Return the curves in a file if they reach the end of the recorded curves.
 
     Otherwise None is returned.
     """

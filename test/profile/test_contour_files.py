@@ -194,7 +194,7 @@ def test_bore_is_left_out_and_layer_selected(drawing):
     """A bore, a frame and dimensions are excluded from a drawing's contours.
 
     This applies if a number of contours is requested. `layer` selects a layer, and an unknown layer
-    is an error with the existing ones.
+    is an error with the existing layers.
     """
 
     def draw(document):

@@ -16,7 +16,7 @@ ANGLES = np.radians(np.arange(0.0, 360.0, 7.3))
 CENTRE = 0.003 + 0.004j
 #: Radius of the circular cam, m.
 RADIUS = 0.020
-#: Largest backlash (m) that counts as none.
+#: Largest backlash (m) that counts as zero.
 BACKLASH_ATOL = 1e-9
 
 

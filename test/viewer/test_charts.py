@@ -76,7 +76,7 @@ def test_an_axis_contains_its_values_with_a_small_margin():
 
 
 def test_a_gap_much_smaller_than_the_greatest_has_an_additional_axis():
-    """A cam whose largest gap is much smaller than that of others gets its own axis.
+    """A cam whose largest gap is much smaller than that of others gets another axis.
 
     The gap between cam and follower fills 15 to 50 % of this additional axis. Gaps that one axis
     resolves have no additional axis.

@@ -138,7 +138,7 @@ def test_no_other_server_can_take_the_same_port_of_ipv6(page):
 
 
 def test_the_entry_page_leads_to_no_other_host(page):
-    """The page that sets the cookie redirects only to its own server, for any path."""
+    """The page that sets the cookie redirects only to its server, for any path."""
     for path in ("/%2Fevil.example", "/%5Cevil.example", "/%22%3E%3Cscript%3E"):
         status, _, body = ask(page.address, f"{path}?{page.url.query}")
         led = re.search(rb'0; url=([^"]*)"', body)[1]

@@ -277,7 +277,7 @@ def test_rigid_jump_is_the_exhaustive_minimum(laws, follower, seed):
 def first_zeros(law, mass, angles):
     """Return at each angle the lowest cam speed (rad/s) with a contact force of zero.
 
-    It is the smallest Ω > 0 with m s'' Ω² + c s' Ω + k s + F₀ = 0, or infinite if there is none.
+    It is the smallest Ω > 0 with m s'' Ω² + c s' Ω + k s + F₀ = 0, or infinite if no such Ω exists.
     """
     s, slope, curvature = law.motion_at(angles)
     a, b, c = mass.mass * curvature, mass.damping * slope, mass.spring_stiffness * s + mass.preload

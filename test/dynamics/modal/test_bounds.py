@@ -489,7 +489,7 @@ def test_steps_that_are_proven():
     """(33), (34) and (35) accept only speed steps without a missed lift-off.
 
     The inequalities are those of docs/proofs.md. A step is a range of the cam speed. In an accepted
-    step a random function, which stands for the smallest contact force, stays positive, or becomes
+    step a random function, in place of the smallest contact force, stays positive, or becomes
     negative once and stays so.
     """
     positive, negative_once = 0, 0

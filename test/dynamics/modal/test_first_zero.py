@@ -26,7 +26,7 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN
 
-#: Durations (s) of the runs from rest. None stands for the steady state.
+#: Durations (s) of the runs from rest. None means the steady state.
 DURATIONS = (1.7, 0.4, None)
 #: Random relative change of the derivatives of the lift at joints (angles where two polynomial
 #: pieces meet), from those of an eccentric cam.
@@ -73,7 +73,7 @@ def random_rig(rng):
 def case(seed):
     """Return a random law, a random rig of two masses, and the duration (s) of a run.
 
-    The duration None stands for the steady state.
+    The duration None means the steady state.
     """
     rng = np.random.default_rng(seed)
     law, rig = random_law(rng), random_rig(rng)

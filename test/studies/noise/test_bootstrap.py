@@ -126,7 +126,7 @@ def claims(crossover=335.0, **levels):
 
 
 def test_a_claim_that_is_true_at_every_speed():
-    """A claim of the paper that is true at every speed holds in all cases.
+    """A claim of the paper that is true at every speed is true in all cases.
 
     Its range of failing speeds is then None. The level curve of the arc cam crosses both others at
     335 rpm here.
