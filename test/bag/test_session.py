@@ -117,9 +117,9 @@ def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missi
 
 
 def test_a_step_waits_for_its_law(golden, kept, states):
-    """Cam states are not written before the motion law of their cam has arrived.
+    """Cam states are not written before the motion law for them has arrived.
 
-    Here the law of the second cam is missing, so only the states of the first cam are written.
+    Here the second law message is missing, so only the states before its time are written.
     """
     laws = [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.LAW]
     written = record([m for m in golden if m[:2] != (topics.LAW, 2)], kept)

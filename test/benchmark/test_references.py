@@ -89,7 +89,8 @@ def test_a_phase_starts_at_its_state_and_satisfies_its_equation(spring_damping):
 
     The motion starts at the given state (to 1e-50). The acceleration, a centred difference over
     ±1e-20 s, agrees with the right side of the equation to 30 digits. The three dampings give
-    complex pairs of eigenvalues, real eigenvalues, and real eigenvalues that are almost equal.
+    complex pairs of eigenvalues, real eigenvalues, and eigenvalues whose imaginary part is only
+    rounding.
     """
     law = Law(
         "one", [0.0, 2.0, 6.283185307179586], [[0.0, 0.01], [0.0, 0.01], [0.01, 0.0], [0.01, 0.0]]

@@ -292,7 +292,7 @@ def test_index_after():
 @pytest.mark.parametrize("model", ["one_mass", "two_mass", "elastic_stem"])
 @pytest.mark.parametrize("rpm", [250, 500])
 def test_a_sample_at_the_end_of_an_interval(model, rpm):
-    """A sample less than 1 µs before the end of an interval is correct in every model.
+    """A sample less than 1 ns before the end of an interval is correct in every model.
 
     It equals that of a longer interval to 1e-9. Sample rates such as 48 kHz have such ends, in
     contact and in flight.
