@@ -34,7 +34,8 @@ CONFIG = Path(__file__).parents[1] / "config"
 #: Reference recording (bag) in the repository.
 GOLDEN = CONFIG.parent / "bags" / "golden"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
-#: Cams with velocity jumps. A follower cannot remain on them, so few models accept them.
+#: Cams whose law has velocity jumps. A follower cannot stay in contact there, so few models accept
+#: them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
 #: Timeouts (s) of marked tests, long enough for a busy machine. For others see pyproject.toml.
 TIMEOUTS = {"slow": 600, "ros": 300, "long": 3600}
@@ -77,7 +78,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _further_variants(items: list[pytest.Item]) -> Iterator[pytest.Item]:
-    """Yield the cases of tests marked ``variants(n)``, except n evenly spread cases.
+    """Yield all cases of tests marked ``variants(n)`` except n evenly spread cases.
 
     The yielded cases run only in a long run.
     """
@@ -114,7 +115,10 @@ settings.load_profile("ordinary")
 
 @pytest.fixture
 def hangup_enabled() -> Iterator[None]:
-    """Default action of SIGHUP, so that it ends commands even under nohup."""
+    """Default action of SIGHUP during a test.
+
+    The signal thus ends commands even under nohup.
+    """
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
     signal.signal(signal.SIGHUP, before)
@@ -133,7 +137,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def figures(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Figures without a screen, which are closed at the end of the test."""
+    """Matplotlib without a screen. The figures are closed at the end of the test."""
     import matplotlib as mpl
 
     monkeypatch.setitem(mpl.rcParams, "backend", "agg")
@@ -167,7 +171,7 @@ def followable_laws(laws: dict[str, Law]) -> dict[str, Law]:
 
 @pytest.fixture(scope="session", params=[name for name in CAM_NAMES if name not in VELOCITY_JUMPS])
 def law(request: pytest.FixtureRequest, laws: dict[str, Law]) -> Law:
-    """Each shipped law that a follower can follow, in turn."""
+    """Each shipped law that a follower can follow; the test runs once per law."""
     return laws[request.param]
 
 
@@ -179,49 +183,59 @@ def rig() -> RigConfig:
 
 @pytest.fixture(scope="session")
 def paper_rig() -> RigConfig:
-    """Rig with two masses and a shaft, identified from the jump speeds of table 2."""
+    """Rig with two masses and a shaft, identified from the jump speeds of the paper.
+
+    They are in Table 2 of the paper on Bézier cams (see docs/glossary.md).
+    """
     return load_rig(CONFIG / "rigs" / "paper_table2.yaml")
 
 
 @pytest.fixture(scope="session")
 def two_mass(paper_rig: RigConfig) -> TwoMassParameters:
-    """Two-mass follower of the paper's rig."""
+    """Parameters of the two-mass follower identified from Table 2 of the paper."""
     return TwoMassParameters.from_rig(paper_rig)
 
 
 @pytest.fixture(scope="session")
 def follower(rig: RigConfig) -> FollowerParameters:
-    """Follower of the shipped rig TM21."""
+    """Lumped parameters of the follower of the shipped rig TM21."""
     return FollowerParameters.from_rig(rig)
 
 
 @pytest.fixture
 def radiation(rig: RigConfig) -> RadiationParameters:
-    """Constants of radiation with round numbers, independent of the fitted numbers."""
+    """Radiation constants with round numbers instead of the fitted numbers."""
     return dataclasses.replace(RadiationParameters.from_rig(rig), gain=1e-4, corner_frequency=20.0)
 
 
 def assumed(value: Any, unit: str) -> dict[str, Any]:
-    """Return a quantity of a file whose value is an assumption."""
+    """Return an entry of a cam or rig file with the origin "assumed".
+
+    It has a value and its unit.
+    """
     return {"assumed": value, "unit": unit}
 
 
 def dwell(span: float) -> dict[str, Any]:
-    """Return a segment for `make_cam`, with its span in degrees."""
+    """Return the data of a dwell segment for `make_cam`. `span` is in degrees."""
     return {"law": "dwell", "span": span}
 
 
 def rise(span: float, to: float, law: str = "poly345") -> dict[str, Any]:
-    """Return a rise for `make_cam`, with its span in degrees.
+    """Return the data of a rise or fall for `make_cam`. `span` is in degrees.
 
-    It ends at a level relative to the lift.
+    `to` is the level at its end, as a fraction of the lift.
     """
     return {"law": law, "span": span, "to": to}
 
 
 @pytest.fixture(scope="session")
 def make_cam() -> Callable[..., CamConfig]:
-    """Function that returns a cam of given segments, with spans in degrees."""
+    """Function that returns a cam made of the given segments, with spans in degrees.
+
+    The follower is a point, or a roller if `roller_radius` (m) is given. The lift is 0.05 m by
+    default.
+    """
 
     def make(
         *segments: dict[str, Any],
@@ -253,7 +267,10 @@ def make_cam() -> Callable[..., CamConfig]:
 
 
 def scene_data(**changes: Any) -> dict[str, Any]:
-    """Return the data of a scene file with two cams, and three speeds of three turns."""
+    """Return the data of a scene file: two cams at three speeds, three turns each.
+
+    `changes` replaces entries of the data.
+    """
     schedule = {
         "speeds": assumed(changes.pop("speeds", [200, 300, 400]), "rpm"),
         "turns": assumed(changes.pop("turns", 3), "turns"),
@@ -276,13 +293,16 @@ def scene_data(**changes: Any) -> dict[str, Any]:
 
 @pytest.fixture(scope="session")
 def make_scene() -> Callable[..., SceneConfig]:
-    """Function that returns this scene with changes."""
+    """Function that returns the scene of `scene_data` with changed entries."""
     return lambda **changes: SceneConfig.model_validate(scene_data(**changes))
 
 
 @pytest.fixture
 def make_loaded_scene(tmp_path: Path) -> Callable[..., LoadedScene]:
-    """Function that writes and opens this scene with changes."""
+    """Function that writes the scene of `scene_data` to a file and loads it.
+
+    Its arguments replace entries of the data.
+    """
 
     def make(**changes: Any) -> LoadedScene:
         path = tmp_path / "scenes" / "small.yaml"
@@ -296,7 +316,10 @@ def make_loaded_scene(tmp_path: Path) -> Callable[..., LoadedScene]:
 
 @pytest.fixture(scope="session")
 def fork_server() -> Iterator[ForkServer]:
-    """Server that forks the nodes of all tests, except tests of the start of nodes."""
+    """Server process that forks the nodes of all tests.
+
+    Tests of the start of nodes do not use it.
+    """
     with ForkServer().begin() as made:
         yield made
 

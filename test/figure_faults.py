@@ -14,13 +14,13 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-#: Smallest font size of a printed figure (pt).
+#: Smallest font size (pt) that a printed figure may have.
 SMALLEST = 7.0
-#: Largest width of a printed figure (in).
+#: Largest width (in) that a printed figure may have: 170 mm.
 WIDEST = 170.0 / 25.4
-#: Hyphen in place of a minus sign.
+#: Pattern of a negative number with a hyphen instead of a minus sign, which is a fault.
 HYPHEN = re.compile(r"(?<![\w-])-\d")
-#: Exponent that is not typeset as a raised power.
+#: Pattern of an exponent such as 1e-3 that is not typeset as a power, which is a fault.
 EXPONENT = re.compile(r"\de[+-]?\d")
 #: Allowed overlap of two boxes of text (px), because boxes are rounded up to pixels.
 TOUCH = 1.0
@@ -64,7 +64,7 @@ def faults(figure: Figure) -> list[str]:
 
 @pytest.fixture(autouse=True)
 def no_faulty_figure(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Check of every figure that a test writes to a file."""
+    """Check that every figure that a test writes to a file is printable."""
     save = Figure.savefig
 
     def checked(figure: Figure, *given: Any, **more: Any) -> None:

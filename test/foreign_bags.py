@@ -15,7 +15,7 @@ TYPES = get_typestore(Stores.ROS2_KILTED)
 TIME, HEADER = (
     TYPES.types[name] for name in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header")
 )
-#: Wall-clock time (ns) of the start of the run.
+#: Wall-clock time (ns since 1970) at which the run in a bag starts.
 BEGIN = 1_767_225_600_000_000_000
 
 
@@ -39,10 +39,11 @@ def wrench(stamp, value):
 
 
 def write_bag(path, topics, plugin=StoragePlugin.MCAP):
-    """Write a bag of `topics`: name -> (function for a message, times in s, values).
+    """Write a bag of standard ROS messages and return its path.
 
-    Times are relative to `BEGIN`. The log time is half a millisecond after the stamp, and never
-    decreases within a topic.
+    `topics` maps a name to (function of stamp and value that makes a message, times in s, values).
+    Times are relative to `BEGIN`. The log time is half a millisecond after the stamp, and increases
+    within a topic.
     """
     rows = [
         (BEGIN + round(time * NS), name, make, value)
@@ -62,7 +63,7 @@ def write_bag(path, topics, plugin=StoragePlugin.MCAP):
 
 
 def write_rigs(path, bag, *namespaces):
-    """Write a bag with the messages of a bag of cam_rig, once per namespace."""
+    """Write the messages of a cam_rig bag again, once under each namespace."""
     with BagWriter(path) as writer:
         for connection, time_ns, data in raw_messages(bag, set(read_counts(bag))):
             for namespace in namespaces:

@@ -5,21 +5,21 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-#: Wall-clock time (s) after which a wait fails, long enough for a busy machine.
+#: Longest wait (s of wall-clock time) before a test fails, with room for a busy machine.
 WAIT_S = 100.0
 
 
 def ended(*command, **how):
-    """Run a command to its end, and return it with its output as text."""
+    """Run a command to its end, and return its CompletedProcess with output as text."""
     words, pipes = [*map(str, command)], {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     return subprocess.run(words, text=True, check=False, **{"timeout": WAIT_S} | pipes | how)
 
 
 def until(condition, said=lambda: "", step=lambda: time.sleep(0.01), wait=WAIT_S):
-    """Wait until a condition of a thread or process is true, and return its value.
+    """Wait until `condition()` is true, and return its value.
 
-    After `wait` seconds the wait fails, with the text that `said` returns. `step` is called between
-    checks of the condition.
+    After `wait` seconds of wall-clock time the test fails with the text of `said()`. `step` is
+    called between checks of the condition.
     """
     end = time.monotonic() + wait
     while not (result := condition()):
@@ -43,7 +43,7 @@ def children(pid):
 
 
 def takes(pid, number):
-    """Return True if a process has installed a handler for a signal.
+    """Return True if a process has installed a handler for the signal `number`.
 
     `handle_signals` of cam_rig installs the handler of SIGHUP last, so that a handler for SIGHUP
     means that all are installed.
@@ -59,7 +59,7 @@ def is_running(pid):
 
 
 def sockets(pid, *tables):
-    """Return the rows of a process's sockets in tables of /proc/net, such as tcp."""
+    """Return the rows that belong to a process in tables of /proc/net, such as tcp."""
     inodes = set()
     for link in Path(f"/proc/{pid}/fd").iterdir():
         with suppress(OSError):  # closed after it was listed

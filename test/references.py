@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from benchmark.speed.models import Case, Solution
 
-#: Relative tolerances of inputs and of values. Inputs differ by the rounding of the functions of
-#: another machine, and values by the effect of that rounding, relative to the largest value.
+#: Relative tolerances of the inputs and of the stored reference values. Inputs differ because the
+#: functions of another machine round differently, and values by the effect of that rounding,
+#: relative to the largest value.
 SAME_INPUTS, SAME = 1e-8, 1e-13
 REMEDY = "run `make references`"
 

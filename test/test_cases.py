@@ -17,7 +17,7 @@ import yaml
 from .cli.conftest import call
 
 CASES = Path(__file__).parent / "cases"
-#: Factors of the units in the table to SI, the unit system of the JSON.
+#: Factors that convert a unit in the table of expected numbers to SI, the units of the JSON.
 SI = {"mm": 1e-3, "um": 1e-6, "mm/rad": 1e-3, "mm/rad^2": 1e-3, "deg": 0.017453292519943295}
 
 
@@ -31,9 +31,9 @@ def commands():
 
 
 def of_spline(data, written, name, _):
-    """Return a number of a cam that `fit cam` fitted to readings.
+    """Return a number of a cam that the command `fit cam` fitted to lift readings.
 
-    It is a number of the spline, its dwell, its outliers or the written cam file.
+    `name` selects a number of the fitted spline, its dwell, its outliers or the written cam file.
     """
     if name.startswith("outlier_line"):
         return data["outliers"][int(name.rpartition("_")[2]) - 1]["line"]
@@ -59,7 +59,7 @@ def of_contour(data, written, name, place):
 def of_comparison(data, _, name, place):
     """Return a number of the comparison of a bag with a simulation at a speed.
 
-    It can also be the number of used or skipped readings.
+    `name` can also select the number of used or skipped readings.
     """
     if name.endswith(("_readings", "_skipped")):
         quantity, _, count = name.partition("_")
@@ -91,7 +91,10 @@ READERS = {
 
 
 def number(data, written, quantity):
-    """Return a quantity of a command's JSON, or of the files that it wrote."""
+    """Return a quantity from a command's JSON output, or from the files that it wrote.
+
+    `quantity` is a name, or name@place.
+    """
     name, _, place = quantity.partition("@")
     reader = next(READERS[key] for key in READERS if key in data)
     return reader(data, written, name, place)
@@ -127,9 +130,10 @@ def test_a_file_as_people_have_it_gives_the_right_numbers(
 @pytest.mark.parametrize("cam", ["drop", "half_way"])
 @pytest.mark.parametrize("command", ["profile", "law", "jump"])
 def test_a_forgotten_fall_is_refused(tmp_path, cam, command):
-    """A cam file without a complete fall is refused by profile, law and jump.
+    """A cam file whose last segment does not return to zero lift is refused.
 
-    The error contains the lift of the law and the lift of the file.
+    The commands `profile` and `law` refuse it. The error contains the lift of the law and that of
+    the file.
     """
     copytree(CASES / "fall_forgotten", tmp_path / "case")
     done = call(command, tmp_path / "case" / "cams" / f"{cam}.yaml")

@@ -16,7 +16,7 @@ from cam_rig.interrupts import STOPPING
 from .processes import ended
 
 pytestmark = pytest.mark.usefixtures("hangup_enabled")
-#: Start of each script. `send_signal` sends a signal to the process of the script.
+#: First lines of each script. Their function `send_signal` sends a signal to the script's process.
 PRELUDE = """
 import signal, sys, threading, time
 from contextlib import ExitStack, contextmanager
@@ -45,7 +45,7 @@ def run(script: str, folder: Path) -> tuple[int, list[str], str]:
     return done.returncode, done.stdout.splitlines(), done.stderr
 
 
-#: Body of most scripts. It prints the interrupt that is raised by the inserted code.
+#: Body of most scripts. It runs the code of a case and prints the interrupt that is raised there.
 SCENE = """
 try:
     with raise_signals():
@@ -55,7 +55,7 @@ except Interrupted as error:
     print(error)
 """
 RAISED = "interrupted by SIGTERM"
-#: Promise: script and lines that it must print. The exit code of each script is 143.
+#: Cases by their promise: a script and the lines that it must print. Its exit code must be 143.
 SCENES = {
     "an import is completed, and its lock released": (
         """
@@ -178,7 +178,7 @@ sys.exit(0)
 
 @pytest.mark.parametrize("name", SCENES)
 def test_where_an_interrupt_is_raised(name: str, tmp_path: Path) -> None:
-    """A script that is interrupted prints the lines of its promise.
+    """A script that a signal interrupts prints the lines that belong to its case.
 
     It prints no traceback, and its exit code is 128 + number of the signal.
     """

@@ -22,7 +22,7 @@ from cam_rig.extras import EXTRAS, OPTIONAL
 from .processes import ended
 
 ROOT = Path(__file__).parents[1]
-#: rosdep keys of the libraries whose key is not python3-<name>.
+#: Keys of rosdep for the libraries whose key is not python3-<name>.
 KEYS = {
     "markupsafe": "python3-jinja2",
     "lz4": "mcap-ros2-support",
@@ -33,17 +33,17 @@ KEYS = {
 }
 #: Libraries whose module has another name than the package.
 IMPORTED_AS = {"PIL": "pillow", "rerun": "rerun-sdk", "sksundae": "scikit-sundae", "yaml": "pyyaml"}
-#: Libraries that only the scripts for reference values import.
+#: Libraries that are imported only by the scripts that compute reference values.
 MAKERS = {"mpmath"}
 #: Libraries that only the tests of other packages need, which use `cam_rig.testing`.
 TESTS = {"pytest"}
 IMPORTED_AS |= {"mkdocs": "mkdocs-material", "griffe": "mkdocstrings"}
 IMPORTED_AS |= {"pydantic_core": "pydantic", "rerun_cli": "rerun-sdk", "SALib": "salib"}
-#: Extras that are not part of `all`: comparison with other solvers, and a cluster.
+#: Extras of setup.py that are not part of `all`: comparison with other solvers, and a Dask cluster.
 APART = {"bench", "dask"}
 #: Lists of setup.py that `make setup` installs in addition to `all`.
 INSTALLED = ("CORE", "BENCH", "DASK", "ROS_WHEELS", "TEST")
-#: Example of the README without the bag. Libraries outside the core cannot be imported.
+#: Example of the README without its bag, run while libraries outside the core cannot be imported.
 TEN_LINES = """
 import sys
 
@@ -100,9 +100,10 @@ def imported(folder="cam_rig"):
 
 
 def test_what_is_imported_is_declared():
-    """Each library that the package, its benchmark or its tools import is declared.
+    """Each library that cam_rig, its benchmark or its tools import is declared.
 
-    Exceptions are optional libraries, and libraries that only tests and reference values need.
+    It is in a list of setup.py or has a rosdep key. Exceptions are optional libraries, and
+    libraries that only tests and reference values need.
     """
     lists, (keys, _) = lists_of_setup(), declared()
     known = lists["CORE"] | lists["ALL"] | lists["BENCH"] | lists["DASK"] | keys
@@ -130,7 +131,7 @@ def test_rosdep_and_pip_install_the_same():
 
 
 def names_in(file):
-    """Return the names in a stored copy of a list of ros/rosdistro."""
+    """Return the names in a file of test/rosdep, a stored list of ros/rosdistro."""
     lines = (ROOT / "test" / "rosdep" / file).read_text(encoding="utf-8").splitlines()
     return {line for line in lines if not line.startswith("#")}
 
@@ -198,7 +199,7 @@ def test_the_core_alone_runs_the_ten_lines():
     assert (done.stderr, done.stdout) == ("", "413.44\n")
 
 
-#: Missing library, a command that needs it, and the end of the error line.
+#: Cases: missing library, a command that needs it, and the end of its error line.
 LACKING = {
     "typer": ("--help", "cam_rig[cli]'"),
     "rerun": ("view bags/golden --save out/none.rrd", "cam_rig[view]'"),
@@ -252,12 +253,12 @@ FROM_UBUNTU = {
     *("ezdxf", "jinja2", "markupsafe", "matplotlib", "numpy", "pyyaml", "rich", "scipy"),
     "shapely",
 }
-#: Debian packages that a step needs in addition to the ROS image and the keys of rosdep.
+#: Debian packages that an installation step needs besides the ROS image and the rosdep keys.
 APT = {"python3-venv"}
 
 
 def pinned(path):
-    """Return the pinned versions in a requirements file, by name."""
+    """Return the pinned version of each library in a requirements file, by name."""
     return dict(re.findall(r"^([\w.-]+)==(\S+)", path.read_text(encoding="utf-8"), re.M))
 
 
@@ -395,12 +396,12 @@ def defined(node):
 
 @pytest.fixture(scope="module")
 def nodes():
-    """All classes and functions of the package, with the paths of their files."""
+    """All classes and functions of cam_rig, with the paths of their files."""
     return [(path, node) for path, text in PACKAGE.items() for node in defined(ast.parse(text))]
 
 
 def test_a_class_name_is_defined_once(nodes):
-    """No two classes of the package have the same name."""
+    """No two classes of cam_rig have the same name."""
     names = Counter(node.name for _, node in nodes if isinstance(node, ast.ClassDef))
     assert {name: count for name, count in names.items() if count > 1} == {}
 
@@ -417,7 +418,7 @@ def lines_without_docstrings(node, first, last):
 
 
 def test_no_file_is_too_long_to_read():
-    """Each file of the package has at most 420 lines, not counting docstrings."""
+    """Each file of cam_rig has at most 420 lines, not counting docstrings."""
     lines = {
         str(path): lines_without_docstrings(ast.parse(text), 1, len(text.splitlines()))
         for path, text in PACKAGE.items()
@@ -426,7 +427,7 @@ def test_no_file_is_too_long_to_read():
 
 
 def test_no_function_is_longer_than_a_screen(nodes):
-    """Each function of the package has at most 60 lines, not counting its docstring."""
+    """Each function of cam_rig has at most 60 lines, not counting its docstring."""
     lines = {
         f"{path}:{node.name}": lines_without_docstrings(node, node.lineno, node.end_lineno)
         for path, node in nodes

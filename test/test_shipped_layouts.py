@@ -22,7 +22,7 @@ from ruamel.yaml import YAML
 ROOT = Path(__file__).parents[1]
 LAYOUTS = sorted((ROOT / "config" / "layouts").iterdir())
 MARKERS, WRENCH = "visualization_msgs/msg/MarkerArray", "geometry_msgs/msg/WrenchStamped"
-#: Message type of each type of display in RViz.
+#: Message type that each type of display in RViz shows, or None.
 DISPLAYS = {
     "rviz_default_plugins/MarkerArray": MARKERS,
     "rviz_default_plugins/RobotModel": "std_msgs/msg/String",
@@ -32,7 +32,7 @@ DISPLAYS = {
 
 
 class Use(NamedTuple):
-    """Topic that a layout displays, with a field and the type of its messages."""
+    """Topic that a layout displays, with the displayed field and the message type."""
 
     topic: str
     field: str = ""
@@ -71,7 +71,7 @@ def rviz(path: Path) -> tuple[list[Use], set[str]]:
 
 
 def foxglove(path: Path) -> tuple[list[Use], set[str]]:
-    """Return the topics and fields of the panels in a Foxglove file, and the frame."""
+    """Return topics and fields of the panels in a Foxglove file, and the fixed frame."""
     layout = json.loads(path.read_text(encoding="utf-8"))
     panels, uses, frames = layout["configById"], list[Use](), set[str]()
     assert sorted(leaves(layout["layout"])) == sorted(panels), "panels that are not shown"
@@ -105,7 +105,7 @@ def leaves(node: Any) -> Iterator[str]:
 
 
 def plotjuggler(path: Path) -> tuple[list[Use], set[str]]:
-    """Return the curves of a PlotJuggler file, and no frames.
+    """Return the curves of a PlotJuggler file, and an empty set of frames.
 
     A curve is a topic and a field with slashes. For a joint, the name of the joint precedes the
     field.
@@ -122,7 +122,7 @@ READERS: dict[str, Callable[[Path], tuple[list[Use], set[str]]]] = {
 
 
 def number(message: Any, field: str) -> float:
-    """Return the number of a message at a path.
+    """Return the number in a message at a path of fields.
 
     A path is, for example, ``position[0]`` or ``wrench.force.y``.
     """
@@ -134,7 +134,10 @@ def number(message: Any, field: str) -> float:
 
 
 def curve(golden: SimpleNamespace, name: str) -> float:
-    """Return the number in the golden bag that a curve of PlotJuggler displays."""
+    """Return the number in the golden bag that a curve of PlotJuggler displays.
+
+    `name` is the name of the curve: topic and field with slashes.
+    """
     topic = max((t for t in golden.types if name.startswith(f"{t}/")), key=len)
     message, path = golden.messages[topic], name.removeprefix(f"{topic}/")
     if golden.types[topic] == "sensor_msgs/msg/JointState":

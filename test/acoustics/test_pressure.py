@@ -24,7 +24,7 @@ RATE, SPEED = 4000, 30.0
 
 @pytest.fixture
 def silent(radiation):
-    """Constants of radiation with a negligible background level of −400 dB."""
+    """Radiation constants whose background level is negligible (−400 dB)."""
     return dataclasses.replace(radiation, background=-400.0)
 
 
@@ -49,10 +49,10 @@ def test_levels_have_their_reference_values():
 
 
 def test_constants_are_those_of_the_rig_file(rig, follower, radiation):
-    """The constants of radiation are those of the rig file, converted to SI.
+    """Radiation constants in SI equal those of the rig file, and scale as documented.
 
-    The power of the background rises with speed by its slope per octave. The energy of a landing is
-    zero without an impulse, and four times as large for twice the impulse.
+    The power of the background noise rises with speed by its slope per octave. The radiated energy
+    of a landing is zero without an impulse, and four times as large for twice the impulse.
     """
     constants, base = (
         acoustics.RadiationParameters.from_rig(rig),
@@ -75,8 +75,9 @@ def test_constants_are_those_of_the_rig_file(rig, follower, radiation):
 def test_landing_energy_is_a_half_sine_through_the_structure(radiation, share):
     """The energy of a landing is that of a half-sine pulse filtered by the structure.
 
-    The formula is the limit for a short pulse. The energy of the closed-form response, integrated
-    numerically, agrees with it within twice the ratio of contact time to time constant.
+    The structure is a first-order low-pass filter. The tested formula is the limit for a short
+    pulse. The energy of the closed-form response, integrated numerically, agrees with it within
+    twice the ratio of contact time to filter time constant.
     """
     # During the pulse the energy tends to (gain ω_c J)² π²/(8 T_c) as ω_c T_c → 0. The structure
     # ends at ω_c J and then adds gain² ω_c³ J²/2, which the microphone receives through q.
@@ -101,8 +102,9 @@ def test_landing_energy_is_a_half_sine_through_the_structure(radiation, share):
 def test_the_low_pass_is_the_recursion():
     """The block-wise low-pass filter equals the sample-by-sample recursion to 1e-13.
 
-    The division of the samples into calls has no effect. Decays and lengths cover no filter, a very
-    fast filter, an empty input and inputs around the block size.
+    The result does not depend on how the samples are divided into calls. The tested decay rates run
+    from no filter to a very fast one, and the lengths include an empty input and the block size ±
+    1.
     """
     # The factor from the end of a block to the next one is rounded once per block, within the
     # memory of the low-pass filter.
@@ -126,9 +128,11 @@ def test_the_low_pass_is_the_recursion():
 
 
 def structure_after_force(radiation, ordinates, rate, seconds=0.5):
-    """Return the state of the structure after a polynomial force.
+    """Return two states of the structure after a polynomial force: sampled and exact.
 
-    The second number is the exact state, from the propagator of a polynomial.
+    The structure is the low-pass filter between contact force and sound pressure. The first state
+    follows from the force at `rate` samples per second, the second from the closed form of the
+    filter's response. `ordinates` are the Bernstein coefficients of the force over `seconds`.
     """
     force = bernstein.evaluate(ordinates, np.linspace(0.0, 1.0, int(seconds * rate) + 1))
     state, _ = rms_pressure(radiation, None, force, np.zeros_like(force), rate, SPEED)
@@ -138,10 +142,11 @@ def structure_after_force(radiation, ordinates, rate, seconds=0.5):
 
 
 def test_the_structure_is_exact_under_a_linear_force(silent, random):
-    """Under a linear force the state of the structure is exact, to rounding (1e-12).
+    """The filter state after a force that is linear in time is exact to 1e-12.
 
-    Under a curved force the method replaces each sample interval by a chord, so that the error
-    falls to a quarter at twice the sample rate.
+    The filter is the structure between contact force and sound pressure. Under a curved force the
+    method replaces the force by a straight line in each sample interval, so that its error falls to
+    a quarter at twice the sample rate.
     """
     # The error of a chord is of second order in the sample interval.
     result, exact = structure_after_force(silent, np.array([3.0, -40.0]), RATE)
@@ -155,9 +160,10 @@ def test_the_structure_is_exact_under_a_linear_force(silent, random):
 
 
 def test_pressure_of_ramps_and_of_rest(radiation, silent, random):
-    """A ramp of 500 N/s has the pressure gain · Ḟ after its transient.
+    """A force that rises by 500 N/s gives the pressure 500·gain after the transient.
 
-    At rest the pressure is that of the background.
+    A constant force gives the pressure of the background noise alone. Without background, twice the
+    gain gives twice the pressure. The relative tolerance is 1e-12.
     """
     t, none = np.arange(2 * RATE) / RATE, np.zeros(RATE)
     state, _ = rms_pressure(silent, None, 500.0 * t[:RATE], none, RATE, SPEED)
@@ -174,7 +180,7 @@ def test_pressure_of_ramps_and_of_rest(radiation, silent, random):
 
 
 def test_two_blocks_have_the_energy_of_one(radiation, random):
-    """The energy of two consecutive blocks equals that of the joined block.
+    """The sound energy of two consecutive blocks equals that of one joined block.
 
     Thus the length of a block has no effect on the sound.
     """
@@ -191,9 +197,10 @@ def test_two_blocks_have_the_energy_of_one(radiation, random):
 
 
 def test_a_landing_radiates_pulse_and_decay(silent):
-    """A landing radiates the energy of its pulse and of the decay of the structure.
+    """A landing radiates the energy of its pulse and of the decay after it.
 
-    In the limit of a high sample rate the decay has the closed form gain² ω_c³ J²/2.
+    The decay is that of the structure, a low-pass filter with the corner ω_c. In the limit of a
+    high sample rate it has the closed form gain² ω_c³ J²/2 for an impulse J.
     """
     impulse, none, w = np.zeros(RATE), np.zeros(RATE), silent.corner_rate
     impulse[10] = 1.5
@@ -221,16 +228,16 @@ FAST = 12_000
 
 
 def smooth_force(seconds):
-    """Return a force of some tens of N with harmonics up to 60 Hz."""
+    """Return samples of a force (N) of `seconds`, the sum of 12 harmonics of 5 Hz."""
     t = np.arange(round(seconds * FAST)) / FAST
     return sum(30.0 / n * np.cos(2.0 * np.pi * 5.0 * n * t + n) for n in range(1, 13))
 
 
 def test_samples_have_the_energy_of_rms_pressure(silent):
-    """The Leq of the samples equals that of `rms_pressure` to 1e-3 dB.
+    """The equivalent level of the pressure samples equals that of `rms_pressure`.
 
-    There is no background. The force is linear between its samples, so a higher rate of the sound
-    only interpolates.
+    The tolerance is 1e-3 dB, without background noise. The force is linear between its samples, so
+    a sound with a higher sample rate only adds interpolated values.
     """
     # The samples of the higher rate that coincide in time are also equal.
     force, none = smooth_force(1.0), np.zeros(FAST)
@@ -243,7 +250,7 @@ def test_samples_have_the_energy_of_rms_pressure(silent):
 
 
 def test_the_rate_is_a_multiple_from_96_khz_on(silent):
-    """The sample rate is the smallest multiple of the block's rate from 96 kHz upward."""
+    """The rate of the sound is the smallest multiple of the force's from 96 kHz."""
     rates = {1000: 96_000, 12_000: 96_000, 44_100: 132_300, 96_000: 96_000, 200_000: 200_000}
     for block_rate, rate in rates.items():
         source, block = SoundSource(silent, block_rate), np.zeros(10)
@@ -252,10 +259,11 @@ def test_the_rate_is_a_multiple_from_96_khz_on(silent):
 
 
 def test_a_landing_keeps_area_and_energy(silent):
-    """A sampled landing has the area gain ω_c J, even if shorter than a sample.
+    """The pressure pulse of a landing has the area gain·ω_c·J for an impulse J.
 
-    The energy of the sampled half sine agrees with `landing_energy` within 1 % if the pulse has at
-    least 0.2 ms at 96 kHz.
+    ω_c is the corner of the low-pass filter. This applies even if the pulse is shorter than a
+    sample. The energy of the sampled half sine agrees with `landing_energy` within 1 % if the pulse
+    has at least 0.2 ms at 96 kHz.
     """
     # The pulse of 1 µs is shorter than a sample, so only its area is compared.
     impulse, none = np.zeros(200), np.zeros(200)
@@ -273,7 +281,10 @@ def test_a_landing_keeps_area_and_energy(silent):
 
 @pytest.mark.parametrize("size", [1, 3, 250, 999])
 def test_samples_do_not_depend_on_blocks(radiation, random, size):
-    """Any division into blocks gives the same samples, even within a landing's pulse."""
+    """The pressure samples do not depend on how the force is divided into blocks.
+
+    A division may even fall within the pulse of a landing.
+    """
     force = smooth_force(1000 / FAST)
     impulse = np.where(random.random(1000) < 0.02, 0.4, 0.0)
     whole = SoundSource(radiation, FAST).pressure(force, impulse, SPEED)
@@ -284,7 +295,10 @@ def test_samples_do_not_depend_on_blocks(radiation, random, size):
 
 
 def test_the_background_has_its_level_and_seed(radiation):
-    """At rest the background has the level of the speed, and depends on the seed."""
+    """Without a changing force the pressure has the background level of the cam speed.
+
+    The random samples of the background differ with the seed.
+    """
     source, still = SoundSource(radiation, FAST), np.full(2 * FAST, 100.0)
     for speed in (radiation.background_reference_speed, 2.0 * radiation.background_reference_speed):
         level = float(level_db(rms(source.pressure(still, 0.0 * still, speed))))
@@ -299,9 +313,10 @@ def test_the_background_has_its_level_and_seed(radiation):
 
 
 def test_background_spectrum():
-    """The background has unit variance at any rate.
+    """The random samples of the background noise have unit variance.
 
-    Above the corner it falls by 6 dB per octave.
+    This is so at any sample rate. Above the corner frequency their spectrum falls by 6 dB per
+    octave.
     """
     for rate in (48_000, 96_000):
         noise = Background(500.0, rate, seed=4).samples(5 * rate)
@@ -316,9 +331,11 @@ def test_background_spectrum():
 
 
 def parseval(law, p, corner_rate, speed, points=2**17):
-    """Return the mean square of the filtered force rate, from its harmonics.
+    """Return the mean square (N²/s²) of the filtered force rate, by harmonics.
 
-    It is Σ |iω ω_c/(ω_c + iω) F(ω)|², which Parseval's theorem equates to the mean in time.
+    The filter is a low-pass of first order. The mean square is Σ |iω ω_c/(ω_c + iω) F(ω)|² over the
+    harmonics F of the kinetostatic contact force. Parseval's theorem equates it to the mean over
+    time.
     """
     s, ds, dds = (law(np.arange(points) * TURN / points, k) for k in range(3))
     force = p.mass * speed**2 * dds + p.damping * speed * ds + p.spring_stiffness * s
@@ -332,7 +349,10 @@ def parseval(law, p, corner_rate, speed, points=2**17):
 @pytest.mark.parametrize("corner", [1.0, 20.0, 1000.0])
 @pytest.mark.parametrize("rpm", [200.0, 400.0])
 def test_mean_square_agrees_with_parseval(laws, follower, name, corner, rpm):
-    """The mean square of the filtered Ḟ in time equals the sum over its harmonics."""
+    """The closed-form mean square of the filtered force rate equals Parseval's sum.
+
+    The sum is over the harmonics of the force. The relative tolerance is 1e-8.
+    """
     # 1e-8: harmonics of a continuous force fall as n⁻², and behind the filter as n⁻⁴ or faster.
     rate, speed = 2.0 * np.pi * corner, rpm * RPM
     exact = mean_square_rate(laws[name], follower, rate, speed)

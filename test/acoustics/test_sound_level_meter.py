@@ -27,7 +27,8 @@ RATE, LOW_RATE = 96_000, 48_000
 
 RATES = [8000, 11_025, 12_000, 16_000, 22_050, 32_000, 44_100, 48_000, 96_000, 192_000, 10**6]
 RATES += np.random.default_rng(1).integers(8000, 10**6, 5).tolist()
-#: Frequencies (Hz) up to which the filters are class 1, by sample rate.
+#: Highest frequency (Hz) at which the filters still meet class 1 of IEC 61672-1, by sample rate
+#: (Hz).
 REACH = {96_000: 20e3, 48_000: 20e3, 44_100: 20e3, 40_000: 20e3, 32_000: 16e3, 12_000: 5e3}
 REACH |= {8000: 4e3, 1000: 400.0, 100: 40.0, 19: 0.0}
 
@@ -43,10 +44,10 @@ def test_goals_of_the_table_are_those_of_annex_e():
 
 
 def test_the_response_is_the_analog_one():
-    """Digital weightings agree with analog weightings at any sample rate.
+    """Digital weighting filters A, C and Z agree with the analog curves at any rate.
 
-    The error is at most 0.07 dB up to 0.9 of half the rate or of 20 kHz, and 0.55 dB up to the
-    end.
+    The error is at most 0.07 dB up to 0.9 of half the sample rate or of 20 kHz, whichever is lower,
+    and 0.55 dB above it.
     """
     for i, rate in enumerate(RATES):
         curve, top = "AC"[i % 2], min(rate / 2.0, 20_000.0)
@@ -63,9 +64,11 @@ def test_the_response_is_the_analog_one():
 
 
 def test_class_1_reaches_half_the_rate_or_20_khz(monkeypatch):
-    """The weightings are class 1 up to the last third octave below half the rate.
+    """Weighting filters meet class 1 up to half the sample rate, at most to 20 kHz.
 
-    The standard ends at 20 kHz. The bilinear transform is reported to reach less.
+    The last tested frequency is the last third octave below this limit. For comparison, filters
+    from the bilinear transform at 12 kHz meet class 1 only up to 3.15 kHz, and `class_1_up_to_hz`
+    reports it.
     """
     # The bilinear transform at 12 kHz is class 1 only up to 3.15 kHz, and is reported as such.
     assert {rate: class_1_up_to_hz(rate) for rate in REACH} == REACH
@@ -107,7 +110,7 @@ def tone(frequency, level, seconds, rate=RATE):
 
 
 def steady_level(meter, frequency, level):
-    """Return Leq of a tone after the transient of the filters."""
+    """Return Leq (dB) of a tone of `level` dB, read after the filters have settled."""
     seconds = max(0.2, 20.0 / frequency)
     for _ in range(2):
         whole = np.ceil(seconds * frequency) / frequency
@@ -179,7 +182,11 @@ def test_readings_do_not_depend_on_blocks():
 
 
 def test_level_of_a_steady_sound_is_its_equivalent_level():
-    """With a pulse per block, the averaged Fast level is Leq at any phase of the end."""
+    """For one pulse per block the averaged Fast level equals the equivalent level Leq.
+
+    The tolerance is 1e-3 dB. The level at the end of a block is more than 3 dB below the maximum,
+    so a reading at a single instant would depend on its phase.
+    """
     meter, block = SoundLevelMeter(RATE, "Z", "F"), np.zeros(RATE // 5)
     block[: RATE // 100] = 1.0
     for _ in range(15):
@@ -209,9 +216,9 @@ def test_overload_and_under_range_are_shown():
 
 
 def test_invalid_weightings_and_samples_are_refused():
-    """Unknown weightings, empty blocks and non-finite samples are refused.
+    """The sound-level meter refuses unknown weightings, empty blocks and NaN samples.
 
-    The error lists the weightings of the standard. The meter does not change.
+    The error lists the weightings of the standard. The state of the meter does not change.
     """
     # A refused block does not change the state of the meter.
     for arguments, message in (
@@ -254,9 +261,9 @@ def test_levels_of_a_tone():
 
 
 def test_samples_of_a_file_are_scaled_to_full_scale():
-    """Full scale of a file is 1, 2 or 5 times a power of ten, at least the peak.
+    """The full scale of a sound file is 1, 2 or 5 times a power of ten (Pa).
 
-    The samples are proportional to the pressure.
+    It is at least the peak. The samples in the file are proportional to the pressure.
     """
     # Samples are proportional to the pressure, ±scale is the largest number, little-endian.
     scales = {0.9: 1.0, 1.0: 1.0, 1.1: 2.0, 3.0: 5.0, 60.0: 100.0, 0.0: 1.0}
@@ -266,9 +273,9 @@ def test_samples_of_a_file_are_scaled_to_full_scale():
 
 
 def test_bands_have_their_frequencies_and_levels():
-    """There are 32 bands from 12.5 Hz to 16 kHz, with mid-band frequencies 10^(n/10).
+    """There are 32 third-octave bands from 12.5 Hz to 16 kHz.
 
-    At a rate of 1 kHz the last band is 400 Hz.
+    Their mid-band frequencies are 10^(n/10) Hz. At a sample rate of 1 kHz the last band is 400 Hz.
     """
     # In white noise each band has a power proportional to its bandwidth.
     spectrum = third_octaves(np.random.default_rng(8).normal(size=10 * LOW_RATE), LOW_RATE)
@@ -282,7 +289,7 @@ def test_bands_have_their_frequencies_and_levels():
 
 @pytest.mark.parametrize("number", [15, 39])
 def test_a_tone_is_in_its_band(number):
-    """A tone at the middle of a band has its level there, to 0.1 dB.
+    """A tone at the middle of a third-octave band has its level there, to 0.1 dB.
 
     The neighbouring bands are 17 dB lower.
     """

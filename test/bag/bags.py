@@ -24,14 +24,14 @@ from cam_rig.simulation.scene import open_scene
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 BY_NAME = {topic.name: topic for topic in RECORDING}
 QUICK = config_root() / "scenes" / "quick.yaml"
-#: Scene of the golden bag, loaded.
+#: Scene of the golden bag (the reference recording), loaded.
 LOADED = open_scene(QUICK)
 
 
 def record(bag, golden, **how):
-    """Return a recorder that has received all messages of the golden bag and is open.
+    """Return an open recorder that has received all messages of the golden run.
 
-    `how` has options of `BagRecorder`.
+    `golden` is the list of the fixture with this name. `how` has options of `BagRecorder`.
     """
     recorder = BagRecorder(bag, LOADED, **how)
     for topic, number, cdr in golden:
@@ -54,7 +54,7 @@ def payloads(bag):
 
 
 def cut_off(bag, size, source=GOLDEN):
-    """Return a copy of a bag whose file ends early, as after a kill of the recorder.
+    """Write and return a truncated copy of a bag, as after a kill of the recorder.
 
     `size` is the number of bytes that are kept, or their fraction if it is less than 1.
     """
@@ -65,7 +65,7 @@ def cut_off(bag, size, source=GOLDEN):
 
 
 class WrappedFile(io.FileIO):
-    """Unbuffered copy of an open file, whose subclasses change how it writes."""
+    """Unbuffered second handle of an open file. Its subclasses change how it writes."""
 
     def __init__(self, raw):
         super().__init__(os.dup(raw.fileno()), "w")
@@ -73,9 +73,9 @@ class WrappedFile(io.FileIO):
 
 
 class Dying(WrappedFile):
-    """File that calls `step` before, halfway through and after each write.
+    """File that calls `step` before and within each write, and before truncation.
 
-    `step` may kill the process.
+    A test uses `step` to kill the process at that moment.
     """
 
     def __init__(self, raw, step):
@@ -95,7 +95,10 @@ class Dying(WrappedFile):
 
 
 def _arm(step):
-    """Make all file operations of this process call `step` before and after."""
+    """Make all file operations of this process call `step`, for example to kill it.
+
+    `step` is called before and after each operation on folders and names, and around each write.
+    """
 
     def around(function):
         def stepped(*arguments, **named):
@@ -115,7 +118,7 @@ def _arm(step):
 def _forked(action, step):
     """Run an action in a forked process whose file operations call `step`.
 
-    The exit status of the process is returned.
+    Return the wait status of the process. The action must end without an error or be killed.
     """
     child = os.fork()
     if child == 0:
@@ -134,10 +137,11 @@ def _forked(action, step):
 
 
 def killed_bags(prepare, some):
-    """Yield the bags of an action that was killed at some of its file operations.
+    """Yield bags whose writing was killed, each at another file operation.
 
-    `prepare(name)` returns a bag path and an action on it. `some` is the number of operations at
-    which a process is killed, or 0 for all.
+    `prepare(name)` returns a bag path and a function that writes the bag. `some` is the number of
+    operations at which a process is killed, or 0 for all. A first complete run counts the
+    operations.
     """
     seen, steps = os.pipe(), count()
     _forked(prepare("rehearsal")[1], lambda: os.write(seen[1], b"."))
@@ -158,7 +162,7 @@ def killed_bags(prepare, some):
 
 
 class Frugal:
-    """Context manager that fails beyond 500 MB of memory or 10 s of processor time."""
+    """Context manager that fails if its block needs 500 MB or 10 s of processor time."""
 
     def __enter__(self):
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # resets the peak memory

@@ -12,7 +12,7 @@ from .bags import BY_NAME, GOLDEN, Frugal, record
 
 @pytest.fixture(scope="session")
 def golden():
-    """Messages that a recorder receives in the golden run.
+    """Messages that a recorder receives in the golden run (the reference recording).
 
     Each is (topic, number within the topic, bytes). Messages that the recorder computes itself are
     excluded.
@@ -29,7 +29,10 @@ def golden():
 
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory, golden):
-    """Recording of the golden run in one file, with two motion messages per turn."""
+    """Path of a recording of the golden run in one file.
+
+    Its motion messages are limited to two per turn.
+    """
     bag = tmp_path_factory.mktemp("whole") / "bag"
     record(bag, golden, samples_per_turn=2).close()
     return bag
@@ -37,7 +40,7 @@ def whole(tmp_path_factory, golden):
 
 @pytest.fixture(scope="session")
 def split(tmp_path_factory, golden):
-    """Recording of the golden run in files of 0.5 s. The run takes 2.5 s."""
+    """Path of a recording of the golden run in files of 0.5 s. The run takes 2.5 s."""
     bag = tmp_path_factory.mktemp("split") / "bag"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DISTRO", "kilted")
@@ -61,12 +64,12 @@ class Kept:
 
 @pytest.fixture
 def kept():
-    """Bag writer that keeps the written messages in memory."""
+    """Replacement of a bag writer that keeps the written messages in memory."""
     return Kept()
 
 
 @pytest.fixture
 def frugal():
-    """Limit memory and processor time of the whole test."""
+    """Fail the test if it needs over 500 MB of memory or 10 s of processor time."""
     with Frugal():
         yield

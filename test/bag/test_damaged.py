@@ -38,7 +38,7 @@ LENGTHS = (0, 1, 8, 22, 255, 2**16, 2**20, 2**31, 2**32 - 1, 2**40, 2**63, 2**64
 
 
 def compressed(path, kind):
-    """Write the golden bag with the chunk compression of another writer."""
+    """Write the golden bag with the compression `kind`, by another MCAP library."""
     with bag_file(GOLDEN).open("rb") as source, path.open("wb") as target:
         reader, writer = make_reader(source), Writer(target, compression=kind, chunk_size=20_000)
         writer.start("ros2", "other")
@@ -59,7 +59,10 @@ def compressed(path, kind):
 
 @pytest.fixture(scope="module")
 def originals(tmp_path_factory):
-    """One bag in three compressions: its bytes, and the positions of record lengths."""
+    """The golden bag uncompressed, with zstd and with lz4.
+
+    Each is (bytes of the file, byte positions of the length field of each record).
+    """
     folder, found = tmp_path_factory.mktemp("originals"), []
     files = [bag_file(GOLDEN)]
     files += [
@@ -166,10 +169,10 @@ def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, seed):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", CASES)
 def test_saved_messages_equal_the_recorded_messages(tmp_path, originals, seed):
-    """Messages recovered from a damaged bag equal the recorded messages in order.
+    """Messages recovered from a damaged bag equal the recorded messages, in order.
 
-    The bag was cut off, or a part of it was overwritten with zeros. Wrong messages may not exceed
-    the number that is reported as doubtful.
+    The bag was cut off, or overwritten with zeros in one place. At most as many messages may be
+    wrong as the recovery reports as doubtful.
     """
     chance = random.Random(seed)
     original, heads = originals[seed % 3]
@@ -225,7 +228,7 @@ def message(dimensions, data):
 
 @st.composite
 def laws(draw):
-    """Generate arrays with the shape of a law and arbitrary numbers."""
+    """Generate arrays with the shape of an encoded motion law and arbitrary numbers."""
     pieces, ordinates = draw(st.integers(1, 4)), draw(st.integers(1, 6))
     data = draw(
         st.lists(NUMBERS, min_size=pieces * (ordinates + 1), max_size=pieces * (ordinates + 1))
@@ -256,7 +259,10 @@ STATES = st.builds(
 
 @given(st.lists(STATES | laws(), max_size=8))
 def test_a_follower_stays_finite_for_any_message(received):
-    """The follower refuses any invalid law or state, or computes finite samples."""
+    """The follower refuses any invalid law or cam state, or computes finite samples.
+
+    A refusal is an error of one line.
+    """
     bench = FollowerSimulator.of(LOADED)
     follower = FollowerQueue(bench, LOADED.scene)
     for one in received:
@@ -283,7 +289,7 @@ def test_any_array_is_decoded_or_refused(dimensions, data):
 
 @given(st.lists(NUMBERS, min_size=1, max_size=8), st.floats(1e-3, 1e4))
 def test_a_microphone_stays_finite(forces, speed):
-    """The microphone refuses samples with any numbers, or computes a finite level."""
+    """The microphone refuses force samples of any value, or computes a finite level."""
     rows = np.zeros((6, len(forces)))
     rows[4], rows[5] = forces, forces[::-1]
     dimensions, data = codec.encode_block(rows)
@@ -297,7 +303,7 @@ def test_a_microphone_stays_finite(forces, speed):
 
 @given(st.lists(st.tuples(st.sampled_from(topics.RECORDING), st.binary(max_size=80)), max_size=10))
 def test_a_recorder_continues_after_any_message(kept, received):
-    """The recorder writes or refuses a message of arbitrary bytes, and continues."""
+    """A recorder writes or refuses a message of random bytes, and continues."""
     session = RecordingSession(kept, StateValidator(1000.0))
     for topic, cdr in received:
         try:

@@ -24,7 +24,10 @@ from .bags import GOLDEN, LOADED
 
 
 def test_the_golden_bag_is_small_and_complete():
-    """The golden bag has less than 2 MB and every tick (time step) of its scene."""
+    """The golden bag has less than 2 MB and every tick of its scene.
+
+    A tick is the interval between two published cam states, here one turn.
+    """
     assert sum(f.stat().st_size for f in GOLDEN.iterdir()) < 2_000_000
     recording = read_recording(GOLDEN)
     counts = require_complete(GOLDEN, recording.loaded.scene)
@@ -33,7 +36,7 @@ def test_the_golden_bag_is_small_and_complete():
 
 @pytest.fixture(scope="module")
 def everything():
-    """Topic, log time and message of all messages, in the order of the file."""
+    """Topic, log time (ns) and message of the golden bag's messages, in file order."""
     with AnyReader([GOLDEN]) as reader:
         return [
             (connection.topic, time, reader.deserialize(raw, connection.msgtype))
@@ -126,7 +129,7 @@ WANTED = ("/joint_states", "/follower/contact", "/cam/state")
 
 
 def test_two_readers_find_the_motion_of_the_samples(everything):
-    """Two bag readers find equal motion messages, which agree with the samples.
+    """Two bag readers find equal motion messages, which agree with the force samples.
 
     Peaks of force and lift, and the shaft power, are those of the samples.
     """

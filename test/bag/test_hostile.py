@@ -41,7 +41,10 @@ def packed_zeros(size, compression):
 
 
 def file_of(path, *records, summary=()):
-    """Write a complete MCAP file of these records. Readers use its summary."""
+    """Write a complete MCAP file of these records, and return its path.
+
+    `summary` has the records of the summary section, from which readers find the chunks.
+    """
     out = RecordBuilder()
     Header("ros2", "other").write(out)
     for record in (*records, DataEnd(0)):
@@ -55,7 +58,10 @@ def file_of(path, *records, summary=()):
 
 
 def index_of(chunk, offset, **changes):
-    """Return the index record of a chunk for the summary, with some changed fields."""
+    """Return the index record of a chunk at a file offset, for the summary section.
+
+    `changes` replaces fields of the record, so that it is wrong.
+    """
     claims = {
         "chunk_length": 9 + 40 + len(chunk.compression) + len(chunk.data),
         "chunk_start_offset": offset,
@@ -78,7 +84,11 @@ def chunk(data, compression, claimed, begin=0, end=10):
 
 
 def read_all(file):
-    """Read a file with each reader and recovery, and return their error texts."""
+    """Read a file with each bag reader and the recovery, and return their errors.
+
+    A list of error messages is returned, with an empty text for a reader without an error. Each
+    message must be one line below 1000 characters.
+    """
     errors = []
     for read in (
         read_counts,
@@ -103,9 +113,9 @@ PACKED = [("zstd", True), ("lz4", True), ("zstd", False), ("lz4", False)]
 @pytest.mark.variants(2)
 @pytest.mark.parametrize(("compression", "honest"), PACKED)
 def test_a_few_bytes_that_unpack_to_a_gigabyte_are_refused(tmp_path, frugal, compression, honest):
-    """A chunk that unpacks to a gigabyte is refused before it is unpacked.
+    """A small chunk that unpacks to a gigabyte is refused before it is unpacked.
 
-    This is so whether it states its true size or claims 1000 bytes.
+    The tested chunks state their true size, or falsely claim 1000 bytes.
     """
     data = packed_zeros(GIB, compression)
     one = chunk(data, compression, GIB if honest else 1000)
@@ -125,7 +135,7 @@ def test_many_small_chunks_are_refused_by_their_sum(tmp_path, frugal):
 
 
 def test_a_wrong_chunk_index_does_not_hide_messages(tmp_path):
-    """If the chunk index is wrong, messages are read with the data of the chunk."""
+    """If the chunk index in the summary is wrong, the chunk itself is read."""
     body = struct.pack("<BQHIQQ", 5, 30, 1, 1, 5, 5) + bytes(8)
     one = chunk(body, "", len(body))
     topic = [Schema(1, b"x", "ros2msg", "a/msg/B"), Channel(1, "/x", "cdr", {}, 1)]
@@ -162,7 +172,7 @@ def test_data_that_cannot_be_unpacked_are_refused(tmp_path):
 @pytest.mark.parametrize("length", [2**20, 2**32, 2**62, 2**64 - 1])
 @pytest.mark.parametrize("opcode", [1, 3, 4, 5, 6, 7, 8, 9, 11, 12, 200])
 def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, length):
-    """A record that claims to be longer than its file is refused without reading it.
+    """A record that claims to be longer than its file is refused without being read.
 
     A recovery skips the record and saves all messages.
     """
@@ -259,7 +269,7 @@ def test_a_topic_of_another_type_is_refused(tmp_path):
 
 
 def test_the_number_of_topics_is_limited(tmp_path, frugal):
-    """A recovery of 2000 topics writes 1000 of them and reports damage."""
+    """A recovery of a bag with 2000 topics saves 1000 topics and reports damage."""
     records = [Schema(1, b"", "ros2msg", "a/msg/B")]
     records += [Channel(i + 1, f"/t{i}", "cdr", {}, 1) for i in range(2_000)]
     out = RecordBuilder()

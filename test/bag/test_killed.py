@@ -23,11 +23,12 @@ from cam_rig.studies.simulate.recorded import read_recording
 from .bags import GOLDEN, LOADED, cut_off, killed_bags, payloads, record
 
 SPLIT = Split(duration=0.7)
-#: Number of file operations at which a process is killed (0: all).
+#: Argument `some` of `killed_bags`: number of file operations at which a process is killed (0:
+#: all).
 SOME = pytest.mark.parametrize("some", [3, pytest.param(0, marks=pytest.mark.long)])
 
 
-#: `payloads` with a cache, for bags that do not change.
+#: Function `payloads` (messages of a bag by topic) with a cache, for bags that do not change.
 once = cache(payloads)
 
 
@@ -38,9 +39,10 @@ def names(bag):
 @SOME
 @pytest.mark.parametrize("in_place", [True, False])
 def test_a_recovery_may_be_killed_at_any_step(tmp_path, some, in_place):
-    """A recovery killed at any file operation can be repeated and saves every message.
+    """A recovery that is killed at any file operation can be repeated.
 
-    Before that, readers refuse the incomplete bag. This applies in place and into a new folder.
+    The repeated recovery saves every message. Before that, readers refuse the incomplete bag. This
+    applies to a recovery in place and to one into a new folder.
     """
     torn = cut_off(tmp_path / "torn", 60_000)
     recover(torn, tmp_path / "all")
@@ -85,10 +87,14 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, whole, some)
 
 @SOME
 def test_a_recorder_killed_while_splitting_keeps_flushed_messages(tmp_path, golden, some):
-    """A recorder killed at the start of a new file loses no flushed message."""
+    """A recorder that is killed while it starts a new file loses no flushed message."""
 
     def noting(bag):
-        """Return a recorder that writes its number of flushed messages to a file."""
+        """Write a bag and store the number of its flushed messages in a file next to it.
+
+        This returns the function that does so. The file shows a test what a killed recorder had
+        written.
+        """
         recorder = BagRecorder(bag, LOADED, split=SPLIT, samples_per_turn=2)
         for topic, number, cdr in golden[: len(golden) // 2]:
             recorder.take(topic, cdr, b"live", number)
@@ -139,7 +145,8 @@ def test_a_recovery_of_two_files_may_be_killed_at_any_step(tmp_path, split, some
 def test_a_recorder_killed_at_its_start_has_recorded_no_message(tmp_path):
     """A bag whose recorder was killed before its first message is reported as empty.
 
-    The kill is before the file exists, before its first byte, or before the first message.
+    The three cases are a folder without a file, a file without a byte, and a file without a
+    message.
     """
     bag = tmp_path / "bag"
     bag.mkdir()
@@ -168,7 +175,7 @@ def test_two_recoveries_at_once_are_refused(tmp_path):
 
 
 def write(bag, every):
-    """Write a bag of 60 sound levels, with `every` messages per chunk."""
+    """Write a bag of 60 sound levels, with `every` messages per MCAP chunk."""
     with BagWriter(bag) as writer:
         for time in range(60):
             writer.write(LEVEL, time, b"\0\1\0\0" + bytes(8))
@@ -227,9 +234,10 @@ def test_an_existing_target_and_an_empty_source_are_refused(tmp_path):
 
 
 def assert_same_numbers(made, expected):
-    """Check that the numbers of serialized messages are equal to 1e-12.
+    """Check that the numbers of two serialized messages are equal to 1e-12, relative.
 
-    Another processor's sine may differ in the last digits.
+    The absolute tolerance is 1e-15. The sine function of another processor may differ in the last
+    digits.
     """
     assert len(made) == len(expected)
     count = (len(made) - 4) // 8  # doubles are aligned after the 4-byte header
@@ -243,7 +251,9 @@ def assert_same_numbers(made, expected):
 def test_derived_motion_has_the_requested_points_per_turn(tmp_path, golden):
     """A recording has the requested number of motion messages per turn.
 
-    The default is the number of the scene. All other messages are unchanged.
+    For the requested 12 it has 12 to 14. The recorder computes these messages from the samples. By
+    default their number is that of the scene, and they equal those of the golden bag. All other
+    messages are unchanged.
     """
     record(tmp_path / "unkilled", golden).close()
     unkilled = payloads(tmp_path / "unkilled")

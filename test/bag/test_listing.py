@@ -20,7 +20,7 @@ TIMES = [0.01 * i for i in range(50)]
 
 @pytest.fixture
 def bag(tmp_path, split):
-    """Copy of the golden run in several files."""
+    """Copy of a recording of the golden run in several files."""
     return shutil.copytree(split, tmp_path / "bag")
 
 
@@ -149,7 +149,7 @@ def test_the_total_is_compared_if_metadata_has_no_counts_per_file(bag):
 
 
 def test_files_named_as_in_lyrical_are_read_in_the_order_of_their_numbers(bag, split):
-    """Without metadata.yaml the leading number of a file's name gives the order of the files.
+    """Without metadata.yaml the leading numbers of names order the files.
 
     ROS 2 Lyrical names the files of a split bag `{number}_{bag}_{time}.mcap`. A missing number is
     an error, as for the names `{bag}_{number}.mcap`.

@@ -36,7 +36,10 @@ RECORDS = [record[1:3] for record in RECORDS if isinstance(record, RecordedMessa
 
 
 def held(keep=lambda topic, message: True):
-    """Return the inventory of the golden bag for the messages that `keep` selects."""
+    """Return the inventory of the golden bag's messages, which shows missing messages.
+
+    `keep` is a function of topic and message that returns False for a message to leave out.
+    """
     found = Holdings()
     for channel, message in RECORDS:
         if keep(channel.topic, message):
@@ -45,20 +48,24 @@ def held(keep=lambda topic, message: True):
 
 
 TIMES = [state.time_ns for state in cam_states(SCENE)]
-#: Topics whose messages have other times than the cam states. Gaps in their sequence numbers show a
-#: loss.
+#: Topics whose messages are not published at the times of the cam states. A gap in the sequence
+#: numbers of their messages shows a loss.
 NUMBERED = {topic.name for topic in RECORDING if topic.per in ("instant", "any")}
 
 
 def instants_until(time_ns):
-    """Return the number of /joint_states messages before a time (ns)."""
+    """Return the number of /joint_states messages before a time (ns).
+
+    They are those of the golden bag.
+    """
     return sum(t < time_ns for _, t, _ in messages(GOLDEN, (JOINT_STATES,)))
 
 
 def test_no_tick_of_the_golden_bag_is_missing():
-    """The complete golden bag has no loss, with its scene and without it.
+    """The complete golden bag has no missing tick, with its scene and without it.
 
-    An empty bag has an open end.
+    A tick is the interval between two published cam states. For an empty bag the report states that
+    its end is unknown.
     """
     for scene in (SCENE, None):
         loss = loss_of(held(), scene, closed=True, own=True)
@@ -68,7 +75,7 @@ def test_no_tick_of_the_golden_bag_is_missing():
 
 @pytest.mark.parametrize(("first", "last"), [(3, 5), (1, 4), (7, 7), (9, 16), (1, 16)])
 def test_missing_ticks_are_numbered(first, last):
-    """Missing ticks are reported by their numbers in the scene and counted."""
+    """Missing ticks are counted and reported by their numbers in the scene's run."""
     gone = set(TIMES[first : last + 1])
     kept = held(lambda topic, m: topic in NUMBERED or m.log_time not in gone)
     loss = loss_of(kept, SCENE, False, True)
@@ -79,9 +86,9 @@ def test_missing_ticks_are_numbered(first, last):
 
 
 def test_diagnostics_after_the_end_are_named_but_not_counted():
-    """Diagnostics after the end of a truncated file are reported, but not counted.
+    """Diagnostics that may be missing at the end of a truncated file are reported.
 
-    Their number is unknown.
+    They are not counted, because their number is unknown.
     """
     half = TIMES[8]
     loss = loss_of(held(lambda _topic, m: m.log_time <= half), SCENE, False, True)
@@ -97,7 +104,10 @@ def moves():
 
 @pytest.mark.parametrize("topic", [t.name for t in RECORDING if t.per == "tick"])
 def test_the_missing_topic_of_a_tick_is_named(topic):
-    """A topic that is missing at some ticks is reported with the numbers of the ticks."""
+    """A topic without messages at some ticks is reported with the ticks' numbers.
+
+    A tick is the interval between two published cam states, and each topic has messages for it.
+    """
     for first, last in ((4, 4), (11, 13)):
         gone = set(TIMES[first : last + 1])
         kept = held(lambda name, m, gone=gone: name != topic or m.log_time not in gone)
@@ -109,8 +119,8 @@ def test_the_missing_topic_of_a_tick_is_named(topic):
 def test_without_a_scene_gaps_are_counted_by_sequence_numbers():
     """Without a scene, missing messages are counted by sequence numbers per topic.
 
-    The end of such a run is open, because an operator may have changed it. A bag of another program
-    has no gaps.
+    The report does not state that the end of such a run is complete, because an operator may have
+    changed the run. A bag of another program has no gaps.
     """
     gone = set(TIMES[5:9])
     kept = held(lambda topic, m: topic in NUMBERED - {"/diagnostics"} or m.log_time not in gone)
@@ -142,7 +152,8 @@ def test_missing_instants_and_diagnostics_are_counted():
 def test_an_interrupted_run_has_no_loss(tmp_path, golden):
     """The bag of a run that was stopped after tick 6 of 16 has no loss.
 
-    Ticks that were not recorded are not lost.
+    A tick is the interval between two published cam states. Ticks that were not recorded are not
+    lost.
     """
     bag, last = tmp_path / "bag", max(i for i, m in enumerate(golden) if m[0].per == "tick")
     recorder = BagRecorder(bag, LOADED, samples_per_turn=2)
@@ -159,7 +170,10 @@ def test_an_interrupted_run_has_no_loss(tmp_path, golden):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("part", range(5, 100, 9))
 def test_the_report_agrees_with_the_recovered_bag(tmp_path, part):
-    """The ticks that a recovery reports as missing are not in the recovered bag."""
+    """The ticks that a recovery reports as missing are not in the recovered bag.
+
+    A tick is the interval between two published cam states.
+    """
     bag = cut_off(tmp_path / "bag", part / 100)
     words = recover(bag, tmp_path / "recovered").text
     assert "flushed" not in words
@@ -199,7 +213,8 @@ def full_after(monkeypatch, size):
 def test_a_recovery_on_a_full_disk_does_not_change_the_bag(tmp_path, monkeypatch, room):
     """A recovery on a full disk fails and leaves the bag unchanged.
 
-    The error states the readable messages, the missing ticks and the command for another folder.
+    The error states the readable messages, the missing ticks (intervals between cam states) and the
+    command that recovers into another folder.
     """
     bag = cut_off(tmp_path / "my bag", 200_000)
     file = bag / "my bag_0.mcap"
@@ -257,7 +272,7 @@ def test_a_recorder_on_a_full_disk_keeps_the_written_messages(
 
 
 def test_a_damaged_length_loses_only_its_chunk(tmp_path):
-    """A recovery loses at most the chunk whose length is damaged.
+    """A recovery loses at most the chunk whose length field is damaged.
 
     It finds the next chunk by the byte pattern of its header.
     """
@@ -281,9 +296,9 @@ def test_a_damaged_length_loses_only_its_chunk(tmp_path):
 
 
 def test_the_missing_end_of_a_long_scene_is_not_counted():
-    """The missing end of 100 000 turns is reported as an open end, not per tick.
+    """The missing end of 100 000 turns is reported in one phrase, not tick by tick.
 
-    If the bag was closed, the report states the last tick.
+    If the bag was closed, the report states the last recorded tick.
     """
     schedule = SCENE.schedule.model_copy(
         update={"turns": SCENE.schedule.turns.model_copy(update={"assumed": 1e5, "given": None})}

@@ -11,12 +11,15 @@ from cam_rig.bag.reader import raw_messages, read_counts
 from cam_rig.bag.recover import examine
 from cam_rig.errors import BagError
 
-#: Schema that is not text, such as that of protobuf.
+#: Message definition (schema) that is not text, as for protobuf.
 BINARY = bytes(range(256))
 
 
 def write(path, times, seed=0, **how):
-    """Write a file with a CDR, a JSON and a protobuf topic at the same log times."""
+    """Write an MCAP file with a CDR, a JSON and a protobuf topic, and return its path.
+
+    Each topic has a message at each log time (ns). `how` has options of the MCAP writer.
+    """
     rng = np.random.default_rng(seed)
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.NONE, **how)

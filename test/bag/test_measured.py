@@ -21,7 +21,11 @@ LINE = "angle=/encoder.position[0] lift=/lvdt.data:mm force=-/cell.wrench.force.
 
 
 def bench(path, plugin=StoragePlugin.MCAP, **changes):
-    """Write a bag of an encoder, an inductive gauge in mm, and a load cell in tension."""
+    """Write a bag of an encoder, an inductive lift gauge in mm and a load cell.
+
+    The load cell measures tension as positive. The path is returned. `changes` adds or replaces
+    topics by name.
+    """
     topics = {
         "/encoder": (joint, TIME, np.remainder(ANGLE, TURN)),
         "/lvdt": (number, TIME, LIFT),
@@ -52,7 +56,7 @@ def test_a_bag_of_standard_messages_is_read_in_si(tmp_path, plugin):
 
 
 def test_a_field_may_be_omitted_or_named_by_joint_or_use_the_bag_clock(tmp_path):
-    """A field may be omitted, or selected by joint name or index.
+    """In --topics a field may be omitted, or selected by joint name or index.
 
     With @bag the time is the receive time of the bag. All spellings give the same readings.
     """
@@ -70,7 +74,10 @@ def test_a_field_may_be_omitted_or_named_by_joint_or_use_the_bag_clock(tmp_path)
 
 @pytest.mark.parametrize("whole", [True, False], ids=["all turns", "within a turn"])
 def test_a_falling_angle_is_reversed_and_reported(tmp_path, whole):
-    """A falling angle is returned with the opposite sign, and a note reports this."""
+    """A cam angle that falls is returned with the opposite sign.
+
+    A note reports this.
+    """
     angle = -ANGLE if whole else np.remainder(-ANGLE, TURN)
     bag = bench(tmp_path, encoder=(joint, TIME, np.degrees(angle)))
     run = read_measured(bag, parse_topics(LINE.replace("[0]", "[0]:deg")))
@@ -79,7 +86,7 @@ def test_a_falling_angle_is_reversed_and_reported(tmp_path, whole):
 
 
 def test_readings_are_sorted_and_invalid_numbers_are_dropped(tmp_path):
-    """Readings are sorted by time. NaN and repeated stamps are dropped.
+    """Readings are sorted by time, and NaN values and repeated stamps are dropped.
 
     A note reports each irregularity with its number.
     """
@@ -98,9 +105,9 @@ def test_readings_are_sorted_and_invalid_numbers_are_dropped(tmp_path):
 
 
 def test_lost_messages_are_a_gap_that_is_not_filled(tmp_path):
-    """Lost messages are returned and noted as gaps, and no reading is interpolated.
+    """Lost messages are reported as gaps, and their readings are not interpolated.
 
-    One lost message is a gap. The usual jitter is not.
+    A single lost message is a gap. The usual jitter of the stamps is not.
     """
     jitter = TIME + 2e-5 * np.random.default_rng(5).normal(size=TIME.size)
     kept = np.delete(np.arange(400), [20, *range(100, 140)])
@@ -134,7 +141,11 @@ def test_a_bag_of_the_rig_needs_no_mapping():
 
 
 def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
-    """A namespace selects one of two rigs in a bag. An unknown one is refused."""
+    """In a bag of two rigs the namespace selects a rig.
+
+    The readings equal those of a bag with one rig. An unknown namespace is an error with the
+    allowed namespaces.
+    """
     bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
     expected = read_measured(GOLDEN, cam="tm21")
     for namespace in ("/", "rig2"):

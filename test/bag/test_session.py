@@ -24,7 +24,7 @@ LIVE, AGAIN = b"first process", b"second process"
 
 
 def shuffled(messages, seed):
-    """Return messages with the topics in random order. Each topic keeps its order."""
+    """Return the messages shuffled across topics. The order within each topic is kept."""
     queues, chance, order = {}, random.Random(seed), []
     for message in messages:
         queues.setdefault(message[0], []).append(message)
@@ -46,7 +46,10 @@ def record(messages, kept):
 
 
 def by_topic(kept):
-    """Return a dict from topic to (log time, bytes), in the order of log times."""
+    """Return the written messages as a dict from topic to (log time, bytes).
+
+    They are in the order of log times.
+    """
     found = {}
     for topic, time, cdr in sorted(kept.messages, key=lambda message: message[1]):
         found.setdefault(topic, []).append((time, cdr))
@@ -55,7 +58,7 @@ def by_topic(kept):
 
 @pytest.fixture
 def session(kept):
-    """Recording session that writes into `kept`."""
+    """Recording session that writes into the fake bag writer of the fixture `kept`."""
     return RecordingSession(kept, StateValidator(RATE))
 
 
@@ -102,7 +105,8 @@ def test_any_order_of_topics_gives_the_same_bag(golden, kept, seed):
 def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missing):
     """A cam state is not written while a message of its tick is missing.
 
-    At the end the messages that have arrived are written.
+    A tick is the interval between two cam states, and each topic has its messages of a tick. At the
+    end the messages that have arrived are written.
     """
     last = max(n for topic, n, _ in golden if topic is missing)
     written = record([m for m in golden if m[:2] != (missing, last)], kept)
@@ -113,7 +117,10 @@ def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missi
 
 
 def test_a_step_waits_for_its_law(golden, kept, states):
-    """Cam states are not written before the law of their cam has arrived."""
+    """Cam states are not written before the motion law for them has arrived.
+
+    Here the second law message is missing, so only the states before its time are written.
+    """
     laws = [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.LAW]
     written = record([m for m in golden if m[:2] != (topics.LAW, 2)], kept)
     assert written == [stamp for stamp in states if stamp < laws[1]]
@@ -155,9 +162,10 @@ OWNED = [topic for topic in topics.RECEIVED if topic.owner]
 @pytest.mark.parametrize("topic", OWNED, ids=lambda t: t.name)
 @pytest.mark.parametrize("forged_first", [False, True])
 def test_a_second_publisher_of_a_node_is_refused(golden, kept, topic, forged_first):
-    """A message of a second publisher raises RunError with topic and publisher.
+    """A message from a second publisher of a topic raises RunError with both names.
 
-    This applies in any order of the two publishers, and even if their bytes are equal.
+    The names are those of the topic and of the second publisher's node. The order of the publishers
+    has no effect, and their bytes are equal here.
     """
     name = {b"forger": "/rogue", LIVE: f"/rig/{topic.owner}"}
     publishers = Publishers(find_publishers=lambda _topic: name)
@@ -194,9 +202,10 @@ def test_each_topic_of_a_node_may_have_a_gid_without_a_common_part(golden, kept,
     ],
 )
 def test_a_second_publisher_is_named_by_the_graph(names, words):
-    """The error of a second publisher has its node name, or its gid without a name.
+    """The error about a second publisher contains the name of its ROS node.
 
-    The gid in messages may differ from that of the ROS graph (rmw_cyclonedds).
+    If the ROS graph has no name for it, the error contains its gid, the publisher's ID in the
+    middleware. The gid in messages may differ from that of the ROS graph (rmw_cyclonedds).
     """
     publishers = Publishers(lambda _topic: names)
     publishers.require("follower", topics.FOLLOWER_STATE, b"first")
@@ -217,7 +226,10 @@ def test_gids_are_compared_as_a_whole():
 
 
 def test_a_forged_diagnostic_is_refused(golden, session):
-    """A diagnostic of the microphone from another process than its levels is refused."""
+    """A diagnostic of the microphone is refused if another process published it.
+
+    The microphone's process is known from its sound levels.
+    """
     level = next(m[2] for m in golden if m[0] is topics.LEVEL)
     session.take(topics.LEVEL, level, LIVE, 1)
     session.take(topics.DIAGNOSTICS, of_speaker("microphone", 0), LIVE, 1)
@@ -226,7 +238,10 @@ def test_a_forged_diagnostic_is_refused(golden, session):
 
 
 def test_a_law_that_differs_from_the_file_is_refused(golden, kept):
-    """A law that the check refuses is not written to the bag, and recording continues."""
+    """A motion law that differs from its cam file is not written to the bag.
+
+    The recording continues.
+    """
     held = []
 
     def check(topic, message):
@@ -248,7 +263,10 @@ def test_a_law_that_differs_from_the_file_is_refused(golden, kept):
 
 
 def test_messages_without_a_known_state_are_bounded(golden, session):
-    """A flood of messages without a known cam state is refused, to bound the memory."""
+    """A recorder refuses a flood of messages whose cam state it has not received.
+
+    Otherwise its memory would grow without limit.
+    """
     pressure = next(cdr for topic, _, cdr in golden if topic is topics.PRESSURE)
     with pytest.raises(RefusedError, match="messages without a state"):
         for second in range(1000):
@@ -256,7 +274,7 @@ def test_messages_without_a_known_state_are_bounded(golden, session):
 
 
 def stamped(cdr, stamp):
-    """Return a serialized message with another stamp (ns)."""
+    """Return a serialized message with its stamp replaced by `stamp` (ns)."""
     return cdr[:4] + struct.pack("<iI", stamp // 10**9, stamp % 10**9) + cdr[12:]
 
 
@@ -286,7 +304,10 @@ def of_speaker(node, stamp):
 
 
 def test_only_diagnostics_of_the_rig_in_rig_time_are_written(golden, kept):
-    """Diagnostics of another robot are refused. Those in wall-clock time are dropped."""
+    """Diagnostics of another robot are refused, and those in wall-clock time dropped.
+
+    Only diagnostics of the rig in rig time are written to the bag.
+    """
     record(golden, kept)
     straight, kept.messages = by_topic(kept), []
     wall = 1_767_225_600 * 10**9

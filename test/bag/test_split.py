@@ -71,8 +71,8 @@ def test_metadata_lists_times_and_counts_of_every_file(split):
         assert Counter(c.topic for c, _, _ in reader.messages()) == read_counts(split)
 
 
-#: Keys of BagMetadata in rosbag2_storage/yaml.hpp in its order, then those of a file and of a
-#: topic.
+#: Keys of the struct BagMetadata in rosbag2_storage/yaml.hpp, in its order. Then follow the keys of
+#: one file and of one topic.
 KEYS = [
     *("version", "storage_identifier", "duration", "starting_time", "message_count"),
     *("topics_with_message_count", "compression_format", "compression_mode"),
@@ -86,7 +86,10 @@ TOPIC_KEYS = [
 
 
 def records(bag):
-    """Yield each file of a bag with its two records of bag metadata, start and end."""
+    """Yield each file of a bag with its metadata at the file's start and end.
+
+    The metadata are the two rosbag2 records that an MCAP file contains.
+    """
     for file in mcap_files(bag):
         with file.open("rb") as stream:
             found = list(make_reader(stream).iter_metadata())
@@ -150,7 +153,10 @@ def test_each_file_can_be_read_alone(split):
 
 
 def test_no_tick_is_divided(split):
-    """All messages of a cam state are in one file. Only diagnostics may come later."""
+    """All messages of a cam state are in one file, except diagnostics.
+
+    Diagnostics may be in a later file.
+    """
     stamps = []
     for file in mcap_files(split):
         with Reader(file) as reader:
@@ -164,7 +170,10 @@ def test_no_tick_is_divided(split):
 
 @pytest.mark.parametrize("limit", [Split(duration=0.7), Split(size=60_000)], ids=["s", "bytes"])
 def test_the_limits_are_kept(tmp_path, golden, limit):
-    """A file ends with the first tick that reaches the limit of size or duration."""
+    """A file ends with the first cam state that reaches the limit of size or duration.
+
+    The limits are 60 000 bytes of messages and 0.7 s.
+    """
     record(tmp_path / "bag", golden, split=limit, samples_per_turn=12).close()
     files = mcap_files(tmp_path / "bag")
     assert len(files) > 2

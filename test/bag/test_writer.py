@@ -86,7 +86,7 @@ def test_the_end_of_the_file_is_written_last(tmp_path, monkeypatch):
 def test_flushed_messages_are_on_the_disk_within_half_a_second(tmp_path, monkeypatch):
     """Flushed messages reach the disk within half a second.
 
-    The fsync runs at once after a pause, else at the next timer call.
+    The file is synchronised (fsync) at once after a pause, otherwise at the next call of a timer.
     """
     synced, now = [], [100.0]
     monkeypatch.setattr("cam_rig.bag.file_writer.time.monotonic", lambda: now[0])
@@ -137,16 +137,16 @@ def test_a_bag_is_read_wherever_its_scene_was(tmp_path, monkeypatch):
 
 
 def test_the_distribution_is_that_of_the_environment_else_the_wheels(monkeypatch):
-    """metadata.yaml has the ROS distribution of the environment or of the wheels.
+    """metadata.yaml has the ROS distribution of the environment or of the rclpy wheel.
 
-    Without ROS it is unknown, so that a bag can be recovered there.
+    Without ROS the distribution is unknown, but a bag can be recovered.
     """
     wheels = ["numpy", "ros-jazzy-std-msgs", "ros_jazzy_rclpy"]
     there = [SimpleNamespace(name=name) for name in wheels]
     monkeypatch.setattr(file_writer, "distributions", lambda: there)
 
     def said():
-        """Return the name in metadata.yaml, and the key of rclpy in versions.json."""
+        """Return the ROS distribution in metadata.yaml, and rclpy's key in versions.json."""
         file_writer._wheel_distribution.cache_clear()
         content = file_writer.FileContent("bag_0.mcap", first=7, last=9)
         about = yaml.safe_load(file_writer.metadata([content]))["rosbag2_bagfile_information"]

@@ -1,4 +1,4 @@
-"""Fixture of the cases of the comparison with other solvers."""
+"""Fixture with the cases in which cam_rig is compared with other ODE solvers."""
 
 import pytest
 
@@ -7,5 +7,5 @@ from benchmark.speed.cases import CASES
 
 @pytest.fixture(scope="session")
 def cases():
-    """All cases of the comparison with other solvers, by name."""
+    """All cases in which cam_rig is compared with other ODE solvers, by name."""
     return {name: make() for name, make in CASES.items()}

@@ -17,9 +17,10 @@ from cam_rig.show.tables import to_markdown
 @pytest.mark.long
 @pytest.mark.slow
 def test_events_are_known_to_a_picosecond():
-    """Compiled and plain searches find events to 1 ps, with equal errors.
+    """Compiled and plain Python searches find lift-offs and landings to 1 ps.
 
-    The reference was computed with 50 digits, for a follower with a soft stem.
+    Their errors are equal. The reference was computed with 50 digits, for a two-mass follower with
+    a soft stem.
     """
     costs = event_costs(("two_mass_soft",), peer="none", repeats=1)
     forms = [cost.solver.rpartition(", ")[2] for cost in costs]
@@ -29,7 +30,7 @@ def test_events_are_known_to_a_picosecond():
 
 
 def test_a_ratio_is_to_the_first_row_of_the_case():
-    """The ratio of a row in the table is relative to the first row of its case."""
+    """The last column of the cost table is the time relative to the case's first row."""
     costs = [EventCost("a", 3, "one", 1e-5, 1e-15), EventCost("a", 3, "other", 4e-3, 1e-12)]
     rows = event_table(costs).rows
     assert [row[-1] for row in rows] == [1.0, 400.0]
@@ -41,10 +42,10 @@ def test_a_ratio_is_to_the_first_row_of_the_case():
 
 
 def test_the_peer_has_flights_above_the_jump_speed_alone():
-    """The compared solver computes a sweep point only at speeds with flights.
+    """The compared solver is timed only at speeds at which the follower lifts off.
 
-    The cam TM21 remains in contact at 300 rpm and lands once per turn at 450 rpm. Without the
-    compared library the ratio is empty.
+    The TM21 cam keeps contact at 300 rpm, and the run at 450 rpm has 10 landings. The ratio of
+    times is empty at 300 rpm, and everywhere without the library of the compared solver.
     """
     costs = steady_costs((300.0, 450.0), repeats=1)
     assert [cost.landings for cost in costs] == [0, 10]
@@ -60,9 +61,9 @@ def test_the_peer_has_flights_above_the_jump_speed_alone():
 
 
 def test_a_command_counts_with_the_processes_it_waits_for():
-    """The cost of a command includes the time of its child processes.
+    """The measured cost of a command includes the time of its child processes.
 
-    Its ratio is relative to an interpreter that starts and ends at once.
+    The ratio in the table is relative to a Python process that starts and ends at once.
     """
     child = "import time\nwhile time.process_time() < 0.2: pass"
     parent = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"
@@ -91,9 +92,10 @@ def test_a_forked_node_has_little_left_to_import(monkeypatch):
 
 
 def test_each_rate_has_its_copy(monkeypatch):
-    """Each row has samples per second, values per second of a copy, and their ratio.
+    """The table of sample rates has one row for each model and speed.
 
-    There is a row for each model and speed.
+    A row has the computed samples per second, the values per second of a plain memory copy, and
+    their ratio.
     """
     monkeypatch.setattr(rate, "REPEATS", 2)
     found = rate.sample_rates(blocks=(2048,))
@@ -108,9 +110,9 @@ def test_each_rate_has_its_copy(monkeypatch):
 
 
 def test_a_copy_moves_what_a_block_holds(monkeypatch):
-    """A block of samples and the copy that it is compared with have equal sizes.
+    """A block of samples and the memory copy that it is timed against have equal size.
 
-    Rates are medians, and the ratio is the median of the ratios.
+    Rates are medians of the repetitions, and the ratio is the median of their ratios.
     """
     sizes = []
 

@@ -32,9 +32,10 @@ from cam_rig.studies.campaign.campaign import campaign_from, make_point, measure
 
 
 def test_the_peer_loses_contact_at_the_campaign_s_speed():
-    """CVODE loses contact just above the jump speed of the campaign, and not below.
+    """The solver CVODE finds a loss of contact only above the campaign's jump speed.
 
-    The two speeds differ from the jump speed by 1e-4, relative.
+    The jump speed is the lowest cam speed with a loss of contact. The two tested speeds are 1e-4
+    above and below it, relative.
     """
     found = campaign_from(
         {**STUDY, "plan": {"kind": "sobol", "points": 2}}, Library((config_root(),))
@@ -47,13 +48,16 @@ def test_the_peer_loses_contact_at_the_campaign_s_speed():
 
 
 def test_the_peer_halves_down_to_the_speed(monkeypatch):
-    """`bisect_jump` finds the speed from which contact is lost, within 0.05 rpm."""
+    """`bisect_jump` finds the lowest speed with a loss of contact, within 0.05 rpm.
+
+    The check of contact is replaced by a threshold at 300.1 rpm.
+    """
     monkeypatch.setattr(campaign, "leaves", lambda _p, _law, speed: speed > rad_per_s(300.1))
     assert bisect_jump(None, None, 300.0) == pytest.approx(300.1, abs=0.05)
 
 
 def test_without_joblib_the_campaign_is_alone(monkeypatch):
-    """Without joblib the campaign is timed without a peer.
+    """Without joblib the timing of a campaign is not compared with another solver.
 
     A note gives the command that installs joblib.
     """
@@ -69,7 +73,7 @@ def test_without_joblib_the_campaign_is_alone(monkeypatch):
 
 
 BY_TITLE = {peer.title: peer for peer in PEERS}
-#: Cases: name, number of turns, largest error of a peer at rtol 1e-10.
+#: Cases: name, number of turns, limit of the relative error of another solver at rtol 1e-10.
 SOLVED = [
     ("resonance", 2, 1e-6),
     ("torsional", 1, 1e-6),
@@ -83,7 +87,10 @@ SOLVED = [
 @pytest.mark.parametrize("title", ["DOP853", "CVODE BDF", "CVODE Adams", "LSODA", "DOP853 numba"])
 @pytest.mark.parametrize(("name", "turns", "limit"), SOLVED)
 def test_a_peer_comes_to_the_reference(cases, title, name, turns, limit):
-    """Each peer agrees with the reference, and has the same events in the same order."""
+    """Each other ODE solver agrees with the stored reference within the case's limit.
+
+    Lift-offs and landings are the same and in the same order.
+    """
     case = cases[name].first_turns(turns)
     if reason := BY_TITLE[title].missing(case):
         pytest.skip(reason)
@@ -94,9 +101,10 @@ def test_a_peer_comes_to_the_reference(cases, title, name, turns, limit):
 
 
 def test_stretches_are_the_law(cases):
-    """The functions of time that the peers call equal the law's lift and derivatives.
+    """The lift functions of time given to other solvers equal the motion law.
 
-    Velocity and acceleration are included. Differences are at most 1e-12 of the largest value.
+    Lift, velocity and acceleration at constant cam speed differ by at most 1e-12 of their largest
+    value.
     """
     case = cases["one_mass_arc"]
     for start, interval in intervals(case.law, case.speed, 2):
@@ -110,16 +118,17 @@ def test_stretches_are_the_law(cases):
 
 
 def test_peers_restart_at_joints_only(cases):
-    """A peer restarts its integration only at the joints of the law.
+    """Other solvers restart their integration only at the joints of the motion law.
 
-    The law 3-4-5 has four joints per turn, because the dwells before and after 0° are one piece.
+    A joint is an angle where two polynomial pieces meet. The law 3-4-5 has four joints per turn,
+    because the dwells before and after 0° are one piece.
     """
     case = cases["resonance"]
     assert len(intervals(case.law, case.speed, 3)) == 3 * 4 + 1
 
 
 def test_a_missing_peer_is_skipped_with_the_remedy(cases, monkeypatch):
-    """A peer whose library is missing has no points.
+    """For a compared solver whose library is missing there are no results.
 
     A note gives the command that installs the library.
     """
@@ -138,9 +147,9 @@ def test_a_missing_peer_is_skipped_with_the_remedy(cases, monkeypatch):
 
 
 def test_a_sweep_keeps_to_its_time(cases, monkeypatch):
-    """A sweep leaves out tolerances that would exceed its time limit.
+    """A sweep over tolerances leaves out those whose predicted time exceeds the limit.
 
-    A note reports them.
+    A note reports the tolerances that are left out.
     """
     seconds = itertools.count()
     monkeypatch.setattr(stored, "time", SimpleNamespace(perf_counter=lambda: next(seconds)))

@@ -27,9 +27,10 @@ def test_a_reference_is_what_50_digits_give(cases, name, turns):
 
 
 def test_the_torsional_reference_is_repeatable(cases):
-    """A new computation of half a turn equals the stored torsional reference.
+    """A new computation of half a turn equals the stored torsional reference to 1e-15.
 
-    The half turn contains joints of the law, which the twist of the shaft shifts in time.
+    Within the half turn the cam passes joints of the motion law, where two polynomial pieces meet.
+    The twist of the shaft shifts their times.
     """
     case = cases["torsional"]
     short = replace(case, times=case.times[:25])
@@ -39,9 +40,10 @@ def test_the_torsional_reference_is_repeatable(cases):
 
 
 def test_the_torsional_reference_solves_the_equation(cases):
-    """The torsional reference satisfies eq. 10, by central differences of the twist.
+    """The stored torsional reference satisfies eq. 10 of the paper.
 
-    The remainder is below 1e-5 of the torque of the contact force, the error of the differences.
+    The derivatives are central differences of the twist. The remainder is below 1e-5 of the torque
+    of the contact force, the error of the differences.
     """
     case = cases["torsional"]
     step, at = 2e-6, 0.028
@@ -60,7 +62,7 @@ def test_the_torsional_reference_solves_the_equation(cases):
 
 @pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
 def test_the_follower_flies_in_every_case_of_separation(cases, name):
-    """The events of a case with flights start with a lift-off and include landings.
+    """The events of each case with flights start with a lift-off and include landings.
 
     They are in the order of time.
     """
@@ -72,7 +74,7 @@ def test_the_follower_flies_in_every_case_of_separation(cases, name):
 
 
 def test_a_reference_for_other_numbers_is_refused(cases):
-    """A stored reference raises an error if the speed of its case has changed."""
+    """A stored reference is refused if the cam speed of its case has changed."""
     other = replace(cases["resonance"], speed=cases["resonance"].speed * 1.001)
     with pytest.raises(CamRigError, match=r"made for other numbers.*make_reference"):
         stored.read_reference(other)
@@ -83,10 +85,12 @@ def test_a_reference_for_other_numbers_is_refused(cases):
 
 @pytest.mark.parametrize("spring_damping", [0.0, 89.37064464606817, 1e3])
 def test_a_phase_starts_at_its_state_and_satisfies_its_equation(spring_damping):
-    """A phase has its start state and satisfies its equation to 30 digits.
+    """The exact motion in contact or flight satisfies its differential equation.
 
-    The rate is compared with a centred difference of 1e-20 s. Flight of two masses has complex
-    pairs of rates, real rates, and rates that are real except for the last digit.
+    The motion starts at the given state (to 1e-50). The acceleration, a centred difference over
+    ±1e-20 s, agrees with the right side of the equation to 30 digits. The three dampings give
+    complex pairs of eigenvalues, real eigenvalues, and eigenvalues whose imaginary part is only
+    rounding.
     """
     law = Law(
         "one", [0.0, 2.0, 6.283185307179586], [[0.0, 0.01], [0.0, 0.01], [0.01, 0.0], [0.01, 0.0]]

@@ -30,7 +30,8 @@ def point(time_s, error, rtol=None):
 def study(cases):
     """Result of a benchmark with two cases.
 
-    In the first case cam_rig is compared with three peers. In the second case it has no result.
+    In the first case cam_rig is compared with three other solvers. In the second case cam_rig has
+    no result.
     """
     dop853, adams, bdf, *_ = PEERS
     sweeps = [
@@ -47,15 +48,20 @@ def study(cases):
 
 
 def test_error_is_relative_to_the_largest_value():
-    """The error is the larger of the relative errors of displacement and velocity."""
+    """The error of a solver is the larger of two relative errors.
+
+    They are those of displacement and velocity.
+    """
     assert solution(shift=0.5).error(solution()) == pytest.approx(0.25)
     assert solution().error(solution()) == 0.0
 
 
 def test_a_missed_event_counts_with_its_distance():
-    """The error of a missed event is its distance (s) to the nearest found event.
+    """The error of a missed event is its distance (s) in time.
 
-    It is infinite for a solver without any event, which thus cannot be the best.
+    An event is a lift-off or landing that a solver must find. It is the distance to the nearest
+    event that was found. It is infinite for a solver without any event, which thus cannot be the
+    best.
     """
     two, one = solution([("landing", 1.0), ("landing", 1.5)]), solution([("landing", 1.0)])
     assert one.event_error(two) == pytest.approx(0.5)
@@ -65,7 +71,7 @@ def test_a_missed_event_counts_with_its_distance():
 
 
 def test_a_peer_is_compared_at_its_best(study):
-    """A peer is compared at its fastest setting that is as accurate as cam_rig.
+    """A solver is compared at its fastest setting that is as accurate as cam_rig.
 
     If no setting is as accurate, the most accurate setting is compared.
     """
@@ -89,9 +95,9 @@ def test_json_has_every_point(study):
 
 
 def test_the_page_has_the_quickest_peer_of_a_case(study):
-    """The page lists cam_rig and the fastest peer of each case.
+    """The benchmark page lists cam_rig and the fastest other solver of each case.
 
-    A peer without points is listed if the case has no other peer.
+    A solver without results is listed if the case has no other solver.
     """
     shown = quickest(Comparison(study).tables()[0].records)
     assert [(one.case, one.solver) for one in shown] == [
@@ -101,7 +107,10 @@ def test_the_page_has_the_quickest_peer_of_a_case(study):
 
 
 def test_a_ratio_that_is_only_a_bound_is_marked(study):
-    """The ratio of a peer that is never as accurate as cam_rig is marked with ">"."""
+    """A time ratio is marked with ">" if the other solver is less accurate.
+
+    No setting of the other solver is then as accurate as cam_rig, so the ratio is only a bound.
+    """
     points, _ = Comparison(study).to_display()
     assert [row[-1] for row in points.text_rows] == ["", "> 50", "10", "", ""]
     assert [row[0] for row in points.text_rows] == ["resonance", "", "", "torsional", ""]
@@ -120,17 +129,17 @@ def test_the_plot_is_a_picture(study, tmp_path):
     ("name", "error"), [("elastic_stem", 1e-12), ("resonance", 1e-11), ("torsional", 1e-12)]
 )
 def test_the_rig_is_near_the_reference(cases, name, error):
-    """The solution of cam_rig agrees with the reference within the limit of each case.
+    """The error of cam_rig against the reference is below the limit of each case.
 
-    Cases with flights are tested in test_bounces.
+    Cases in which the follower leaves the cam are tested in test_bounces.
     """
     assert rig.solve(cases[name]).error(stored.read_reference(cases[name])) < error
 
 
 def test_a_short_case_is_the_beginning_of_the_long_one(cases):
-    """The solution of the first turn equals the beginning of that of the whole case.
+    """The solution of one turn equals the first turn of a longer run, to 1e-15.
 
-    Thus a quick benchmark can use the same stored references.
+    Thus a short benchmark can use the stored references of the long case.
     """
     case = cases["two_mass_soft"]
     short, whole = rig.solve(case.first_turns(1)), rig.solve(case)

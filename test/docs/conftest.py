@@ -44,7 +44,7 @@ def commands(page: Path, program: str) -> list[list[str]]:
 
 
 def rows(page: Path, first: str) -> list[list[str]]:
-    """Return the rows of the table on a page whose first heading is `first`."""
+    """Return the rows of the table on a page of which the first heading is `first`."""
     table = re.search(rf"^\| {first} \|.*\n\|[-:| ]+\n((?:\|.*\n)+)", text(page), re.M)
     assert table, f"{page.name}: no table of {first!r}"
     return [[c.strip() for c in line.split("|")[1:-1]] for line in table[1].splitlines()]

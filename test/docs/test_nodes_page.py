@@ -67,16 +67,20 @@ def test_table_of_parameters():
 
 
 def size_of(bag: Path) -> list[str]:
-    """Return ticks, messages and size in MB of a bag as texts, as printed on the page."""
+    """Return ticks, messages and size in MB of a bag as texts, as printed on the page.
+
+    A tick is the interval between two published cam states.
+    """
     counts = read_counts(bag)
     size = sum(file.stat().st_size for file in bag.iterdir())
     return [str(counts[topics.PRESSURE.name]), str(sum(counts.values())), f"{size / 1e6:.1f} MB"]
 
 
 def test_the_bag_of_quick():
-    """The size of a bag in nodes.md, for one tick per turn, is that of the golden bag.
+    """The size of the bag of `quick` in nodes.md is that of the golden bag.
 
-    The golden bag is the reference recording of the scene quick in bags/golden.
+    The golden bag is the reference recording of this scene in bags/golden, with one tick (cam
+    state) per turn.
     """
     asked, *figures = rows(PAGE, "`ticks_per_turn`")[0]
     assert asked == "1" and figures == size_of(ROOT / "bags" / "golden")
@@ -85,10 +89,11 @@ def test_the_bag_of_quick():
 @pytest.mark.long
 @pytest.mark.ros
 def test_the_bag_of_quick_with_more_ticks(tmp_path):
-    """A run of quick with more ticks per turn gives the bag size of nodes.md.
+    """The bag size in nodes.md for more ticks per turn is that of a run.
 
-    The number of messages agrees to 1 %, because rounding decides at which angle of a dwell the
-    force is largest, and thus how many messages are published.
+    A tick is the interval between two cam states. The run is that of the scene quick. The number of
+    messages agrees to 1 %, because rounding decides at which angle of a dwell the force is largest,
+    and thus how many messages are published.
     """
     ticks, *figures = rows(PAGE, "`ticks_per_turn`")[1]
     scene, bag = tmp_path / "scenes" / "quick.yaml", tmp_path / "bag"

@@ -22,9 +22,9 @@ from tools.docs.equations import CODE, EQUATION, convert_equations, line
 from ..processes import ended
 from .conftest import DOCS, PAGES, ROOT, blocks, commands, text
 
-#: Pattern of a path in this repository.
+#: Pattern of the path of a file or folder in this repository.
 TREE = r"(?:cam_rig|config|test|tools|benchmark|examples|launch|docs|bags)/[\w./*-]*\w/?"
-#: Pattern of placeholders and of files that are written by a run.
+#: Pattern of paths on a page that need not exist: placeholders, and files that a run writes.
 ANY = re.compile(r"NAME|mine|^bags/(?!golden|README)")
 
 
@@ -40,7 +40,7 @@ def test_files_that_a_page_names_exist(page):
 
 
 def test_short_names_in_the_lists_exist():
-    """A file without a folder in a list of architecture.md exists.
+    """A file that a list of architecture.md gives without a folder exists.
 
     Its folder is that of the previous path in the same list item.
     """
@@ -67,7 +67,7 @@ def test_the_readme_is_short():
 
 
 def test_list_of_rooms_is_whole():
-    """The list in architecture.md has each subpackage of cam_rig, and no other."""
+    """The list in architecture.md contains each subpackage of cam_rig, and no other."""
     page = text(DOCS / "architecture.md")
     named = set(re.findall(r"^- `cam_rig/(\w+)`:", page, re.M))
     folders = {p.parent.name for p in (ROOT / "cam_rig").glob("*/__init__.py")}

@@ -32,7 +32,7 @@ from .conftest import DOCS, PAGES
 
 @pytest.fixture(scope="module")
 def archive(bag: SmallBag) -> TurnArchive:
-    """Turns of the small bag of the tests, which has two cams and two speeds."""
+    """Turns of the viewer tests' small bag, which has two cams and two speeds."""
     return read_turns(bag.path)
 
 

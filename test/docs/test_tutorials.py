@@ -87,8 +87,8 @@ def run(command: str) -> str:
     return printed
 
 
-#: Cases: page, smallest number of commands, relative tolerance of the numbers. The result of a :
-#: search depends on the arithmetic of the processor.
+#: Cases: page, smallest number of commands, relative tolerance of the numbers. The result of a
+#: search depends on the arithmetic of the processor, so its tolerance is not zero.
 PAGES = [("own_cam", 7, 0.0), ("campaign", 3, 0.0), ("design", 6, 1e-3), ("real_run", 3, 1e-3)]
 
 

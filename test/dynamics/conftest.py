@@ -16,7 +16,7 @@ from ..conftest import dwell, rise
 
 @pytest.fixture
 def at_once() -> Iterator[None]:
-    """Check that a test uses at most 3 s of processor time."""
+    """Fail a test that uses more than 3 s of processor time."""
     start = time.process_time()
     yield
     assert time.process_time() - start < 3.0
@@ -24,7 +24,7 @@ def at_once() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def edge() -> Law:
-    """Constant-velocity cam, whose velocity jumps at four joints.
+    """Constant-velocity cam, whose velocity jumps at the four ends of rise and fall.
 
     Dwell of 60°, rise of 50 mm over 90°, dwell of 60°, fall over 90°, dwell of 60°.
     """
@@ -35,7 +35,7 @@ def edge() -> Law:
 
 @pytest.fixture(scope="session")
 def harmonic(make_cam) -> Law:
-    """Simple-harmonic cam, whose acceleration jumps at four joints.
+    """Simple-harmonic cam, whose acceleration jumps at the four ends of rise and fall.
 
     Dwell of 60°, rise of 50 mm over 120°, dwell of 60°, fall over 120°. s'' jumps by ± h π²/(2β²)
     at both ends of rise and fall.

@@ -1,7 +1,7 @@
 """Shared functions of the tests: runs, flights, changed laws and quadrature.
 
-A tick is one of the intervals of time into which a run is divided. A flight is a motion without
-contact.
+A tick is one of the time intervals into which a run is divided. An event is a lift-off or a
+landing. A joint is an angle at which two polynomial pieces of a motion law meet.
 """
 
 from __future__ import annotations
@@ -35,17 +35,22 @@ from cam_rig.units import NS, TURN
 
 #: ns in a millisecond.
 MS = NS // 1000
-#: Rigid follower of the paper: mass, spring, damping, preload, stem stiffness, in SI.
+#: Parameters of a rigid follower in SI: mass, spring stiffness, damping, preload, stem stiffness.
+#: Mass, spring and damping are those of the paper (see docs/glossary.md).
 ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
-#: Two masses of the paper with the elastic stem between them, in SI.
+#: Parameters of two masses with an elastic stem between them, in SI: roller mass, end mass, stem
+#: and spring stiffness, both dampings, preload. They are identified from Table 2 of the paper.
 TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
-#: Two masses with a strongly damped stem. It does not bounce after a landing, so no rounding error
-#: is amplified from landing to landing.
+#: Two masses with a strongly damped stem, in SI as `TWO`. They do not bounce after a landing, so no
+#: rounding error is amplified from landing to landing.
 CALM = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
 
 
 class Run(NamedTuple):
-    """Samples (rows of `Samples`), events and last state of a run."""
+    """Result of a run: samples (rows of `Samples`), events and last state.
+
+    An event is a lift-off or a landing.
+    """
 
     rows: np.ndarray
     events: list[Event]
@@ -62,10 +67,11 @@ def run_in_ticks(
     state: FollowerState | None = None,
     nudge: float = 0.0,
 ) -> Run:
-    """Run a model over the interval `whole`, divided into ticks.
+    """Run a follower model over the interval `whole`, divided into ticks.
 
-    `cuts` are the borders of the ticks, in ns since its start. `rate` is the sample rate in Hz.
-    `nudge` (rad) is added to the start angle of every second tick, to imitate rounding.
+    A tick is a time interval that is simulated in one call. `cuts` are the borders of the ticks, in
+    ns since the start of `whole`. `rate` is the sample rate in Hz. `nudge` (rad) is added to the
+    start angle of every second tick, to imitate rounding.
     """
     rows, events = [], []
     for i, (a, b) in enumerate(itertools.pairwise(cuts)):
@@ -86,17 +92,20 @@ def run_in_ticks(
 
 
 def tick_borders(tick: int, total: int) -> list[int]:
-    """Return the borders (ns) of ticks of length `tick` (ns) over `total` (ns)."""
+    """Return the borders (ns) of ticks of length `tick` over `total`, both in ns.
+
+    A tick is a time interval that is simulated in one call.
+    """
     return [*range(0, total, tick), total]
 
 
 def land(
     flight: Flight, law: Law, angle: float, speed: float, limit: float, noise: float = 0.0
 ) -> Gap:
-    """Return the gap at the end of a flight that starts at a cam angle (rad).
+    """Return the gap at the landing of a flight that starts at a cam angle (rad).
 
-    The search ends `limit` s after the start. `noise` is the rounding error of the acceleration
-    (m/s²), as in `FlightOverCam`.
+    The search ends `limit` s after the start, and the result has a flag for a landing. `noise` is
+    the rounding error of the acceleration (m/s²), as in `FlightOverCam`.
     """
     lift_off = start_free_motion(free_table(flight.system), flight.start)
     gap, gap_rate = flight.gap_state or (0.0, 0.0)
@@ -115,8 +124,8 @@ def land(
 def assert_same(run: Run, expected: Run, tolerance: float, columns=slice(None)) -> None:
     """Assert that two runs have the same samples, events and last state.
 
-    `tolerance` is relative to the largest value of each row. `columns` selects the compared
-    samples.
+    `tolerance` is relative to the largest value of each sampled quantity. `columns` selects the
+    samples that are compared.
     """
     (rows, events, state), (other_rows, other_events, end) = run, expected
     size, limit = np.abs(other_rows[1:5]).max(axis=1), max(tolerance, 1e-10)
@@ -130,9 +139,10 @@ def assert_same(run: Run, expected: Run, tolerance: float, columns=slice(None)) 
 
 
 def off_joints(law: Law, angle: np.ndarray) -> np.ndarray:
-    """Return for each sample True if it is not at a joint of the law.
+    """Return for each cam angle (rad) True if it is not at a joint of the law.
 
-    At a joint a sample may have the value of either side.
+    The tolerance is 1e-9 rad. At a joint, where two polynomial pieces meet, a sample may have the
+    value of either side.
     """
     return np.abs(angle[:, None] % TURN - law.breaks).min(axis=1) > 1e-9
 
@@ -147,7 +157,10 @@ def turned(law: Law, angle: float, factor: float = 1.0) -> Law:
 
 
 def with_joints(law: Law, *angles: float) -> Law:
-    """Return the same law with additional joints at angles (rad)."""
+    """Return the same lift function with additional joints at the given angles (rad).
+
+    At a joint two polynomial pieces meet. The pieces are split there, and the lift is unchanged.
+    """
     breaks, columns = np.array(sorted({*law.breaks.tolist(), *angles})), []
     for a, b in itertools.pairwise(breaks):
         i = int(np.searchsorted(law.breaks, 0.5 * (a + b), side="right")) - 1
@@ -174,7 +187,7 @@ def bumped(law, middle, width, height):
 
 
 def noisy(law, pieces, amplitude, rng):
-    """Return a C¹ law of cubics through noisy points of a law.
+    """Return a C¹ motion law of cubics through noisy points of a law.
 
     `pieces` is the number of points per turn. The noise has the standard deviation `amplitude` (m).
     """
@@ -196,8 +209,8 @@ def lift_off(
 ) -> float | None:
     """Return the time (s) of the first loss of contact, or None within `limit` s.
 
-    The run starts from the vibration (η, η̇) at θ = 0. It is the package's simulation, stopped at
-    the first event.
+    The run starts at cam angle 0 with the free vibration `start` (displacement η in m and its
+    rate). It is cam_rig's simulation of two masses, stopped at the first event.
     """
     walk = _Walk(law, p, speed)
     with suppress(EndlessEventsError):
@@ -228,9 +241,9 @@ def gauss(edges: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cut_at_joints(law: Law, speed: float, start: float, end: float) -> np.ndarray:
-    """Return start and end (s) and the times of the law's joints between them.
+    """Return `start`, `end` and the times (s) of the law's joints between them.
 
-    The cam is at angle 0 at time 0.
+    At a joint two polynomial pieces of the law meet. The cam is at angle 0 at time 0.
     """
     turns = np.arange(1 + int(speed * end / TURN))[:, None]
     joints = ((law.breaks[:-1] + TURN * turns) / speed).ravel()

@@ -20,7 +20,7 @@ from cam_rig.units import NS, TURN
 
 SPEED, THROWN, PRELOAD = 0.1, 0.2, 30.0
 #: Roller mass (kg) and stem stiffness (N/m). The end mass is so large that it acts as a wall, so
-#: the stem is the spring of the roller.
+#: that the stem is the spring of the roller.
 ROLLER, STEM = 0.5, 1e5
 LIFT = 0.05
 
@@ -36,8 +36,8 @@ def law_of(name):
 def landing_times(mass, stiffness, load, restitution, count):
     """Return the landing times (s) of an undamped mass that is thrown up once.
 
-    They are sums of 2 atan(v Ω m/P)/Ω with Ω² = k/m and the preload P. Each landing multiplies v by
-    the restitution e.
+    They are sums of 2 atan(v Ω m/P)/Ω with Ω² = k/m and the preload P. Each landing multiplies the
+    speed v by the restitution e.
     """
     rate = np.sqrt(stiffness / mass)
     velocities = THROWN * restitution ** np.arange(count)
@@ -45,9 +45,10 @@ def landing_times(mass, stiffness, load, restitution, count):
 
 
 def check(landings, times, accumulated, restitution, mass):
-    """Assert that each landing is at its exact time and has its impulse.
+    """Assert that each landing is at its exact time, and has the exact impulse.
 
-    The tolerance of the times is 1e-5 of the duration of the series.
+    `accumulated` (s) is the finite time in which infinitely many bounces occur. The tolerance of
+    the times is 1e-5 of it, and that of the first ten impulses is 1e-4, relative.
     """
     actual = np.array([event.time for event in landings])
     np.testing.assert_allclose(actual, times[: actual.size], rtol=0, atol=1e-5 * accumulated)
@@ -63,8 +64,8 @@ def check(landings, times, accumulated, restitution, mass):
 def test_one_mass(cam, restitution, monkeypatch):
     """A series of bounces of one mass ends in contact after few landings.
 
-    After ln(v₀/v)/ln(1/e) landings the bounces are below rounding. The landings dissipate the
-    initial kinetic energy.
+    After ln(v₀/v)/ln(1/e) landings the speed falls from v₀ to v, where a bounce is below rounding.
+    e is the restitution. The landings dissipate the initial kinetic energy.
     """
     monkeypatch.setattr(OneMassTrajectory, "max_events", 40.0 / np.log(1.0 / restitution))
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, restitution)
@@ -84,7 +85,7 @@ def test_one_mass(cam, restitution, monkeypatch):
 
 @pytest.mark.parametrize(("cam", "restitution"), [("hump", 0.5), ("hump", 0.9), ("disc", 0.5)])
 def test_two_masses(cam, restitution, monkeypatch):
-    """A roller on a stem with a fixed end bounces like one mass on a spring."""
+    """A roller on a stem whose other end is fixed bounces like one mass on a spring."""
     # An end mass of 1e9 kg moves by 1e-8 of the motion of the roller.
     monkeypatch.setattr(Separation, "max_events", 200)
     p = TwoMassParameters(ROLLER, 1e9, STEM, 4030.0, 0.0, 0.0, PRELOAD, restitution=restitution)
@@ -99,7 +100,10 @@ def test_two_masses(cam, restitution, monkeypatch):
 
 
 def test_too_many_events_are_an_error(monkeypatch):
-    """More events than allowed raise an error with the limit, duration and speed."""
+    """A run with more lift-offs and landings than allowed raises an error.
+
+    It contains the limit, the duration of the run and the cam speed.
+    """
     monkeypatch.setattr(OneMassTrajectory, "max_events", 100)
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, 0.99)
     flying = FollowerState(0.0, THROWN, 0.0, in_contact=False)
@@ -116,7 +120,10 @@ FAST = 450.0 * np.pi / 30.0
 
 @pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
 def test_events_are_those_of_fifty_digits(name):
-    """All events agree with 50-digit arithmetic to 1e-13 s, and the motion to 2e-12."""
+    """All lift-offs and landings agree with 50-digit arithmetic to 1e-13 s.
+
+    The motion agrees to 2e-12 of its largest value.
+    """
     # No bounce may be lost or added, although each bounce starts from the result of the previous
     # one. Sixty bounces on the stem amplify a rounding error a hundred times, so that a change of
     # the last digit of stiffness or speed changes a time by 1e-13 s. If it changes more, the limit
@@ -130,9 +137,10 @@ def test_events_are_those_of_fifty_digits(name):
 
 
 def last_digit(case, got):
-    """Return the change of event times (s) and of the motion by a last-digit change.
+    """Return how event times (s) and motion change with the last digit of an input.
 
-    The changed number is the stiffness or the speed.
+    The changed input is the stem or spring stiffness, or the cam speed, each times 1 ± 1e-15. The
+    change of the motion is relative to its largest value.
     """
     name = "stem_stiffness" if hasattr(case.model, "stem_stiffness") else "stiffness"
     changes = []
@@ -154,7 +162,7 @@ TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 1000.0)
 
 @pytest.fixture(scope="module")
 def minimum(laws):
-    """Angle (rad) and value of the smallest force without preload, and F'' there."""
+    """Minimum of one mass's contact force without preload: angle (rad), value, F''."""
     law, p = laws["poly345"], FOLLOWER
 
     def force(angle, order):
@@ -169,7 +177,7 @@ def minimum(laws):
 
 
 def one_turn(law, preload):
-    """Return the events of one mass in one turn with this preload (N)."""
+    """Return the lift-offs and landings of one mass in one turn with this preload (N)."""
     p = replace(FOLLOWER, preload=preload)
     interval = Interval(0, round(TURN / FAST * NS), 0.0, FAST)
     return MODELS["one_mass"].advance(law, p, None, interval, 1000)[1].events
@@ -177,15 +185,20 @@ def one_turn(law, preload):
 
 @pytest.mark.parametrize("hair", [1e-13, 1e-12, 1e-9])
 def test_a_force_that_touches_zero_gives_no_event(laws, minimum, hair):
-    """The follower stays on the cam if its force touches zero within rounding."""
+    """The follower stays on the cam if its smallest force is at most 1e-9 above zero.
+
+    The preload is larger, by this fraction, than the preload at which the force just touches zero.
+    """
     assert one_turn(laws["poly345"], -minimum[1] * (1.0 + hair)) == ()
 
 
 @pytest.mark.parametrize("hair", [1e-5, 1e-4])
 def test_a_slightly_negative_force_gives_a_flight(laws, minimum, hair):
-    """The follower lifts off at −θ₀ and lands at 3θ₀ from the minimum of the force.
+    """A preload that is slightly too small gives a flight of the predicted length.
 
-    The tolerances are the next order in θ₀.
+    It is 1e-5 or 1e-4 below the preload at which the smallest force is zero. If the force is
+    negative within ±θ₀ of its minimum, the follower lifts off at −θ₀ and lands at 3θ₀, within 2 %
+    of θ₀. The impulse has a closed form, too.
     """
     angle, depth, curvature = minimum
     half = np.sqrt(2.0 * hair * abs(depth) / curvature)
@@ -198,7 +211,7 @@ def test_a_slightly_negative_force_gives_a_flight(laws, minimum, hair):
 
 @pytest.mark.parametrize("hair", [1e-12, 1e-9, 1e-7])
 def test_a_gap_below_rounding_gives_two_events(laws, minimum, hair):
-    """A flight with a gap below rounding has a lift-off and a landing without impulse."""
+    """A flight with a gap below rounding has a lift-off and a landing of impulse 0."""
     off, on = one_turn(laws["poly345"], abs(minimum[1]) * (1.0 - hair))
     assert (off.kind, on.kind) == ("lift-off", "landing")
     assert off.angle < minimum[0] < on.angle
@@ -207,7 +220,7 @@ def test_a_gap_below_rounding_gives_two_events(laws, minimum, hair):
 
 @pytest.fixture(scope="module")
 def two_mass_touch(laws):
-    """Preload (N) at which the force of two masses touches zero in the first turn."""
+    """Preload (N) at which the smallest force of two masses is zero in the first turn."""
     trajectory = Separation(laws["poly345"], TWO, FAST)
     trajectory.run(TURN / FAST)
     assert trajectory.events == []
@@ -220,7 +233,11 @@ def two_mass_touch(laws):
 
 @pytest.mark.parametrize("hair", [0.0, 1e-12, 1e-9, -1e-6, -1e-5, -1e-4])
 def test_two_masses_touch(laws, two_mass_touch, hair):
-    """A force within 64 rounding errors of zero is contact. A lower force is a flight."""
+    """Two masses lift off if the preload is too small to keep the force above zero.
+
+    The cases are 1e-6 to 1e-4 below the preload at which the force just touches zero. At this
+    preload, or up to 1e-9 above it, there is no event.
+    """
     p = replace(TWO, preload=two_mass_touch * (1.0 + hair))
     trajectory = Separation(laws["poly345"], p, FAST)
     trajectory.run(TURN / FAST)

@@ -1,4 +1,7 @@
-"""Backends of the simulation: plain Python and compiled code give the same bits."""
+"""Tests of the two backends of the simulation, plain Python and compiled code.
+
+Their results are equal to the last bit.
+"""
 
 import math
 import os
@@ -30,7 +33,10 @@ from .helpers import ONE, TWO
 
 
 def bumpy(rng):
-    """Return a C¹ law of random cubics, in some cases with one velocity jump."""
+    """Return a random C¹ motion law of cubics.
+
+    In three of ten cases it has a velocity jump.
+    """
     count = int(rng.integers(2, 30))
     breaks = np.array([0.0, *np.sort(rng.uniform(0.1, TURN - 0.1, count - 1)), TURN])
     points = 0.01 * rng.standard_normal(count)
@@ -66,7 +72,10 @@ def random_runs(laws, seed):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(24))
 def test_both_backends_return_the_same_bits(laws, monkeypatch, seed):
-    """Events, samples and end states of both backends are equal to the last bit."""
+    """Events, samples and end states of both backends are equal bit by bit.
+
+    An event is a lift-off or a landing.
+    """
     law, one, two, interval = random_runs(laws, seed)
     for model, p in (("one_mass", one), ("two_mass", two)):
         results = []
@@ -80,9 +89,9 @@ def test_both_backends_return_the_same_bits(laws, monkeypatch, seed):
 
 
 def test_masses_without_pairs(laws, monkeypatch):
-    """Without pairs of eigenvectors the matrix exponential gives the same events.
+    """Free motion by the matrix exponential gives the same events as by eigenvectors.
 
-    Their times agree within 1e-12 s.
+    It is used if the free masses have no pairs of eigenvectors. The times agree within 1e-12 s.
     """
     p, runs = replace(TWO, restitution=0.5), []
     unpaired = replace(free_masses(p), pairs=None)
@@ -101,9 +110,9 @@ def test_masses_without_pairs(laws, monkeypatch):
 
 @pytest.mark.parametrize("kind", [int, np.float32, Fraction])
 def test_a_number_of_any_kind(laws, monkeypatch, kind):
-    """Integers, fractions and numpy floats give the bits of Python floats.
+    """Integers, fractions and numpy floats give the results of Python floats.
 
-    They cause no second compilation.
+    The results are equal bit by bit, and no argument type causes a second compilation.
     """
     monkeypatch.setenv(VARIABLE, COMPILED)
     law, results = laws["poly345"], []
@@ -127,7 +136,10 @@ def test_a_number_of_any_kind(laws, monkeypatch, kind):
 
 
 def test_binomials_beyond_the_table():
-    """Binomials of a degree beyond the table are computed by a recurrence."""
+    """Binomial coefficients of a degree beyond the stored table are correct.
+
+    They are computed by a recurrence.
+    """
     for degree in (3, len(vectors.PASCAL) - 1, len(vectors.PASCAL), len(vectors.PASCAL) + 9):
         assert vectors.binomials(degree)[2] == math.comb(degree, 2)
 
@@ -162,7 +174,10 @@ def cache(monkeypatch, tmp_path):
 
 
 def call_in_new_process(capsys):
-    """Return the standard error of a call of `double` that loads its code anew."""
+    """Call `double` as in a new process, and return what it prints on standard error.
+
+    Its compiled code is loaded from the folder again.
+    """
     backend._ready.clear()
     assert backend.dispatch(double, 3.0) == 6.0
     return capsys.readouterr().err
@@ -181,9 +196,9 @@ def truncated(data):
     ],
 )
 def test_damaged_code_is_compiled_again(cache, capsys, suffix, damage):
-    """Damaged stored code is reported in one line, compiled again and replaced.
+    """Damaged compiled code is reported in one line, compiled again and replaced.
 
-    The result is correct.
+    It is code on the disk. The result of the function is correct.
     """
     assert call_in_new_process(capsys) == "events: compiling double, once (about 15 s)\n"
     assert call_in_new_process(capsys) == ""
@@ -230,12 +245,15 @@ try:
 except KeyboardInterrupt:
     print("interrupted")
 """
-#: Standard error of a process that compiles this function.
+#: Line on standard error of a process that compiles the function of `PROGRAM`.
 COMPILES = "events: compiling find_rigid_zero, once (about 15 s)\n"
 
 
 def start(folder):
-    """Start `PROGRAM` with a folder for compiled code, and return the process."""
+    """Start `PROGRAM` with a folder for compiled code, and return the process.
+
+    It is the program of this test module.
+    """
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM],
         stdout=subprocess.PIPE,

@@ -17,10 +17,10 @@ SPEED = 300.0 * np.pi / 30.0
 
 @pytest.mark.parametrize("damping", [3e4, 1e6, 1e7, 1e8, 1e9])
 def test_overdamped_states_against_fifty_digits(laws, damping):
-    """With decay rates that differ by 1e9, two turns from rest keep their digits.
+    """An overdamped stem with very different decay rates is exact over two turns.
 
-    Compared with 50 digits, positions are exact to 1e-14 of the lift, and velocities to 1e-12 of
-    their peak.
+    The rates differ by 1e9. Compared with 50 digits, positions are exact to 1e-14 of the lift, and
+    velocities to 1e-12 of their peak.
     """
     law, stem = laws["poly345"], 3.3e8
     follower = FollowerParameters(1.3, 4030.0, damping, 0.0, stem)
@@ -34,9 +34,10 @@ def test_overdamped_states_against_fifty_digits(laws, damping):
 
 @pytest.mark.variants(3)
 def test_uniform_samples_equal_single_states(law, follower):
-    """Uniform samples by matrix products equal single states by the closed form.
+    """Uniform samples of a stem's motion equal states computed one by one.
 
-    The tolerance is 1e-11 of the largest value.
+    The samples are computed by matrix products, the states by the closed form. The tolerance is
+    1e-11 of the largest value.
     """
     model, start = response(law, follower, SPEED), np.array([1e-7, -1e-4])
     step, count = 1.0 / 96_000, 40_000

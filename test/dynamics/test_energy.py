@@ -1,7 +1,7 @@
-"""Energy balance: the work of the cam is stored, dissipated or lost in landings.
+"""Energy balance: the cam's work is stored, dissipated or lost in landings.
 
-The integrals use the Gauss-Legendre rule on intervals without joints and events, where it is exact
-to rounding. Any missing or wrong event would violate the balance.
+The integrals use the Gauss-Legendre rule between the joints of the law and the events, where it is
+exact to rounding. Any missing or wrong lift-off or landing would violate the balance.
 """
 
 import itertools
@@ -28,7 +28,10 @@ FREE = replace(STEM, stem_damping=0.0, damping=0.0)
 
 
 def balance_error(law, p, speed, milliseconds):
-    """Return the relative error of the energy balance of one mass, and its trajectory."""
+    """Return the error of the energy balance of one mass, and its trajectory.
+
+    The error is relative to work, losses and dissipation together. `speed` is in rad/s.
+    """
     trajectory = OneMassTrajectory(law, p, Interval(0, milliseconds * MS, 0.0, speed))
     trajectory.run(None)
     work = dissipated = 0.0
@@ -64,7 +67,7 @@ def balance_error(law, p, speed, milliseconds):
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
 @pytest.mark.parametrize("milliseconds", [110, 300, 333])
 def test_one_mass(laws, follower, name, restitution, milliseconds):
-    """A run with flights satisfies the energy balance to 1e-10.
+    """A run of one mass with flights satisfies the energy balance to 1e-10, relative.
 
     This applies also if the run ends in a flight.
     """
@@ -87,7 +90,10 @@ def test_one_mass_with_velocity_jumps(edge, restitution):
 
 
 def stored_in_two(p, state):
-    """Return the energy (J) of two masses, both springs and the preload."""
+    """Return the energy (J) that two masses, both springs and the preload store.
+
+    `state` has positions and velocities.
+    """
     z, v, y, w = state[:4]
     kinetic = 0.5 * p.roller_mass * v**2 + 0.5 * p.end_mass * w**2
     springs = 0.5 * p.stem_stiffness * (z - y) ** 2 + 0.5 * p.spring_stiffness * y**2
@@ -109,10 +115,10 @@ TWO = [
 
 @pytest.mark.parametrize(("cam", "p", "rpm", "turns", "limit"), TWO)
 def test_two_masses(laws, edge, cam, p, rpm, turns, limit):
-    """Runs of two masses satisfy the energy balance.
+    """Runs of two masses satisfy the energy balance within the limit of each case.
 
-    Each landing loses the relative kinetic energy of the roller times (1 − e²). The limit is
-    relative to ∫|F ṡ| dt.
+    Each landing loses the relative kinetic energy of the roller times (1 − e²), with the
+    restitution e. The limit is relative to ∫|F ṡ| dt of the contact force F.
     """
     law, speed = edge if cam == "edge" else laws[cam], rpm * RPM
     trajectory = Separation(law, p, speed)
@@ -142,7 +148,10 @@ def test_two_masses(laws, edge, cam, p, rpm, turns, limit):
 
 
 def stored_in_shaft(motion, times):
-    """Return the energy (J) of cam, follower, spring and shaft at the times (s)."""
+    """Return the stored energy (J) of cam, follower, spring and shaft.
+
+    `times` are in s.
+    """
     p, f = motion.parameters, motion.parameters.follower
     twist, _, angle, speed = motion.at(times)[:4]
     s, s1 = motion.law(angle), motion.law(angle, 1)
@@ -155,7 +164,7 @@ def stored_in_shaft(motion, times):
 def test_shaft(law, follower):
     """The work of a flywheel at constant speed is stored or dissipated.
 
-    The balance of the elastic shaft is satisfied to 1e-11 of the total work.
+    The energy balance of the elastic shaft is satisfied to 1e-11 of the total work.
     """
     shaft, duration = TorsionalParameters(follower, 0.02, 8e3, 0.4), 2.3 * TURN / SPEED
     motion = solve(law, shaft, TorsionalState(2e-4, -0.1, 0.7, SPEED), 0.0, duration)
@@ -172,7 +181,10 @@ def test_shaft(law, follower):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("speed", [0.0, 3.0])
 def test_shaft_without_damping(law, follower, speed):
-    """Without damping the stored energy changes only by the work of the flywheel."""
+    """Without damping the stored energy changes only by the work of the flywheel.
+
+    The energy is stored in shaft and follower. The flywheel has a constant speed.
+    """
     p = TorsionalParameters(replace(follower, damping=0.0), 0.02, 5e3)
     motion = solve(law, p, TorsionalState(0.05, 5.0, 2.6, speed), 0.0, 0.3)
     instants = np.linspace(0.0, 0.3, 2000)
@@ -186,9 +198,10 @@ def test_shaft_without_damping(law, follower, speed):
 
 
 def test_free_vibration_of_a_shaft_is_exact(follower):
-    """The twist ψ with I ψ̈ + c ψ̇ + k ψ = 0 is exact to 2e-13 of its peak.
+    """The free twist of a shaft is exact to 2e-13 of its peak.
 
-    The damping is weak, critical (c = 20) and strong.
+    The twist ψ satisfies I ψ̈ + c ψ̇ + k ψ = 0. The damping is weak, critical (c = 20 N·m·s/rad)
+    and strong.
     """
     disc, times = Law("round", np.array([0.0, TURN]), np.zeros((1, 1))), np.linspace(0.0, 0.2, 501)
     for damping in (0.0, 0.4, 19.9, 20.0, 300.0):

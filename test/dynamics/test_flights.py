@@ -1,6 +1,6 @@
-"""Flights from 0.1 mm down to 0.1 pm high, against references of 50 digits.
+"""Tests of flights from 0.1 mm to 0.1 pm high, against 50-digit references.
 
-The tests also cover the search for the end of contact (a polynomial that falls below zero).
+Further tests find the end of contact, where a polynomial falls below zero.
 """
 
 import itertools
@@ -23,14 +23,15 @@ from .helpers import exact_law, land
 P = FollowerParameters(1.3, 4030.0, 8.642, 30.0, 3.3e8)
 SPEED = 300.0 * np.pi / 30.0
 EPS = float(np.finfo(float).eps)
-#: Heights of the flights, m.
+#: Heights of the tested flights above the cam, m.
 HEIGHTS = (1.5e-4, 1e-6, 6e-9, 1e-11, 1e-13)
 
 
 def exact_flight(law, p, speed, angle, gap_rate, guess):
-    """Return time (s) and speed (m/s) of the landing near `guess` (s), in 50 digits.
+    """Return time (s) and closing speed (m/s) of a landing, in 50 digits.
 
-    `gap_rate` is the speed (m/s) at which the flight leaves the cam.
+    The time is since the lift-off. The flight leaves the cam at `angle` (rad) with the relative
+    speed `gap_rate` (m/s). The landing is the one near the time `guess` (s).
     """
     numbers = (p.mass, p.spring_stiffness, p.damping, p.preload, speed)
     m, k, c, load, speed = (mp.mpf(x) for x in numbers)
@@ -47,9 +48,9 @@ def exact_flight(law, p, speed, angle, gap_rate, guess):
 
 
 def pull(law, angle):
-    """Return the acceleration (m/s²) towards the cam, and the sum of its terms.
+    """Return a free follower's acceleration (m/s²) towards the cam, and its scale.
 
-    The sum is of the absolute values, as a scale for rounding errors.
+    The scale is the sum of the absolute values of its terms, for rounding errors.
     """
     parts = force_weights(P, SPEED) * np.array(law.at(angle)) / P.mass
     return float(parts.sum()) + P.preload / P.mass, float(np.abs(parts).sum() + P.preload / P.mass)
@@ -92,7 +93,10 @@ def test_a_flight_is_known_to_its_last_digits(laws, cam, degrees, height):
 @pytest.mark.parametrize("part", [0.2, 0.9])
 @pytest.mark.parametrize("height", HEIGHTS[:4])
 def test_a_flight_over_a_joint(laws, height, part):
-    """The duration of a flight over a joint with a jump of s'' is exact to rounding."""
+    """The duration of a flight over a jump of s'' is exact to rounding.
+
+    The jump is at a joint, where two polynomial pieces of the law meet.
+    """
     law = laws["tm21"]
     joint = float(law.breaks[np.argmax(np.abs(law.jumps(2)) * (law.breaks[:-1] > 0.1))])
     back, parts = pull(law, joint - 1e-9)
@@ -116,7 +120,11 @@ def test_a_flight_over_a_joint(laws, height, part):
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("milliseconds", [7, 400, 20, 1])
 def test_a_series_of_bounces(laws, milliseconds):
-    """A series of bounces down to nanometres is exact, for any duration of the ticks."""
+    """A series of bounces down to nanometres is exact, for any duration of the ticks.
+
+    A tick is one of the time intervals into which the run is divided. The time of 12 landings is
+    exact to its rounding, and the impulse to 1e-12.
+    """
     # The only errors are the rounding of time and angle of a landing to floats.
     law, p = laws["poly345"], replace(P, restitution=0.6)
     events, total = [], 400 * NS // 1000
@@ -148,13 +156,16 @@ TIMES = [0.0, 1e-6, 1e-3, 0.01, 0.1, 1.0]
 
 @pytest.fixture(params=DAMPINGS.values(), ids=DAMPINGS.keys())
 def flight(request, follower):
-    """Parameters and flight of a follower that starts at 31 mm with 1.7 m/s."""
+    """Parameters and flight of a follower that starts at 31 mm with 1.7 m/s.
+
+    The fixture runs each test with the dampings of `DAMPINGS`.
+    """
     p = replace(follower, damping=request.param)
     return p, flight_from(p, 0.031, 1.7)
 
 
 def exact(p, time):
-    """Return displacement and velocity by the matrix exponential in 50 digits."""
+    """Return displacement and velocity of the flight at a time (s), in 50 digits."""
     with mp.workdps(50):
         m, k, c = (mp.mpf(x) for x in (p.mass, p.spring_stiffness, p.damping))
         rest = -mp.mpf(p.preload) / k
@@ -180,7 +191,7 @@ def test_state_against_fifty_digits(flight):
 def test_weight_without_a_spring(follower):
     """A flight with a very weak spring and a preload is exact to 1e-12.
 
-    Its position of rest is far below the cam.
+    The follower's position of rest is then far below the cam.
     """
     for stiffness in (1.0, 1e-3, 1e-6):
         soft = replace(follower, spring_stiffness=stiffness)
@@ -190,7 +201,7 @@ def test_weight_without_a_spring(follower):
 
 # -- hard cases of the search for events: long series, close events, a landing at a joint
 
-#: Law with a dwell from 1 to 6 rad at zero lift.
+#: Motion law with a dwell from 1 to 6 rad at zero lift, on which followers bounce.
 DWELL = Law(
     "dwell",
     [0.0, 0.5, 1.0, 6.0, TURN],
@@ -199,7 +210,7 @@ DWELL = Law(
 
 
 def thrown(velocity, p, seconds):
-    """Return the events of a follower that leaves the dwell at a velocity (m/s).
+    """Return the events of a follower that is thrown off a dwell at a velocity (m/s).
 
     `seconds` is the duration of the run.
     """
@@ -209,9 +220,10 @@ def thrown(velocity, p, seconds):
 
 
 def bounces(velocity, p, count):
-    """Return exact times (s) and impulses (N·s) of bounces on a spring, in 50 digits.
+    """Return exact times (s) and impulses (N·s) of `count` bounces on a dwell.
 
-    The duration T of a bounce satisfies tan(ω T/2) = v k/(ω F).
+    They are computed with 50 digits. Spring and preload pull the follower back. The duration T of a
+    bounce with the speed v satisfies tan(ω T/2) = v k/(ω F), with the preload F.
     """
     with mp.workdps(50):
         rate = mp.sqrt(mp.mpf(p.spring_stiffness) / mp.mpf(p.mass))
@@ -246,7 +258,10 @@ def test_events_within_a_nanosecond():
 
 @pytest.mark.parametrize(("higher", "landed"), [(-1e-12, False), (1e-12, True)])
 def test_a_joint_near_the_top_of_a_flight(higher, landed):
-    """A flight lands on a peak 1 pm above its top, and passes a peak 1 pm below it."""
+    """A flight lands on a peak of the cam that is 1 pm above the top of the flight.
+
+    It passes a peak 1 pm below its top. The peak is a joint of two polynomial pieces.
+    """
     p = FollowerParameters(1.3, 4030.0, 0.0, 12.753, 3.3e8)
     rate, speed = math.sqrt(p.spring_stiffness / p.mass), 30.0
     top, velocity = math.atan(0.3 * p.spring_stiffness / (rate * p.preload)) / rate, 0.3
@@ -267,9 +282,9 @@ def test_a_joint_near_the_top_of_a_flight(higher, landed):
 
 
 def test_a_fall_is_the_first():
-    """`find_fall` returns the first fall below zero, or `NO_ROOT`.
+    """`find_fall` returns the first time at which a polynomial falls below zero.
 
-    It agrees with a scan of 20 001 points.
+    It agrees with a scan of 20 001 points, and returns `NO_ROOT` if there is no fall.
     """
     u = np.linspace(0.0, 1.0, 20_001)
     for seed in range(12):
@@ -287,7 +302,10 @@ def test_a_fall_is_the_first():
 
 
 def test_a_fall_that_starts_within_rounding():
-    """A polynomial that starts within rounding of zero falls at once or after a rise."""
+    """`find_fall` treats a polynomial that starts at zero within its rounding error.
+
+    If it descends, the fall is at time 0. If it rises first, the fall is its later root.
+    """
     assert find_fall([-1e-13, -1.0], 1e-12) == 0.0
     assert find_fall([-1.0, 1.0], 1e-12) == 0.0
     rising = find_fall([-1e-13, 1.0, -1.0], 1e-12)

@@ -21,25 +21,35 @@ from ..conftest import dwell, rise
 from .helpers import TWO, with_joints
 
 SPEED = 120.0 * np.pi / 30.0
-#: Sample rate (Hz) for samples 1 ns apart, the resolution of the simulated time.
+#: Sample rate (Hz) that gives samples 1 ns apart, the resolution of the simulated time.
 FINEST = 1_000_000_000
 
 
 @pytest.fixture(scope="module", params=["harmonic", "tm21"])
 def jumping(request, laws, harmonic):
-    """Law whose acceleration jumps: simple harmonic, then the TM21's arcs."""
+    """Law whose acceleration jumps: simple harmonic, then the TM21's arcs.
+
+    The fixture runs each test with both.
+    """
     return harmonic if request.param == "harmonic" else laws["tm21"]
 
 
 def joints_of(law):
-    """Return the joints at which s'' jumps: piece index and s'' on both sides."""
+    """Return the joints at which s'' of the law jumps.
+
+    At a joint two polynomial pieces of the law meet. An item is the index of the later piece, and
+    s'' (m/rad²) before and after the joint.
+    """
     second = law.derivative_ordinates(2)
     pieces = np.flatnonzero(np.abs(law.jumps(2)) > 1e-6 * np.abs(second).max())
     return [(int(i), float(second[-1, i - 1]), float(second[0, i])) for i in pieces]
 
 
 def around(law, model, parameters, piece):
-    """Return acceleration and force before and after a joint, and all samples."""
+    """Return acceleration and contact force before and after a joint, and all samples.
+
+    The joint is the start angle of the polynomial piece with the index `piece`.
+    """
     joint = float(law.breaks[piece]) or TURN
     stamp = int(joint / SPEED * NS)
     interval = Interval(stamp - 2, stamp + 4, SPEED * (stamp - 2) / NS, SPEED)
@@ -50,10 +60,10 @@ def around(law, model, parameters, piece):
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "two_mass"])
 def test_the_force_on_the_cam_jumps(jumping, follower, model):
-    """At a joint ẍ jumps by ω² Δs'', and the contact force by m ω² Δs''.
+    """Where s'' jumps, acceleration and contact force jump as expected.
 
-    m is the mass on the cam, for two masses that of the roller. The tolerance is the jerk over 1
-    ns.
+    The acceleration jumps by ω² Δs'', the force by m ω² Δs''. m is the mass on the cam, for two
+    masses that of the roller. The acceleration may change by the jerk within 2 ns in addition.
     """
     p = TWO if model == "two_mass" else follower
     mass = getattr(p, "roller_mass", None) or p.mass
@@ -68,7 +78,11 @@ def test_the_force_on_the_cam_jumps(jumping, follower, model):
 
 
 def test_a_stem_makes_the_jump_continuous(jumping, follower):
-    """On an elastic stem acceleration and force are continuous at a jump of s''."""
+    """On an elastic stem acceleration and force are continuous at a jump of s''.
+
+    The jump is that of the cam's law. They change by less than 1e-4 of the jump that a rigid
+    follower would have.
+    """
     for piece, left, right in joints_of(jumping):
         before, after, rows = around(jumping, "elastic_stem", follower, piece)
         ordinary = np.abs(np.diff(rows[3:5], axis=1)).max(axis=1)
@@ -79,9 +93,10 @@ def test_a_stem_makes_the_jump_continuous(jumping, follower):
 
 @pytest.mark.parametrize("kind", ["one", "two"])
 def test_motion_around_joints_against_fifty_digits(jumping, many_digits, kind):
-    """The motion from 10 ns before to 10 ns after each joint agrees with 50 digits.
+    """The motion within 10 ns of each jump of s'' agrees with 50-digit arithmetic.
 
-    The tolerance is 1e-12 of the largest value.
+    The jumps are at joints, where two polynomial pieces of the law meet. The tolerance is 1e-12 of
+    the largest value.
     """
     model = Oscillator(1.3, 8.642, 4030.0, 1.26e6)
     if kind == "two":
@@ -97,9 +112,10 @@ def test_motion_around_joints_against_fifty_digits(jumping, many_digits, kind):
 
 @pytest.mark.parametrize(("model", "rpm"), [("one_mass", 600.0), ("two_mass", 900.0)])
 def test_lift_off_at_a_jump_of_the_force(harmonic, follower, model, rpm):
-    """A force that jumps to a negative value at a joint gives a lift-off there.
+    """A contact force that jumps to a negative value gives a lift-off at the jump.
 
-    The force changes its sign without being zero.
+    The jump is at a joint, where two polynomial pieces of the law meet. The force changes its sign
+    without being zero.
     """
     speed, start = rpm * np.pi / 30.0, np.radians(200.0)
     fall = int(np.flatnonzero(harmonic.breaks > np.radians(239.0))[0])
@@ -121,22 +137,25 @@ TURN_NS = 60 * NS // 600
 
 @pytest.fixture(scope="module")
 def parameters(paper_rig):
-    """Parameters of each model for one rig."""
+    """Parameters of the follower models for the paper's rig, by model name."""
     return {name: model.parameters(paper_rig) for name, model in MODELS.items()}
 
 
 def one_turn(law, name, parameters, turns=1):
-    """Return the last state and the samples of a run over some turns."""
+    """Return the last state and the samples of a run over some turns.
+
+    `name` is the name of the model, and `parameters` are those of all models.
+    """
     interval = Interval(0, turns * TURN_NS, 0.0, FAST)
     return MODELS[name].advance(law, parameters[name], None, interval, 4000)
 
 
 @pytest.mark.parametrize("name", ["one_mass", "two_mass"])
 def test_lift_off_at_the_end_of_a_segment(laws, parameters, name):
-    """An additional smooth joint close to a lift-off does not change the events.
+    """A lift-off within 1e-12 of the end of a polynomial piece is found exactly once.
 
-    The lift-off is found once, in the last 1e-12 of its segment or in the first of the next one.
-    Its angle is exact to the rounding of a force of 1e3 N divided by the slope of the force.
+    The case is a law with an additional smooth joint next to a known lift-off. Lift-off and landing
+    keep their angles to 1e-11 rad.
     """
     law = laws["poly345"]
     expected = one_turn(law, name, parameters)[1].events
@@ -150,7 +169,10 @@ def test_lift_off_at_the_end_of_a_segment(laws, parameters, name):
 
 @pytest.mark.parametrize("name", list(MODELS))
 def test_a_dwell_of_a_nanoradian(make_cam, parameters, name):
-    """A high dwell of 1e-9 rad gives the same motion as a law without it."""
+    """A high dwell of only 1e-9 rad gives the same motion as a law without it.
+
+    The relative tolerance is 1e-6, for every follower model.
+    """
     tiny = float(np.degrees(1e-9))
     up, down = rise(120, 1), rise(120, 0)
     without = build_law(make_cam(up, down, dwell(120)))
@@ -177,9 +199,9 @@ def test_adjacent_dwells_of_a_nanoradian(parameters, name):
 
 
 def test_a_rise_of_a_nanoradian_is_a_step(laws):
-    """The response of a stem to a rise over 1e-9 rad is that to a step.
+    """A rise over only 1e-9 rad gives the same response of a stem as a step.
 
-    It is x = h (1 − cos Ωt).
+    It is x = h (1 − cos Ωt) for a rise of h and the natural frequency Ω.
     """
     # The rise takes 1e-9/ω s, in which the phase of the stem advances by 2e-8 rad. This gives the
     # tolerance. Velocities of 1e9 m/s and accelerations of 1e19 m/s² in the rise must have no

@@ -1,4 +1,7 @@
-"""Velocity jumps of the cam within rounding of the border of two intervals."""
+"""Tests of a velocity jump of the cam at the border of two time intervals.
+
+The jump is within rounding of the border.
+"""
 
 from dataclasses import replace
 
@@ -17,7 +20,7 @@ from .helpers import ONE, TWO
 @pytest.mark.parametrize("overshoot", [-2e-9, -6e-10, 0.0, 6e-10, 2e-9])
 @pytest.mark.parametrize("speeds", [(64.7, 56.9), (64.7, 64.7), (50.0, 70.0)])
 def test_a_flight_passes_a_jump_at_the_border_once(make_cam, model, overshoot, speeds):
-    """A flight over a border at a velocity jump includes this jump exactly once.
+    """A flight over the border of two intervals has a velocity jump there once.
 
     The fall ends at 360°, and the first interval ends up to 2e-9 rad before or after it. If the
     jump were counted twice or not at all, the gap at the next landing would not be zero.

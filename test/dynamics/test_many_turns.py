@@ -26,7 +26,7 @@ EPS = float(np.finfo(float).eps)
 
 @pytest.mark.parametrize("turns", [20_000, pytest.param(TURNS, marks=pytest.mark.long)])
 def test_one_call_over_all_turns(laws, follower, turns):
-    """Samples of one interval of many turns are exact to the rounding of the angle."""
+    """Samples of one call over many turns are exact to the rounding of the cam angle."""
     # The angle of 1e5 turns, 6.3e5 rad, is rounded to eps times itself. Multiplied by the slope of
     # the law this is an error of the lift.
     law, rate = laws["poly345"], 7
@@ -43,7 +43,10 @@ def test_one_call_over_all_turns(laws, follower, turns):
 
 
 def test_free_vibration_keeps_its_phase(laws):
-    """The free vibration of an undamped stem is r₀ cos Ωt after 3.2e8 rad of phase."""
+    """The free vibration of an undamped stem keeps its phase over 3.2e8 rad.
+
+    It is r₀ cos Ωt with the start value r₀ and the natural frequency Ω.
+    """
     # The phase of one turn (1593 rad) is rounded to eps times itself, and the errors of all turns
     # add up.
     flat = Law("flat", laws["poly345"].breaks, 0.0 * laws["poly345"].ordinates)
@@ -78,8 +81,8 @@ def test_forced_resonance_grows_for_all_turns(laws):
 
 ROOT = Path(__file__).parents[2]
 LIMIT_MB = 300.0
-#: Program that computes runs in blocks of one second. It prints the peak memory (MB) after half of
-#: each run and at its end.
+#: Program that computes runs in blocks of one second. It prints the peak memory (MB) after the
+#: first half of each run and at its end.
 STREAM = """
 import sys
 import cam_rig
@@ -106,10 +109,7 @@ LONG = ("elastic_stem", 300, "one_mass", 60, "two_mass", 60, "torsional", 20, "k
 
 @pytest.mark.parametrize("runs", [RUNS, pytest.param(LONG, marks=pytest.mark.long)])
 def test_memory_does_not_grow(runs):
-    """The memory of a process does not grow after the first turns of a run.
-
-    Between half of the run and its end it grows by less than 5 MB.
-    """
+    """The memory of a process grows by less than 5 MB in the second half of a run."""
     # The samples of one hour (172.8 million of six floats) would need 8.3 GB.
     done = subprocess.run(
         [sys.executable, "-c", STREAM, *map(str, runs)],

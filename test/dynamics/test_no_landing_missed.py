@@ -1,6 +1,6 @@
-"""No landing or lift-off is missed, compared with fine samples of gap and force.
+"""Tests that no landing or lift-off is missed, by fine samples of gap and force.
 
-The tests also cover the intervals of time and the grid of samples.
+Further tests cover the time intervals of a simulation and their sample times.
 """
 
 import itertools
@@ -28,9 +28,10 @@ from .helpers import MS, ONE, TWO, bumped, land, noisy, run_in_ticks, tick_borde
 
 
 def scan(trajectory, samples, force_at):
-    """Return the number of events, the smallest gap (m) and the smallest force (N).
+    """Return the event count of a run, its smallest gap (m) and smallest force (N).
 
-    `samples` is the number of samples per turn. `force_at(phase, times)` returns the contact force.
+    `samples` is the number of samples per turn. `force_at(phase, times)` returns the contact force
+    of a phase in contact.
     """
     gap, force, speed = 0.0, np.inf, trajectory.speed
     for phase in trajectory.phases:
@@ -45,14 +46,17 @@ def scan(trajectory, samples, force_at):
 
 
 def two_masses(law, p, rpm, turns, samples):
-    """Return the `scan` of two masses from rest over some turns."""
+    """Simulate two masses from rest over some turns, and return the result of `scan`."""
     trajectory = Separation(law, p, rpm * RPM)
     trajectory.run(turns * TURN / trajectory.speed)
     return scan(trajectory, samples, lambda phase, t: phase_states(trajectory, phase, t)[4])
 
 
 def one_mass(law, p, rpm, turns, samples):
-    """Return the `scan` of one mass from rest, with the force at each tenth sample."""
+    """Simulate one mass from rest over some turns, and return the result of `scan`.
+
+    The contact force is evaluated at each tenth sample.
+    """
     speed = rpm * RPM
     interval = Interval(0, round(turns * TURN / speed * 1e9), 0.0, speed)
     trajectory = OneMassTrajectory(law, p, interval)
@@ -76,9 +80,10 @@ MORE_NOISE = [
     [(two_masses, TWO, 5e-6, 0, 1), (one_mass, ONE, 5e-6, 1, 1), *MORE_NOISE],
 )
 def test_a_measured_law_with_noise(laws, run, p, amplitude, seed, turns):
-    """On a law of 1440 pieces with noise, gap and force are never negative.
+    """On a measured law with noise no lift-off or landing is missed.
 
-    Rounding of 1e-14 m and 1e-6 N is allowed.
+    The law has 1440 polynomial pieces. Gap and contact force are never negative, beyond rounding of
+    1e-14 m and 1e-6 N.
     """
     law = noisy(laws["poly345"], 1440, amplitude, np.random.default_rng(seed))
     events, gap, force = run(law, p, 450.0, turns, 20_000)
@@ -90,9 +95,9 @@ def test_a_measured_law_with_noise(laws, run, p, amplitude, seed, turns):
 @pytest.mark.parametrize("apart", [24.0, pytest.param(0.75, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("run", "p"), [(two_masses, TWO), (one_mass, ONE)])
 def test_a_narrow_bump_is_not_missed(laws, run, p, apart):
-    """A bump of 0.3° and 1 mm at any angle causes events, and no event is missed.
+    """A bump of 0.3° and 1 mm at any angle causes lift-offs, and no event is missed.
 
-    Gap and force are never negative beyond rounding.
+    Gap and contact force are never negative beyond rounding.
     """
     for degrees in np.arange(0.7, 359.8, apart):
         law = bumped(laws["poly345"], np.radians(degrees), np.radians(0.3), 1e-3)
@@ -104,14 +109,15 @@ def test_a_narrow_bump_is_not_missed(laws, run, p, apart):
 
 # -- the roller is never below the cam, for any division of time into intervals
 
-#: The paper's two masses with the restitution 0.5.
+#: Two masses identified from the paper's Table 2, with the restitution 0.5.
 PAPER = replace(TWO, restitution=0.5)
 
 
 def min_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_mass"):
-    """Return the smallest gap (m) and the number of events of a speed ramp in ticks.
+    """Return the smallest gap (m) of a speed ramp in ticks, and its event count.
 
-    `speed` is in rad/s, `acceleration` in rad/s². A tick takes `milliseconds`, the run `total` ms.
+    A tick is a time interval of `milliseconds` that is simulated in one call. The ramp starts at
+    `speed` (rad/s), has the `acceleration` (rad/s²) and takes `total` ms.
     """
     whole = Interval(0, total * MS, 0.0, speed, acceleration)
     rows, events, _ = run_in_ticks(
@@ -127,11 +133,11 @@ def min_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_mas
 @pytest.mark.parametrize("acceleration", [2.0, 30.0])
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_no_tick_of_a_ramp_loses_a_landing(laws, cam, restitution, acceleration, milliseconds):
-    """The gap is never negative on a speed ramp, also in ticks of 1 ms.
+    """On a speed ramp, also in ticks of 1 ms, no landing is missed.
 
-    On a ramp the motion of a tick is computed with a law for this tick, which may be zero
-    everywhere in a dwell. The rounding error of the gap must include that of the roller's
-    displacement.
+    The gap must never be negative. A tick is a time interval that is simulated in one call. On a
+    ramp its motion is computed with a law for this tick, which may be zero everywhere in a dwell.
+    The rounding error of the gap must therefore include that of the roller's displacement.
     """
     p = replace(PAPER, restitution=restitution)
     gap, events = min_gap(laws[cam], p, 52.0, acceleration, milliseconds)
@@ -141,10 +147,11 @@ def test_no_tick_of_a_ramp_loses_a_landing(laws, cam, restitution, acceleration,
 
 @pytest.mark.parametrize("milliseconds", [20, 3])
 def test_one_mass_lands_on_a_slope_at_the_end_of_a_tick(make_cam, milliseconds):
-    """A landing at the end of a tick is not missed if the law has a slope there.
+    """A landing on a slope of the cam at the end of a tick is not missed.
 
-    The law for one tick of a ramp ends with the tick. If its end were taken for a dwell, the
-    follower would sink 20 µm below the cam until the end of the tick.
+    A tick is a time interval that is simulated in one call, and on a ramp its law ends with it. If
+    the end were taken for a dwell, the follower would sink 20 µm below the cam. The gap must stay
+    above −1e-12 m, with the 33 events of a single tick.
     """
     event = rise(110, 1, "constant_velocity"), dwell(60), rise(100, 0)
     law = build_law(make_cam(dwell(50), *event, dwell(40), lift=0.04))
@@ -158,7 +165,8 @@ def test_one_mass_lands_on_a_slope_at_the_end_of_a_tick(make_cam, milliseconds):
 def test_a_weak_spring_with_a_large_preload(laws, spring):
     """A follower lands although its position of rest is up to 1 km below the cam.
 
-    Samples have a rounding error of 1e-9 of that distance.
+    The spring is very weak and the preload large. Samples have a rounding error of 1e-9 of that
+    distance.
     """
     p = replace(PAPER, spring_stiffness=spring, preload=100.0)
     gap, events = min_gap(laws["poly345"], p, 62.0, 0.0, 200)
@@ -205,7 +213,7 @@ def test_time_is_the_inverse_of_the_angle(before, after, part):
 def test_time_from_rest_and_never():
     """`time_at` is exact from rest, and infinite for an angle that is not reached.
 
-    From rest θ = α t²/2.
+    From rest the cam angle is θ = α t²/2 with the angular acceleration α.
     """
     start = Interval(0, NS, 0.0, 0.0, 8.0)
     assert start.time_at(4.0) == 1.0
@@ -269,7 +277,10 @@ def test_samples_lie_inside(start, length, rate):
 
 
 def test_index_after():
-    """`index_after` returns the first sample at or after a time, at least sample 0."""
+    """`index_after` returns the index of the first sample at or after a time.
+
+    Before the interval it is 0.
+    """
     grid = Interval(0, NS, 0.0, 1.0).grid(1000)
     assert [grid.index_after(t) for t in (-1.0, 0.0, 0.25, 0.2501)] == [0, 0, 250, 251]
     np.testing.assert_allclose(grid.sample_times()[[0, 999]], [0.0, 0.999], rtol=1e-15)
@@ -281,7 +292,7 @@ def test_index_after():
 @pytest.mark.parametrize("model", ["one_mass", "two_mass", "elastic_stem"])
 @pytest.mark.parametrize("rpm", [250, 500])
 def test_a_sample_at_the_end_of_an_interval(model, rpm):
-    """A sample less than 1 ns before the end of an interval is correct.
+    """A sample less than 1 ns before the end of an interval is correct in every model.
 
     It equals that of a longer interval to 1e-9. Sample rates such as 48 kHz have such ends, in
     contact and in flight.
@@ -302,7 +313,7 @@ def test_a_sample_at_the_end_of_an_interval(model, rpm):
 
 
 def test_names_are_the_columns_in_order():
-    """Each attribute of `Samples` is the row of the column with its name."""
+    """Each attribute of `Samples`, such as `time`, is the array row of that quantity."""
     samples = Samples(np.arange(12.0).reshape(6, 2))
     names = ("time", "lift", "velocity", "acceleration", "force", "impulse")
     for row, (name, column) in enumerate(zip(names, COLUMNS, strict=True)):

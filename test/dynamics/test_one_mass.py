@@ -1,4 +1,4 @@
-"""One mass: contact without flights, and changes of speed between intervals."""
+"""Tests of one mass: contact without flights, and steps of the cam speed."""
 
 from dataclasses import replace
 
@@ -12,7 +12,10 @@ from .helpers import run_in_ticks
 
 
 def test_no_events_at_200_rpm(laws, follower):
-    """Below the jump speed the samples are those of the kinetostatic model."""
+    """At 200 rpm, below the jump speed, one mass equals the kinetostatic model.
+
+    That model has no loss of contact. One mass has no lift-off or landing here.
+    """
     cuts, whole = [0, NS // 5, NS], Interval(0, NS, 0.0, 200.0 * np.pi / 30.0)
     run, expected = (
         run_in_ticks(laws["poly345"], model, follower, whole, cuts)
@@ -29,7 +32,10 @@ MS = NS // 1000
 
 
 def test_a_flight_continues_over_a_change_of_speed(laws, follower):
-    """A change of the cam speed does not affect a follower in flight."""
+    """A step of the cam speed does not affect a follower in flight.
+
+    Displacement and velocity are continuous.
+    """
     law, fast, faster = laws["poly345"], 20.0 * np.pi, 25.0 * np.pi
     stop = 40 * NS // 1000
     angle = fast * 0.04  # 144°, in flight since 101.5°
@@ -46,9 +52,10 @@ def test_a_flight_continues_over_a_change_of_speed(laws, follower):
 @pytest.mark.parametrize("model", ["elastic_stem", "one_mass", "two_mass"])
 @pytest.mark.parametrize("degrees", [90.0, 180.0, 270.0])
 def test_a_change_of_speed_changes_the_cam_velocity_only(laws, paper_rig, model, faster, degrees):
-    """A faster cam surface hits the follower, and a slower one loses contact with it.
+    """A step of the cam speed hits the follower if the cam surface gets faster.
 
-    There is no event in a dwell, without a change of speed, or with the model elastic_stem.
+    If the surface gets slower, the follower lifts off. There is no event in a dwell, without a
+    speed step, or with the model elastic_stem, which has no loss of contact.
     """
     # If the cam surface gets faster, the impulse is J = m Δv with the mass on the cam. If it gets
     # slower, the follower keeps its velocity and lifts off. In a dwell the surface has no velocity.

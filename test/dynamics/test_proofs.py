@@ -1,6 +1,7 @@
-"""Gap at events, and inequalities (1) to (8) of docs/proofs.md at random.
+"""Tests of the gap at events, and of inequalities (1) to (8) of docs/proofs.md.
 
-The simulation relies on these inequalities to miss no event.
+The simulation relies on these inequalities to miss no lift-off or landing. Laws and rigs are
+random.
 """
 
 import math
@@ -22,16 +23,20 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import EPS
 from cam_rig.units import NS, RPM, TURN
 
-#: Number of cams per kind of law.
+#: Number of random cams per kind of law.
 CAMS = 100
 #: Seeds of the cams. With the seed 372 one mass once landed 4 mm above a cam of straight lines.
 SEEDS = (*range(CAMS - 1), 372)
-#: Rounding errors allowed in the gap of a sample. `gap_rounding` of the package uses 16.
+#: Number of rounding errors by which the gap of a sample may be negative. `gap_rounding` of cam_rig
+#: uses 16.
 ROUNDING_ERRORS = 256.0
 
 
 def random_law(kind, rng):
-    """Return a law of 3 to 8 straight lines, or of cubics with continuous velocity."""
+    """Return a random law of 3 to 8 pieces.
+
+    The pieces are straight lines for the kind "straight", else cubics with continuous velocity.
+    """
     count = int(rng.integers(3, 9))
     spans = rng.uniform(0.3, 1.0, count)
     breaks = np.concatenate([[0.0], np.cumsum(spans) * TURN / spans.sum()])
@@ -46,7 +51,10 @@ def random_law(kind, rng):
 
 
 def random_trajectory(law, model, rng):
-    """Return the simulation of a random follower from rest over 2.5 turns."""
+    """Return the simulation of a random follower from rest over 2.5 turns.
+
+    The model is "one_mass" or "two_mass".
+    """
     speed, restitution = rng.uniform(100.0, 700.0) * RPM, float(rng.choice([0.0, 0.4, 0.8]))
     duration, preload, damping = 2.5 * TURN / speed, rng.uniform(0.0, 60.0), rng.uniform(0.1, 12.0)
     if model == "one_mass":
@@ -66,7 +74,8 @@ def random_trajectory(law, model, rng):
 def test_the_gap_is_zero_at_every_event(kind, model):
     """A flight starts and lands on the cam, and is never below it.
 
-    The gap is checked at every event and at 400 times of each flight, within rounding.
+    The simulations are random. The gap is checked at every lift-off and landing, and at 400 times
+    of each flight, within rounding.
     """
     events = jumps_in_flight = 0
     for seed in SEEDS:
@@ -104,12 +113,12 @@ def test_the_gap_is_zero_at_every_event(kind, model):
 CASES = 40
 #: Number of samples of each function that is compared with its bound.
 SAMPLES = 2000
-#: Relative rounding error that is allowed between a sample and its bound.
+#: Relative excess over a bound that is allowed for rounding errors.
 RELATIVE_ROUNDING = 1e-10
 
 
 def random_machine(rng):
-    """Return two masses with a stem from soft to stiff, weakly to strongly damped."""
+    """Return random two masses with soft to stiff, weakly to strongly damped stems."""
     return TwoMassParameters(
         roller_mass=rng.uniform(0.1, 1.0),
         end_mass=rng.uniform(0.2, 1.5),
@@ -124,10 +133,10 @@ def random_machine(rng):
 
 @pytest.mark.parametrize("kind", ["straight", "smooth"])
 def test_a_vibration_never_exceeds_its_share(kind):
-    """(4) bounds the vibration's share V of the force and V̈ at every sample.
+    """(4) bounds the vibration's part V of the contact force, and V̈.
 
-    (8) states F > ε_F, contact beyond the rounding error, only if it is true. Some cases reach half
-    the bound.
+    The inequality is that of docs/proofs.md. Some cases reach half the bound. By (8), contact is
+    taken as proven only where the force exceeds its rounding error.
     """
     closest, proven = 0.0, 0
     for seed in range(CASES):
@@ -167,9 +176,10 @@ def test_a_vibration_never_exceeds_its_share(kind):
 @pytest.mark.parametrize("model", ["one_mass", "two_mass"])
 @pytest.mark.parametrize("kind", ["straight", "smooth"])
 def test_a_proven_step_has_an_open_gap(kind, model):
-    """(2) and (3) accept a time step as open only if its gap is open at every sample.
+    """(2) and (3) of docs/proofs.md accept a time step only if its gap stays open.
 
-    (5) bounds the acceleration of the gap, on which both depend.
+    The gap is that between cam and follower, at every sample of the step. Both inequalities depend
+    on (5), the bound of the gap's acceleration, which is checked as well.
     """
     accepted = closed = 0
     for seed in range(CASES):

@@ -77,7 +77,10 @@ def laws(draw, lifts=LIFTS, degrees=DEGREES):
 
 
 def case(law, model, speed, last=1.0, count=23):
-    """Return a test case with `count` output times over a fraction `last` of one turn."""
+    """Return a benchmark case with `count` output times.
+
+    They cover a fraction `last` of one turn. `speed` is in rad/s.
+    """
     times = (np.arange(count) + 0.5) / count * last * TURN / speed
     return Case("random", "random", law, model, speed, 1, 1, times)
 
@@ -92,16 +95,19 @@ def case(law, model, speed, last=1.0, count=23):
     stem=between(1e4, 1e9),
 )
 def test_residual(law, speed, mass, damping, spring, stem):
-    """Residual vibration is exact to 1e-12, with 1 to 1e6 rad of phase per turn."""
+    """The vibration of one mass on a stem with random parameters is exact to 1e-12.
+
+    The phase of the vibration is 1 to 1e6 rad per turn.
+    """
     problem = case(law, Oscillator(mass, damping, spring, stem), speed)
     assert rig.solve(problem).error(exact.solve(problem)) < 1e-12
 
 
 def assert_same_events(problem, result, expected, tolerance, max_distance):
-    """Assert that two solutions have the same events, or events close to each other.
+    """Assert that two solutions have the same lift-offs and landings.
 
-    Each expected event has an event within `tolerance` (s). Further events are allowed within
-    `max_distance` (s) of an expected event.
+    Each expected event has an event of its kind within `tolerance` (s). Further events, such as
+    tiny bounces, are allowed within `max_distance` (s) of an expected event.
     """
     # An event at the end of the run may belong to the next turn and is not compared.
     end = problem.duration - max_distance
@@ -128,9 +134,10 @@ def assert_same_events(problem, result, expected, tolerance, max_distance):
     restitution=st.sampled_from([0.0, 0.0, 0.3, 0.8]),
 )
 def test_one_mass(law, speed, mass, damping, spring, preload, restitution):
-    """The motion of one mass is exact to 1e-11, and its events to 1e-11 of a turn.
+    """The motion of one mass with random parameters is exact to 1e-11 of its size.
 
-    With rebounds the limits are 1e-9 and 1e-6.
+    Its lift-offs and landings are exact to 1e-11 of a turn. With rebounds the limits are 1e-9 and
+    1e-6.
     """
     # A series of bounces ends with bounces of 1e-12 of the lift, whose times are exact only to
     # 1e-6.
@@ -154,7 +161,10 @@ def test_one_mass(law, speed, mass, damping, spring, preload, restitution):
     preload=between(1.0, 300.0),
 )
 def test_two_masses(law, speed, mass, share, stem, spring, dampings, preload):
-    """The motion of two masses is exact to 1e-10, and its events to 1e-8 s."""
+    """The motion of two masses with random parameters is exact to 1e-10 of its size.
+
+    Its lift-offs and landings are exact to 1e-8 s.
+    """
     # A landing at 1e-6 m/s has a time error of 1e-14 m, the rounding of the gap, divided by this
     # speed.
     model = TwoMasses(mass * share, mass * (1.0 - share), stem, spring, *dampings, preload)
@@ -175,7 +185,10 @@ def test_two_masses(law, speed, mass, share, stem, spring, dampings, preload):
     preload=between(1.0, 100.0),
 )
 def test_torsional(law, speed, inertia, shaft, mass, damping, preload):
-    """The twist of the nonlinear torsional model is exact to 1e-11 of its peak."""
+    """The twist of the torsional model is exact to 1e-11 of its peak.
+
+    The parameters are random.
+    """
     problem = case(law, Twist(inertia, shaft, mass, damping, 4030.0, preload), speed, last=0.4)
     expected = exact.solve_twist(problem)
     assume(1e-9 < np.abs(expected.displacement).max() < 0.05)
@@ -196,7 +209,10 @@ def digits(monkeypatch):
 
 @dataclass(frozen=True)
 class Riding(TwoMasses):
-    """Two masses that cannot leave the cam, for low speeds at which they do not."""
+    """Reference model of two masses that cannot leave the cam.
+
+    It is used at low speeds, at which no contact is lost, to save the search for events.
+    """
 
     def phases(self):
         return {CONTACT: replace(super().phases()[CONTACT], guard=None, on_cam=False)}
@@ -207,7 +223,10 @@ class Riding(TwoMasses):
 @pytest.mark.parametrize("cam", ["poly345", "tm21"])
 @pytest.mark.parametrize("rpm", SPEEDS)
 def test_a_stem_at_any_speed(laws, cam, rpm):
-    """The motion on a stem is exact to 1e-12 of the lift from 0.01 to 1e5 rpm."""
+    """The motion of one mass on a stem is exact to 1e-12 of the lift at any cam speed.
+
+    The speeds are 0.01 to 1e5 rpm.
+    """
     # The slowest turn has 1e7 periods of the stem, and the fastest turn a hundredth of a period.
     problem = case(laws[cam], Oscillator(MASS, DAMPING, SPRING, 1.26e6), rpm * RPM)
     result, expected, lift = rig.solve(problem), exact.solve(problem), problem.law.lift
@@ -222,9 +241,10 @@ def test_a_stem_at_any_speed(laws, cam, rpm):
 @pytest.mark.parametrize("rpm", SPEEDS)
 @pytest.mark.parametrize(("masses", "limit"), [(1, 1e-12), (2, 1e-11)])
 def test_masses_at_any_speed(laws, cam, rpm, masses, limit):
-    """One and two masses are exact to 1e-12 from 0.01 to 1e5 rpm.
+    """One and two masses are exact to 1e-12 at speeds from 0.01 to 1e5 rpm.
 
-    From 1e4 rpm on there are events, exact to 1e-11 of a turn.
+    From 1e4 rpm on there are lift-offs and landings, exact to 1e-12 (one mass) or 1e-11 (two
+    masses) of a turn.
     """
     model = judge = OneMass(MASS, DAMPING, SPRING, PRELOAD, 0.0, 1e-12 * laws[cam].lift)
     if masses == 2:
@@ -242,7 +262,10 @@ def test_masses_at_any_speed(laws, cam, rpm, masses, limit):
 @pytest.mark.usefixtures("digits")
 @pytest.mark.parametrize("rpm", SPEEDS)
 def test_a_shaft_at_any_speed(laws, many_digits, rpm, monkeypatch):
-    """The twist of an elastic shaft is exact to 1e-11 of its peak at any speed."""
+    """The twist of an elastic shaft is exact to 1e-11 of its peak at any cam speed.
+
+    The speeds are 0.01 to 1e5 rpm.
+    """
     # At low speeds the run has a few periods of the shaft, otherwise one turn. The lift decreases
     # with the speed, because no shaft can move 50 mm at 1e5 rpm. The steps of the reference are at
     # most 1/200 turn, because its series does not converge for longer steps.

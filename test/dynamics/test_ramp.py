@@ -1,6 +1,6 @@
-"""Speed ramps: every model is exact, for every duration of the ticks.
+"""Tests of speed ramps: every model is exact, for every duration of the ticks.
 
-A tick is one of the intervals of time into which a run is divided.
+A tick is one of the time intervals into which a run is divided.
 """
 
 import math
@@ -21,7 +21,7 @@ SHAFT = TorsionalParameters(ONE, 0.02, 5e3, 0.1)
 
 
 def exact_motion(law, interval, time):
-    """Return s, ṡ and s̈ at a time (s) in mpmath precision."""
+    """Return lift, velocity and acceleration at a time (s), in mpmath precision."""
     t, w, a = mp.mpf(time), mp.mpf(interval.speed), mp.mpf(interval.acceleration)
     speed = w + a * t
     s, slope, curvature = exact_law(law, mp.mpf(interval.angle) + w * t + a * t**2 / 2)
@@ -39,16 +39,20 @@ RAMPS = {
 
 @pytest.fixture(params=RAMPS, ids=list(RAMPS))
 def ramp(request):
-    """Ramp of each kind: from rest, up, down, to rest, and over many turns."""
+    """Speed ramp of each kind: from rest, up, down, to rest, and over many turns.
+
+    The fixture runs each test with all of them.
+    """
     return RAMPS[request.param]
 
 
 @pytest.mark.variants(5)
 @pytest.mark.parametrize("name", ["poly345", "bezier15", "tm21"])
 def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
-    """The kinetostatic samples on a ramp are exact to 1e-12 of their maximum.
+    """The kinetostatic samples on a ramp agree with 40-digit arithmetic.
 
-    They are s(θ(t)), ṡ = s' ω, s̈ = s'' ω² + s' α and the contact force.
+    They are s(θ(t)), ṡ = s' ω, s̈ = s'' ω² + s' α and the contact force. The tolerance is 1e-12 of
+    the largest value of each quantity.
     """
     law = laws[name]
     rows, _, state = run_in_ticks(law, "kinetostatic", ONE, ramp, [0, ramp.stop_ns], rate=97)
@@ -68,7 +72,7 @@ def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
 
 
 def test_substitute_law_is_as_smooth_as_the_law(laws):
-    """`substitute` returns the lift on a ramp as a law of time.
+    """`substitute` returns the lift on a speed ramp as a law of time.
 
     It has the continuity of the original law, and the same lift to 1e-15 m.
     """
@@ -96,7 +100,10 @@ def test_substitute_law_is_as_smooth_as_the_law(laws):
     ],
 )
 def test_the_duration_of_ticks_does_not_matter(laws, ramp, model, p):
-    """Ticks of 1 ms and 200 ms give the same samples to 1e-10, and the same events."""
+    """Ticks of 1 ms and 200 ms give the same samples on a ramp, and the same events.
+
+    The relative tolerance is 1e-10. A tick is a time interval that is simulated in one call.
+    """
     law, stop = laws["poly345"], ramp.stop_ns
     fine = run_in_ticks(law, model, p, ramp, range(0, stop + 1, MS))
     coarse = run_in_ticks(law, model, p, ramp, [0, stop])
@@ -111,7 +118,7 @@ def test_the_duration_of_ticks_does_not_matter(laws, ramp, model, p):
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
 def test_a_very_slow_ramp_equals_constant_speed(laws, model):
-    """A ramp with an acceleration near zero gives the motion at constant speed."""
+    """A speed ramp with an acceleration near zero gives the motion at constant speed."""
     p = CALM if model == "two_mass" else ONE
     law, speed = laws["poly345"], 30.0
     constant = run_in_ticks(law, model, p, Interval(0, 250 * MS, 0.4, speed), [0, 250 * MS])[0]
@@ -122,7 +129,7 @@ def test_a_very_slow_ramp_equals_constant_speed(laws, model):
 
 # -- a law with velocity jumps on a ramp
 
-#: Step of s' at the joints of the cam `edge`, m/rad.
+#: Jump of the slope s' (m/rad) at the ends of rise and fall of the cam `edge`.
 STEP = 0.05 / np.radians(90.0)
 #: Ramp from rest that reaches 60° after 0.1 s.
 START = Interval(0, 340 * MS, 0.0, 0.0, 2.0 * math.pi / 3.0 / 0.01)
@@ -132,9 +139,10 @@ START = Interval(0, 340 * MS, 0.0, 0.0, 2.0 * math.pi / 3.0 / 0.01)
 @pytest.mark.parametrize(("model", "p", "mass"), [("one_mass", ONE, 1.3), ("two_mass", CALM, 0.4)])
 @pytest.mark.parametrize("cuts", [[340], [99, 100, 101, 340], [100, 340], [50, 150, 340]])
 def test_an_impact_on_a_ramp(edge, model, p, mass, cuts):
-    """The impulse at a velocity jump on a ramp is m ω(t) Δs', with the speed there.
+    """The impulse at a velocity jump of the cam on a ramp is m ω(t) Δs'.
 
-    It occurs at the time at which the ramp reaches the joint (1e-14 s).
+    It occurs at the time at which the ramp reaches the joint (tolerance 1e-14 s), with the speed
+    there.
     """
     events = run_in_ticks(edge, model, p, START, [0, *(cut * MS for cut in cuts)])[1]
     first = events[0]

@@ -30,7 +30,8 @@ pytestmark = pytest.mark.usefixtures("at_once")
 POSITIVE = (0.0, -1.3, NAN, INF, 1e-300)
 #: Invalid values of a number that must not be negative.
 NOT_NEGATIVE = (-1e-9, NAN, INF, 1e300)
-#: Parameters, names of their numbers, invalid values of these, and the limit in the error message.
+#: Cases: parameter record, names of its numbers, invalid values, and the limit in the error
+#: message.
 LIMITS = [
     (FOLLOWER, ("mass", "spring_stiffness", "stem_stiffness"), POSITIVE, "finite and > 0"),
     (FOLLOWER, ("damping", "preload"), (*NOT_NEGATIVE, "heavy", None), "finite and ≥ 0"),
@@ -45,7 +46,10 @@ LIMITS = [
 
 @pytest.mark.parametrize(("record", "names", "values", "limit"), LIMITS)
 def test_parameters(record, names, values, limit):
-    """Each number of a follower or shaft is checked against its limit."""
+    """Each parameter of a follower or shaft is checked against its limit.
+
+    The error contains name, value and limit.
+    """
     for name, value in itertools.product(names, values):
         message = re.escape(f"{name} is {value!r}; allowed: {limit}")
         with pytest.raises(DynamicsError, match=message):
@@ -53,7 +57,7 @@ def test_parameters(record, names, values, limit):
 
 
 def test_parameters_of_a_rig(rig, follower, paper_rig):
-    """The parameters of a model are the numbers of the rig in SI units.
+    """The parameters of a follower model are the numbers of the rig file in SI units.
 
     If the rig lacks a section that the model needs, this is an error.
     """
@@ -90,7 +94,7 @@ def test_the_largest_damping_ratio_is_ten(paper_rig):
 
 
 def test_contact_time_is_half_a_period(follower):
-    """The contact time of a landing is half a period of mass and stem.
+    """The contact time of a landing is half a natural period of mass and stem.
 
     It is the first zero of sin(√(k/m) T).
     """
@@ -188,7 +192,10 @@ def test_arguments_of_a_trajectory(laws):
 
 @pytest.mark.parametrize(("name", "parameters"), [("elastic_stem", FOLLOWER), ("two_mass", TWO)])
 def test_a_state_of_another_model(laws, name, parameters):
-    """A state with the size of another model's state is an error."""
+    """A state with the size of another follower model's state raises an error.
+
+    The error has both sizes.
+    """
     state = FollowerState(0.0, 0.0, 1.0, True, inner=(0.0, 0.0, 0.0))
     with pytest.raises(DynamicsError, match=r"state: has 3 numbers; allowed: 2"):
         advance = MODELS[name].advance

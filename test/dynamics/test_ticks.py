@@ -1,6 +1,6 @@
-"""The division of a run into ticks, and earlier turns, do not change its results.
+"""Tests that results depend neither on the ticks of a run nor on earlier turns.
 
-A tick is one of the intervals of time into which a run is divided.
+A tick is one of the time intervals into which a run is divided.
 """
 
 import itertools
@@ -25,9 +25,10 @@ from cam_rig.units import NS, RPM, TURN
 
 from .helpers import MS, run_in_ticks, tick_borders
 
-#: Duration of a run, ns.
+#: Duration of each tested run, ns.
 TOTAL = 400 * MS
-#: Sample rate, Hz. It is prime, so that no sample is at an event, where it could have either value.
+#: Sample rate, Hz. It is prime, so that no sample coincides with a lift-off or landing, where it
+#: could have either value.
 RATE = 12_007
 CAMS = ("poly345", "tm21")
 CASES = {
@@ -42,12 +43,13 @@ CASES = {
     "two_mass, bouncing": ("two_mass", 450.0, {"restitution": 0.3}),
     "two_mass, chattering": ("two_mass", 450.0, {"stem_stiffness": 3.3e8, "preload": 12.753}),
 }
-#: Relative tolerances other than 1e-10. Bounces continue down to 1e-12 of the lift, where the
-#: rounding of the gap limits the accuracy of landing times.
+#: Relative tolerances of the samples, if not 1e-10. Bounces continue down to 1e-12 of the lift,
+#: where the rounding of the gap limits the accuracy of landing times.
 LIMITS = {"one mass, bouncing": 1e-9}
-#: Cases that are not compared. A change of the preload by 1e-16 changes 49 events to 73 events.
+#: Cases (cam, name) that are not compared, because they are chaotic: a relative change of the
+#: preload by 1e-16 changes 49 lift-offs and landings to 73.
 CHAOTIC = {("tm21", "two_mass, chattering")}
-#: Each case with one of the two cams. The other pairs are marked `long`.
+#: Cases to run: each name with one of the two cams. The other pairs are marked `long`.
 PAIRS = [
     pytest.param(cam, name, marks=[] if i % 2 == on else pytest.mark.long)
     for i, name in enumerate(CASES)
@@ -57,9 +59,10 @@ PAIRS = [
 
 
 def sensitivity(law, model, parameters, interval, whole):
-    """Return the largest change of each row by a last-digit change of a parameter.
+    """Return the change of each sampled quantity by a last-digit change of an input.
 
-    Runs with different ticks cannot agree better than this.
+    The inputs are the preload and the stem stiffness. Runs with different ticks (time intervals)
+    cannot agree better than this.
     """
     follower = getattr(parameters, "follower", parameters)
     largest = np.zeros(whole.shape[0])
@@ -73,9 +76,9 @@ def sensitivity(law, model, parameters, interval, whole):
 
 
 def strong_landings(events):
-    """Return the landings above a thousandth of the largest impulse.
+    """Return the landings whose impulse is above a thousandth of the largest impulse.
 
-    The last landings of a series of bounces are rounding.
+    The last landings of a series of bounces are at the level of rounding errors.
     """
     max_impulse = max((event.impulse for event in events), default=0.0)
     return [event for event in events if event.impulse > 1e-3 * max_impulse]
@@ -85,9 +88,9 @@ def strong_landings(events):
 def test_the_duration_of_ticks_does_not_matter(laws, paper_rig, cam, name):
     """Ticks of 1 ms and 200 ms give the same samples to 1e-10, and the same landings.
 
-    Bounces on a stiff stem amplify rounding errors a thousand times and more, and rounding depends
-    on the processor. If the last digit of the preload or of the stem stiffness changes a row by
-    more than 1e-10, the limit is ten times this change.
+    A tick is a time interval that is simulated in one call. Bounces on a stiff stem amplify
+    rounding errors a thousand times and more, and rounding depends on the processor. Ten times the
+    effect of a last-digit change of preload or stem stiffness is therefore added to the tolerance.
     """
     model, rpm, changes = CASES[name]
     law, parameters = laws[cam], replace(MODELS[model].parameters(paper_rig), **changes)
@@ -111,9 +114,10 @@ def test_the_duration_of_ticks_does_not_matter(laws, paper_rig, cam, name):
 
 
 def test_critical_damping_is_not_a_special_case(laws):
-    """Events at critical damping agree with those at slightly different damping.
+    """Lift-offs and landings at critical damping agree with those at similar damping.
 
-    At critical damping two modes coincide. The weak springs have a distant position of rest.
+    At critical damping two modes of the free masses coincide. The weak springs have a distant
+    position of rest.
     """
     for spring in (4030.0, 4.0, 1.0, 0.04):
         critical, times = 2.0 * np.sqrt(spring * 1.3), []
@@ -129,7 +133,10 @@ def test_critical_damping_is_not_a_special_case(laws):
 
 
 def test_a_force_of_zero_at_the_start_of_a_phase(laws):
-    """A phase that starts with a force of zero does not cause endless events."""
+    """A phase that starts with a force of zero does not cause endless events.
+
+    A phase is a time in contact or in flight.
+    """
     mass, share, stem, spring = 1.3, 0.3, 37085.62382270041, 0.039389330736387895
     for critical in (spring * mass, spring * mass * 0.7, (stem + spring) * mass * 0.7):
         damping, preload = 2.0 * np.sqrt(critical), 0.2726594001662999
@@ -150,7 +157,11 @@ END = 4 * TURN_NS
 
 
 def jumping(laws, p, cuts, rate=8000):
-    """Run one mass on the 3-4-5 cam at 600 rpm, in ticks between times (ns)."""
+    """Run one mass on the 3-4-5 cam at a speed with flights, in ticks.
+
+    A tick is a time interval that is simulated in one call. `cuts` are the borders of the ticks in
+    ns, and `rate` is the sample rate in Hz.
+    """
     interval = Interval(0, cuts[-1], 0.0, RPM_JUMPING * RPM)
     return run_in_ticks(laws["poly345"], "one_mass", p, interval, cuts, rate)
 
@@ -162,7 +173,10 @@ def whole(laws, follower):
 
 
 def test_intervals_shorter_than_a_sample(laws, follower, whole):
-    """Ticks of 40 µs, most of them without a sample, lose no sample and no event."""
+    """Ticks of 40 µs lose no sample and no event, although most contain no sample.
+
+    A tick is a time interval that is simulated in one call.
+    """
     first = whole.events[1].time + 0.01
     cuts = [0, *range(20 * MS, round(first * NS), 40_000)]
     cut = jumping(laws, follower, cuts)
@@ -177,9 +191,10 @@ def test_intervals_shorter_than_a_sample(laws, follower, whole):
     restitution=st.sampled_from([0.0, 0.5]),
 )
 def test_each_impulse_appears_once(laws, follower, inner, restitution):
-    """Each impulse of an event is in the samples exactly once.
+    """Each impulse of a landing is in the samples exactly once, for any ticks.
 
-    An impulse after the last sample of a tick is pending for the next tick.
+    A tick is a time interval that is simulated in one call. An impulse after its last sample is
+    kept in the state for the next tick. The sum of the impulses is compared to 1e-12, relative.
     """
     p, cuts = replace(follower, restitution=restitution), [0, *sorted(inner)]
     result = jumping(laws, p, [*cuts, 2 * TURN_NS], 1000)
@@ -190,7 +205,10 @@ def test_each_impulse_appears_once(laws, follower, inner, restitution):
 
 
 def test_events_and_impulses_are_in_order(whole):
-    """Lift-offs and landings alternate, and an impulse is at the next sample."""
+    """Events alternate, and each impulse is in the sample that follows it.
+
+    Events are lift-offs and landings.
+    """
     kinds = [event.kind for event in whole.events]
     assert kinds[0] == "lift-off"
     assert all(a != b for a, b in itertools.pairwise(kinds))
@@ -206,7 +224,7 @@ def test_events_and_impulses_are_in_order(whole):
 #: Speed of 480 rpm in rad/s. A thousand turns are whole seconds, so they have the same sample
 #: times.
 SPEED = 480.0 * RPM
-#: Duration of a turn, ns.
+#: Duration of a turn at 480 rpm, ns.
 PERIOD = NS // 8
 LATE = {
     "kinetostatic": ("kinetostatic", {}),
@@ -220,9 +238,10 @@ LATE = {
 
 
 def run_late(law, model, p, total, tick, turns=0, acceleration=0.0):
-    """Return samples, events and last state of a run that starts after `turns` turns.
+    """Run in ticks after `turns` turns, and return samples, events and last state.
 
-    Times and angles are relative to its start.
+    A tick is a time interval that is simulated in one call. Times and angles are relative to the
+    start of the run. `total` and `tick` are in ns, the `acceleration` is in rad/s².
     """
     start = turns * PERIOD
     late = Interval(start, start + total, 0.0, SPEED, acceleration, turns)
@@ -232,7 +251,10 @@ def run_late(law, model, p, total, tick, turns=0, acceleration=0.0):
 
 
 def assert_same_late(late_run, expected, turns):
-    """Assert that two runs agree to 1e-10, and times to the rounding of the clock."""
+    """Assert that a run after many turns equals an expected run, to 1e-10.
+
+    Times are compared to the rounding of the clock after `turns` turns.
+    """
     rows, events, state = late_run
     size, clock = np.abs(expected[0]).max(axis=1), 1e-12 + np.spacing(turns * PERIOD / NS)
     assert (np.abs(rows - expected[0])[1:].max(axis=1) <= 1e-10 * size[1:]).all()
@@ -247,16 +269,17 @@ def assert_same_late(late_run, expected, turns):
 
 
 def late_case(rig, name):
-    """Return the name and the parameters of the model of a case of `LATE`."""
+    """Return model name and parameters of the case `name` of the dict `LATE`."""
     model, changes = LATE[name]
     return model, replace(MODELS[model].parameters(rig), **changes)
 
 
 @pytest.mark.parametrize("name", LATE)
 def test_late_turns_equal_the_first(laws, paper_rig, name):
-    """A run after up to 1e7 turns equals a run from the start.
+    """A run after 1e3 to 1e7 earlier turns equals a run from the start, to 1e-10.
 
-    The angle of 1e7 turns in one number would have a rounding error of 7e-9 rad.
+    The angle after 1e7 turns in one float would have a rounding error of 7e-9 rad, so turns are
+    counted separately.
     """
     (model, p), total = late_case(paper_rig, name), 250 * MS
     acceleration = 40.0 * (name.endswith("bouncing") or name == "elastic_stem")
@@ -269,9 +292,10 @@ def test_late_turns_equal_the_first(laws, paper_rig, name):
 
 
 def test_contact_continues_over_late_borders(laws):
-    """After 1e4 turns the borders of ticks cause no events in contact.
+    """After 1e4 turns the borders between ticks cause no events in contact.
 
-    This is also true if angle and turns are one number with a rounding error of 1e-11 rad.
+    A tick is a time interval that is simulated in one call. This is also true if angle and turns
+    are one float with a rounding error of 1e-11 rad.
     """
     p, speed = FollowerParameters(1.3, 4030.0, 8.642, 30.0, 3.3e8), 300.0 * RPM
     for tick, separate in itertools.product((PERIOD // 3, PERIOD // 8, 10 * MS), (True, False)):
@@ -286,7 +310,10 @@ def test_contact_continues_over_late_borders(laws):
 
 
 def test_an_interval_must_start_at_the_angle_of_the_state(laws, paper_rig):
-    """An interval must start at the cam angle of the state, to 2e-6 rad, in any turn."""
+    """A simulated time interval must start at the cam angle of the last state.
+
+    The tolerance is 2e-6 rad, in any turn.
+    """
     law, end = laws["poly345"], 1.0 + SPEED * 0.007
     for name, model in MODELS.items():
         p, advance = late_case(paper_rig, name)[1], model.advance

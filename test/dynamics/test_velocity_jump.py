@@ -35,16 +35,21 @@ from .helpers import (
 
 #: Lift (m) and angle (rad) of the rise of the cam `edge`.
 LIFT, RISE = 0.05, np.radians(90.0)
-#: Step of s' at the joints of this cam, m/rad.
+#: Step of s' (m/rad) at the ends of rise and fall of the cam `edge`.
 STEP = LIFT / RISE
-#: Speed of 60° in 0.1 s: joints are at 0.1, 0.25, 0.35 and 0.5 s of each turn of 0.6 s.
+#: Cam speed (rad/s) of 60° in 0.1 s. The velocity of the cam `edge` jumps at 0.1, 0.25, 0.35 and
+#: 0.5 s of each turn of 0.6 s.
 SPEED = 100.0 * np.pi / 30.0
-#: Borders of ticks (ns) that are at the joints.
+#: Borders (ns) of ticks, the time intervals of a run. Most are at velocity jumps of the cam.
 ON_JOINTS = [0, 100 * MS, 250 * MS, 350 * MS, 500 * MS, 550 * MS]
 
 
 def run(model, law, p, cuts, speed=SPEED, rate=8000, nudge=0.0):
-    """Run a model in ticks, with `nudge` (rad) added to every second start angle."""
+    """Run a model in ticks with the borders `cuts` (ns), as with `run_in_ticks`.
+
+    A tick is a time interval that is simulated in one call. `nudge` (rad) is added to the start
+    angle of every second tick.
+    """
     return run_in_ticks(law, model, p, Interval(0, cuts[-1], 0.0, speed), cuts, rate, nudge=nudge)
 
 
@@ -63,7 +68,7 @@ def test_an_impact_at_the_start_of_a_run(edge):
     np.testing.assert_allclose(start[1:4], [0.0, 0.0, 0.0], atol=1e-12)
 
 
-#: Runs at constant speed. At the first speed ticks and samples are at joints.
+#: Runs at constant speed. At the first speed borders of ticks and samples are at velocity jumps.
 EVEN = [Interval(0, 600 * MS, 0.0, rpm * np.pi / 30.0) for rpm in (100.0, 97.3, 300.0)]
 #: Ramps from rest. The first ramp reaches 60° after 0.1 s.
 RAMPS = [Interval(0, 170 * MS, 0.0, 0.0, rate) for rate in (2.0 * np.pi / 0.03, 150.0)]
@@ -82,7 +87,11 @@ RAMPS = [Interval(0, 170 * MS, 0.0, 0.0, rate) for rate in (2.0 * np.pi / 0.03, 
     ],
 )
 def test_the_duration_of_ticks_does_not_matter(edge, model, p, tolerance, whole):
-    """Ticks of 1 ms and of 200 ms give the same run, also on ramps."""
+    """Ticks of 1 ms and 200 ms give the same run on a cam with velocity jumps.
+
+    A tick is a time interval that is simulated in one call. Runs at constant speed and on ramps are
+    compared within the tolerance of each case. Samples at velocity jumps are left out.
+    """
     # A sample at a joint may have the value of either side and is not compared.
     total = whole.stop_ns
     fine, coarse = (
@@ -97,7 +106,11 @@ def test_the_duration_of_ticks_does_not_matter(edge, model, p, tolerance, whole)
     ("model", "p"), [("one_mass", ONE), ("two_mass", CALM), ("elastic_stem", ONE)]
 )
 def test_rounding_neither_loses_nor_repeats_an_impact(edge, model, p):
-    """Ticks that end at velocity jumps, with rounded angles, give the same run."""
+    """Ticks that end at velocity jumps of the cam neither lose nor repeat an impact.
+
+    A tick is a time interval that is simulated in one call. The start angle of every second tick
+    has a rounding error of up to 1e-13 rad. The run agrees with a single tick to 1e-9.
+    """
     expected = run(model, edge, p, [0, 550 * MS])
     columns = off_joints(edge, expected[0][0] * SPEED)
     for nudge in (-1e-13, -1e-15, 0.0, 1e-15, 1e-13):
@@ -107,9 +120,9 @@ def test_rounding_neither_loses_nor_repeats_an_impact(edge, model, p):
 
 @pytest.mark.parametrize("stem", [1e5, 3.3e8])
 def test_stem_against_fifty_digits(edge, stem):
-    """On a stem the motion over velocity jumps agrees with 50 digits.
+    """On an elastic stem the motion over velocity jumps agrees with 50 digits.
 
-    Position and velocity are continuous there.
+    The jumps are those of the cam. Position and velocity of the mass are continuous there.
     """
     p, grid = dataclasses.replace(ONE, stem_stiffness=stem), np.arange(20) * 0.06
     times = np.sort(np.append(np.random.default_rng(8).uniform(0.0, 1.2, 40), grid[1:]))
@@ -126,7 +139,10 @@ def test_stem_against_fifty_digits(edge, stem):
 
 
 def test_the_periodic_state_returns_after_a_turn(edge):
-    """The periodic state returns after one turn, and a damped run converges to it."""
+    """The periodic state on a cam with velocity jumps returns after one turn.
+
+    A damped run from rest converges to it.
+    """
     p = dataclasses.replace(ONE, stem_stiffness=1e5, damping=200.0)
     model = response(edge, p, SPEED)
     start = model.periodic()
@@ -138,7 +154,10 @@ def test_the_periodic_state_returns_after_a_turn(edge):
 
 @pytest.mark.parametrize("stop", [0.6 * 7, 0.6 * 7 + 0.23])
 def test_many_turns_in_one_interval(stop):
-    """Seven turns with a jump at θ = 0, at once or in ticks, end in the same state."""
+    """Seven turns with a velocity jump at θ = 0 end in the same state in any ticks.
+
+    A tick is a time interval that is simulated in one call.
+    """
     saw = Law("saw", np.array([0.0, 2.0, TURN]), LIFT * np.array([[0.0, 1.0], [1.0, 0.0]]))
     total = round(stop * NS)
     _, _, whole = run("elastic_stem", saw, ONE, [0, total])
@@ -152,7 +171,7 @@ def test_many_turns_in_one_interval(stop):
 
 
 def test_velocity_jumps_of_a_law(edge, laws):
-    """The velocity jumps of a law are the joints at which its slope has a step.
+    """The velocity jumps of a law are the angles at which its slope has a step.
 
     Of the shipped cams only the constant-velocity cam has any.
     """
@@ -178,7 +197,7 @@ def test_velocity_jumps_are_in_order_over_turns(edge):
 
 
 def test_one_interval_contains_a_joint():
-    """Of two successive intervals only the later contains the joint at their border.
+    """A velocity jump at the border of two intervals belongs only to the later one.
 
     This is true for any rounding of the border's angle.
     """
@@ -193,7 +212,7 @@ def test_one_interval_contains_a_joint():
 
 
 def test_the_time_of_a_velocity_jump_is_not_before_its_joint(edge):
-    """At the time of a velocity jump the slope is already that after the joint."""
+    """At the computed time of a velocity jump the slope is that after the jump."""
     angles = np.random.default_rng(5).uniform(0.0, TURN, 300)
     for angle in angles.tolist():
         for velocity_jump in velocity_jumps_ahead(edge, angle, 7.3, 2.0):
@@ -203,7 +222,10 @@ def test_the_time_of_a_velocity_jump_is_not_before_its_joint(edge):
 
 
 def test_the_end_of_an_interval_is_before_a_velocity_jump(edge):
-    """The end of an interval at a joint is moved to just before the velocity jump."""
+    """An interval that ends at a velocity jump of the cam ends just before it.
+
+    It has the slope before the jump.
+    """
     for shift in (-1e-12, 0.0, 1e-12):
         for joint in (60.0, 420.0):
             angle = step_before_velocity_jump(edge, math.radians(joint) + shift)
@@ -218,7 +240,7 @@ def test_the_end_of_an_interval_is_before_a_velocity_jump(edge):
 def test_a_steady_level_needs_a_smooth_law(edge, follower, rig):
     """A law with velocity jumps has no steady sound level, which is an error.
 
-    Its force rate has no finite mean power.
+    The mean square of its force rate is infinite.
     """
     from cam_rig.acoustics import RadiationParameters
     from cam_rig.acoustics.pressure import steady_power

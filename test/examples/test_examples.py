@@ -1,4 +1,7 @@
-"""Every example runs unchanged, and writes its pictures or controls the rig."""
+"""Tests that every example runs unchanged.
+
+An example writes pictures or controls the rig.
+"""
 
 import ast
 import json
@@ -17,7 +20,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 #: Examples that are ROS nodes and need a running rig.
 NODES = {"stop_at_lift_off.py"}
 SCRIPTS = sorted({path.name for path in EXAMPLES.glob("*.py")} - NODES)
-#: Part of the output of each script, and the files that it writes into out/.
+#: Expected results by script: a part of the output, and the files that it writes into out/.
 LEFT = {
     "fit_cam.py": ("farthest from the truth", {"fit_cam.png", "lifts.csv"}),
     "jump_speed.py": ("rpm", {"jump_speed.png"}),
@@ -33,7 +36,7 @@ LEFT = {
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
-    """Run examples in a temporary working folder without a screen."""
+    """Run each example in a temporary working folder without a screen."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(mpl.rcParams, "backend", "agg")
 
@@ -50,7 +53,7 @@ def test_all_are_known():
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_a_script_runs(name, tmp_path, capsys):
-    """A script prints its answer and draws its pictures."""
+    """An example script prints its result and writes its pictures."""
     words, pictures = LEFT[name]
     runpy.run_path(str(EXAMPLES / name), run_name="__main__")
     assert words in capsys.readouterr().out
@@ -62,7 +65,7 @@ def test_a_script_runs(name, tmp_path, capsys):
 def test_a_node_stops_the_drive_at_lift_off(start_rig):
     """The example node stops the drive at the first speed with a loss of contact.
 
-    It does not import the package.
+    It does not import cam_rig.
     """
     path = EXAMPLES / "stop_at_lift_off.py"
     assert "cam_rig" not in path.read_text(encoding="utf-8")
@@ -80,7 +83,10 @@ def test_a_node_stops_the_drive_at_lift_off(start_rig):
 
 
 def run_notebook(name):
-    """Run the cells in one namespace, and return each cell's last expression."""
+    """Run the cells of a notebook in one namespace, and return their last expressions.
+
+    The value of a cell that ends with a statement is None.
+    """
     notebook = json.loads((EXAMPLES / name).read_text(encoding="utf-8"))
     assert notebook["nbformat"] == 4
     names, values = {}, []
@@ -107,7 +113,8 @@ def test_the_notebook_runs(capsys):
     assert "dB at 250 rpm (calibrated on poly345)" in capsys.readouterr().out
 
 
-#: Number of pictures of a lesson's notebook, and values of cells that the lesson prints as answers.
+#: Expected results by lesson: number of pictures of its notebook, and pairs of a cell's index and
+#: the values that the lesson prints as answers.
 LESSONS = {
     "1_motion_laws": (1, [(2, [2.074, 8.135, 120.0]), (5, [[1.44, 67.75], [1.59, 95.45]])]),
     "4_vibration": (2, [(0, (156.9, 0.0034))]),

@@ -1,7 +1,7 @@
-"""Recipes of the section Extending in docs/architecture.md, followed edit by edit.
+"""Tests of the recipes in the section Extending of docs/architecture.md.
 
-Each test edits a copy of the package, and only the files that its recipe lists. The feature that
-the recipe promises must then work.
+Each test makes the edits of a recipe in a copy of cam_rig, and only in the files that the recipe
+lists. The feature that the recipe promises must then work.
 """
 
 import json
@@ -20,7 +20,7 @@ SLICE = ROOT / "examples" / "least_preload"
 
 
 class Copy:
-    """Copy of the package that a recipe edits. `touched` has the edited files."""
+    """Copy of cam_rig that a recipe edits. `touched` has the edited files."""
 
     def __init__(self, folder):
         self.folder, self.touched = folder, set()
@@ -29,7 +29,7 @@ class Copy:
             shutil.copytree(ROOT / name, folder / name, ignore=skip)
 
     def insert(self, file, before, text):
-        """Insert text before the first line that contains `before`."""
+        """Insert text into a file, before the line of the first occurrence of `before`."""
         path = self.folder / file
         found = path.read_text(encoding="utf-8")
         at = found.rindex("\n", 0, found.index(before)) + 1
@@ -44,13 +44,13 @@ class Copy:
         self.insert("cam_rig/cli/main.py", '    "vibration": "', line)
 
     def add(self, source, target):
-        """Copy a new file into the package."""
+        """Copy a new file into the copy of cam_rig."""
         path = self.folder / target
         path.parent.mkdir(exist_ok=True)
         shutil.copyfile(source, path)
 
     def python(self, *arguments):
-        """Return the output of a Python process that imports this copy."""
+        """Return the output of a Python process that imports this copy of cam_rig."""
         env = os.environ | {"PYTHONPATH": str(self.folder)}
         done = ended(sys.executable, *arguments, cwd=self.folder, env=env)
         assert done.returncode == 0, done.stderr[-2000:]
@@ -59,19 +59,22 @@ class Copy:
 
 @pytest.fixture
 def copy(tmp_path):
-    """Copy of the package in a temporary folder, which a test can change."""
+    """Copy of cam_rig in a temporary folder, which a test can change."""
     return Copy(tmp_path)
 
 
 def recipe(heading):
-    """Return the files that the recipe under a heading lists."""
+    """Return the package files that the recipe under a heading of the page lists."""
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     part = text.split(f"### {heading}\n")[1].split("\n### ")[0]
     return set(re.findall(r"`(cam_rig/[^`]*\.py)`", part))
 
 
 def test_an_experiment_is_a_folder_and_a_line(copy):
-    """A folder and a line add a study as a command with table, JSON, plot and help."""
+    """The recipe for a study adds a folder and a line, which make a new command.
+
+    The command has a table, JSON, a plot and a help text.
+    """
     copy.add_slice()
     run = ("-m", "cam_rig.cli.main", "least-preload", "poly345", "bezier15", "--rpm", "480")
     found = json.loads(copy.python(*run, "--json", "-", "--plot", "a.png"))
@@ -96,7 +99,10 @@ print(json.dumps([least(build_law(load_cam(name))) for name in ("poly345", "bezi
 
 @pytest.mark.long
 def test_an_experiment_is_a_function_of_the_package(copy):
-    """Three lines add the function of a study to the package, with the same options."""
+    """The recipe for `import cam_rig` adds a study as a function with three lines.
+
+    The function has the options of the command.
+    """
     copy.add_slice()
     face = "cam_rig/__init__.py"
     module = "cam_rig.studies.least_preload.study"
@@ -113,7 +119,7 @@ def test_an_experiment_is_a_function_of_the_package(copy):
 
 @pytest.mark.long
 def test_the_report_shows_an_experiment(copy):
-    """A function and a line add a study to the report as a section.
+    """The recipe for the report adds a study as a section, with a function and a line.
 
     The section has a figure and a table.
     """
@@ -154,9 +160,10 @@ print(render("md", "A page", Made("a command"), {section: content}))
 
 @pytest.mark.long
 def test_a_goal_of_a_design_is_a_record_and_a_line(copy):
-    """A record and a line add a quantity as a goal of designs, with a bound.
+    """The recipe for a design goal adds a quantity with a record and a line.
 
-    The quantity is the mean of s″².
+    A design is a search for a law. The quantity can be its goal, and can have a limit. It is the
+    mean of s″² here.
     """
     copy.insert("cam_rig/quantities/catalogue.py", '    _at_speed("shaft_torque"', GOAL)
     copy.insert(
@@ -182,7 +189,10 @@ GOAL = """    LawQuantity(
 
 @pytest.mark.long
 def test_a_column_is_a_line(copy):
-    """A line adds a column to the jump speeds' table and JSON."""
+    """The recipe for a column adds it to the results of the jump speeds by a line.
+
+    The results are table and JSON.
+    """
     file = "cam_rig/studies/jump/comparison.py"
     text = (copy.folder / file).read_text(encoding="utf-8")
     line = next(x for x in text.splitlines() if x.strip().startswith('Column("rpm", "rpm", ".2f"'))
@@ -196,7 +206,10 @@ def test_a_column_is_a_line(copy):
 
 @pytest.mark.long
 def test_a_law_known_by_name_is_a_name_and_a_rise(copy):
-    """A name and Bernstein ordinates add a rise that cam files can use."""
+    """The recipe for a law adds a rise by a name and its Bernstein ordinates.
+
+    Cam files can then use the name.
+    """
     file = copy.folder / "cam_rig/schema/segments.py"
     text = file.read_text(encoding="utf-8")
     file.write_text(text.replace('["poly345", ', '["poly3", "poly345", '), encoding="utf-8")
@@ -219,7 +232,7 @@ def test_a_law_known_by_name_is_a_name_and_a_rise(copy):
 @pytest.mark.long
 @pytest.mark.ros
 def test_a_parameter_of_a_node_is_a_record(copy, ros_domain, monkeypatch):
-    """A record adds a parameter to the settings and to the help of a node."""
+    """The recipe for a parameter adds it to a node's settings and help by a record."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     copy.insert("cam_rig/nodes/parameters.py", 'Spec("frequency_weighting"', OFFSET)
     arguments = ["--ros-args", "-p", "scene:=quick", "-p", "offset:=3"]

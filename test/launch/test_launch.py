@@ -1,4 +1,4 @@
-"""Tests that the launch files start the same graph as the runner.
+"""Tests that the launch files start the same nodes as the command `cam-rig run`.
 
 `launch` and `launch_ros` cannot be installed as Python packages, so fake modules replace them. A
 fake action only stores its arguments.
@@ -29,18 +29,18 @@ MODULES = (
 
 
 class FakeAction:
-    """Action that stores its arguments."""
+    """Replacement of a launch action that stores its arguments."""
 
     def __init__(self, *given, **named):
         self.given, self.named = given, named
 
     def perform(self, context):
-        """Return the value of a launch argument."""
+        """Return the value of the launch argument that this substitution names."""
         return context[self.given[0]]
 
 
 class FakeModule(ModuleType):
-    """Module in which every name is a class of fake actions."""
+    """Replacement of a launch package in which every name is a class of fake actions."""
 
     def __getattr__(self, name):
         if name.startswith("__"):
@@ -50,14 +50,14 @@ class FakeModule(ModuleType):
 
 @pytest.fixture
 def load(monkeypatch):
-    """Function that returns the actions of a launch file."""
+    """Function that runs a launch file with fake modules and returns its actions."""
     for module in MODULES.split():
         monkeypatch.setitem(sys.modules, module, FakeModule(module))
     return lambda name: runpy.run_path(str(LAUNCH / name))["generate_launch_description"]().given[0]
 
 
 def of(actions, kind):
-    """Return the actions of a class in a list, by the name of the class."""
+    """Return the actions of the class with the name `kind` in a list of actions."""
     return [action for action in actions if type(action).__name__ == kind]
 
 
@@ -76,9 +76,9 @@ def launch_nodes(actions, **given):
 
 
 def test_launch_starts_the_nodes_of_the_runner_in_order(load):
-    """rig.launch.py starts the nodes of the runner in its order.
+    """rig.launch.py starts the nodes of the command `cam-rig run`, in the same order.
 
-    Each node declares all parameters that it gets, and gets those that the runner sets.
+    Each node declares all parameters that it gets, and gets those that the command sets.
     """
     actions = load("rig.launch.py")
     declared = (action.given[0] for action in of(actions, "DeclareLaunchArgument"))
@@ -96,7 +96,7 @@ def test_launch_starts_the_nodes_of_the_runner_in_order(load):
 def test_launch_arguments_have_priority_over_the_parameter_file(load):
     """A launch argument has priority over the parameter file of the launch.
 
-    Only arguments that the user has given are passed on after the file.
+    Only arguments that the user has given override the values of the file.
     """
     nodes = launch_nodes(load("rig.launch.py"), params_file=__file__, scene="quick")
     for name, node in nodes.items():
@@ -118,7 +118,10 @@ def test_every_argument_is_described(load):
 
 
 def test_end_of_a_node_ends_the_launch(load):
-    """The end of a node ends the launch, with an error that names it after a failure."""
+    """The end of any node ends the launch.
+
+    If the node has failed, the error contains its name.
+    """
     on_exit = launch_nodes(load("rig.launch.py"))["recorder"]["on_exit"]
 
     def end(code):
@@ -132,7 +135,7 @@ def test_end_of_a_node_ends_the_launch(load):
 
 
 def test_missing_parameter_file_is_an_error(load, tmp_path):
-    """A parameter file that does not exist is an error.
+    """A parameter file that does not exist, or that is a folder, is an error.
 
     launch_ros would only warn, and start the nodes with their defaults.
     """
@@ -142,9 +145,9 @@ def test_missing_parameter_file_is_an_error(load, tmp_path):
 
 
 def test_profiles_restrict_sockets_unless_the_subnet_is_allowed(load):
-    """The launch sets the loopback or subnet profile of Fast DDS, under a condition.
+    """A launch argument selects the loopback or the subnet profile of Fast DDS.
 
-    Both profiles exist.
+    Each profile is set under a condition, and both profile files exist.
     """
     variables = of(load("rig.launch.py"), "SetEnvironmentVariable")
     profiles = {v.given[1].given[0][-1] for v in variables if "FASTDDS" in v.given[0]}
@@ -154,9 +157,9 @@ def test_profiles_restrict_sockets_unless_the_subnet_is_allowed(load):
 
 
 def test_run_continues_without_its_viewer(load):
-    """The end of the viewer does not end the launch, and is reported in one line.
+    """The end of the optional viewer does not end the launch.
 
-    The viewer is the only optional node.
+    It is reported in one line. The viewer is the only optional node.
     """
     nodes = launch_nodes(load("rig.launch.py"))
     event = SimpleNamespace(process_name="viewer-2", returncode=1)
@@ -171,7 +174,8 @@ def test_run_continues_without_its_viewer(load):
 def test_robot_state_publisher_has_the_robot_of_the_scene(load, namespace):
     """robot.launch.py starts robot_state_publisher with the URDF of the scene.
 
-    Its queue has room for a tick, and it uses rig time. A namespace applies to its topics.
+    Its queue has room for all messages of a tick (one turn by default), and it uses rig time. A
+    namespace applies to its topics.
     """
     actions = load("robot.launch.py")
     node = launch_nodes(actions, scene="quick", namespace=namespace)["robot_state_publisher"]
@@ -204,13 +208,13 @@ def test_rviz_opens_the_shipped_layout(load):
 
 
 def test_the_sweep_includes_the_rig(load):
-    """tm21_sweep.launch.py includes rig.launch.py."""
+    """tm21_sweep.launch.py starts the rig by including rig.launch.py."""
     (include,) = load("tm21_sweep.launch.py")
     assert "rig.launch.py" in include.given[0].given[0].given[0]
 
 
 def test_log_level_and_frame_prefix_reach_the_nodes(load):
-    """The log level applies to every node, the frame prefix to the nodes that have frames."""
+    """The log level applies to every node, and the frame prefix to nodes with frames."""
     nodes = launch_nodes(load("rig.launch.py"), frame_prefix="rig1/")
     for name, node in nodes.items():
         option, level = node["ros_arguments"]
@@ -223,7 +227,7 @@ def test_log_level_and_frame_prefix_reach_the_nodes(load):
 
 @pytest.mark.parametrize(("control", "expected"), [("true", True), ("false", False)])
 def test_the_urdf_has_the_element_of_ros2_control_on_request(load, control, expected):
-    """With control:=true the URDF of robot_state_publisher has the element ros2_control."""
+    """With control:=true the URDF that is published contains the element ros2_control."""
     nodes = launch_nodes(load("robot.launch.py"), namespace="rig1", control=control)
     (parameters,) = nodes["robot_state_publisher"]["parameters"]
     (text,) = parameters["robot_description"].given

@@ -1,4 +1,7 @@
-"""Drive: sequence of cam states under commands, and conditions for sending."""
+"""Tests of the drive: sequence of cam states under commands, and their sending.
+
+A cam state has time, cam angle and speed. A tick is the interval between two cam states.
+"""
 
 import itertools
 import random
@@ -21,14 +24,14 @@ SCENE = LOADED.scene
 PLAN = list(cam_states(SCENE))
 RAMP = Quantity.model_validate({"assumed": 0.7, "unit": "s", "source": "a test"})
 PROGRAM = SCENE.schedule.model_copy(update={"ramp": RAMP, "ticks_per_turn": 2})
-#: The same scene from rest, with a ramp to each speed.
+#: The test scene from rest, with a speed ramp to each speed.
 RAMPED = SCENE.model_copy(update={"schedule": PROGRAM})
 
 
 def run_out(schedule, commands=()):
-    """Return all remaining states of a schedule.
+    """Send all remaining cam states of a schedule, and return them.
 
-    `commands` maps a number of states sent to the command that is then called.
+    `commands` maps a number of sent states to a function that is called at that moment.
     """
     commands, out = dict(commands), []
     for number in itertools.count():
@@ -40,7 +43,7 @@ def run_out(schedule, commands=()):
 
 
 def test_states_without_a_command_equal_those_of_the_scene():
-    """Without a command the drive sends the states of the scene, bit for bit.
+    """Without a command the drive sends the cam states of the scene, bit for bit.
 
     A live run therefore equals the simulated run.
     """
@@ -49,9 +52,10 @@ def test_states_without_a_command_equal_those_of_the_scene():
 
 
 def test_an_emergency_stop_on_a_ramp_stops_at_the_end_of_the_tick():
-    """An emergency stop on a ramp sends a state of speed 0 at the end of the tick.
+    """An emergency stop on a speed ramp is a state of speed 0 at the end of the tick.
 
-    After a reset the scene continues at that angle. At rest no state is sent.
+    A tick is the interval between two cam states. After a reset the scene continues at that angle.
+    At rest no state is sent.
     """
     for done in range(1, len(list(cam_states(RAMPED)))):
         schedule, validator = SetpointSchedule(RAMPED), StateValidator.of(RAMPED)
@@ -65,9 +69,9 @@ def test_an_emergency_stop_on_a_ramp_stops_at_the_end_of_the_tick():
 
 
 def test_a_commanded_speed_applies_from_the_next_state_on():
-    """A commanded speed applies from the next state on until it is taken back.
+    """A commanded speed applies from the next cam state on until it is taken back.
 
-    Each tick still turns by its planned angle.
+    Each tick (interval between two cam states) still turns by its planned angle.
     """
     schedule = SetpointSchedule(SCENE)
     commands = {3: lambda: schedule.command(240 * RPM), 6: lambda: schedule.command(None)}
@@ -79,9 +83,9 @@ def test_a_commanded_speed_applies_from_the_next_state_on():
 
 
 def test_an_operators_cam_stays_until_the_scene_mounts_its_next_cam():
-    """A cam of an operator turns until the scene mounts its next cam.
+    """A cam that an operator mounts turns until the scene mounts its next cam.
 
-    The angles are those of the plan.
+    The angles of the cam states are those of the scene.
     """
     schedule = SetpointSchedule(SCENE)
     out = run_out(schedule, {2: lambda: schedule.mount("cycloidal")})
@@ -109,7 +113,11 @@ COMMANDS = st.lists(
 @given(COMMANDS)
 @pytest.mark.parametrize("scene", [SCENE, RAMPED], ids=["steps", "ramps"])
 def test_no_command_makes_theta_or_time_jump(scene, commands):
-    """The states under any commands at any time are valid, and their times increase."""
+    """Under random commands at any time the cam states are valid.
+
+    A valid state continues angle and time of the previous state without a jump, and its time is
+    later.
+    """
     schedule = SetpointSchedule(scene)
     calls = {n: lambda call=call: getattr(schedule, call[0])(*call[1:]) for n, call in commands}
     validator = StateValidator.of(scene)
@@ -134,7 +142,10 @@ def program():
 
 
 def follow(program, states):
-    """Take and acknowledge states as the other nodes do, and return the states sent."""
+    """Take and acknowledge up to `states` cam states as the other nodes do.
+
+    The list of the sent states is returned.
+    """
     out = []
     for now in range(states):
         state = program.take(float(now))
@@ -145,7 +156,10 @@ def follow(program, states):
 
 
 def test_all_states_of_the_scene_are_sent_once_and_in_order():
-    """The drive requests each cam once, and sends each state once and in order."""
+    """The drive requests each cam of the scene once, and sends each state in order.
+
+    No state is sent twice.
+    """
     requested = []
 
     def mount(cam):
@@ -160,9 +174,9 @@ def test_all_states_of_the_scene_are_sent_once_and_in_order():
 
 
 def test_no_state_is_sent_before_the_law_of_its_cam_is_known():
-    """Without the law of its cam no state is sent, and the request is repeated.
+    """Without the law of its cam no cam state is sent, and the cam is requested again.
 
-    It is repeated once per second, because the law server may not have received it.
+    The request is repeated once per second, because the law server may not have received it.
     """
     requested = []
     program = drive(lambda cam: requested.append(cam) is None, laws={})
@@ -174,8 +188,9 @@ def test_no_state_is_sent_before_the_law_of_its_cam_is_known():
 
 @pytest.mark.parametrize("steps", [[1, 2, 3, 100], [7, 1, 100]])
 def test_a_drive_that_is_stepped_sends_the_states_of_the_scene(program, steps):
-    """Steps of some ticks send these ticks, then stop, and together the states of the scene.
+    """A drive that is stepped by some ticks sends these ticks, and then stops.
 
+    A tick is the interval between two cam states. Together the steps give the states of the scene.
     The first step also sends the state at which the first tick starts.
     """
     program.run(False)
@@ -191,7 +206,10 @@ def test_a_drive_that_is_stepped_sends_the_states_of_the_scene(program, steps):
 
 
 def test_a_command_ends_a_step(program):
-    """Start during a step continues the run, and reset makes its next state the first again."""
+    """Start and reset end a request of steps before all its ticks are sent.
+
+    Start continues the run without stopping. Reset stops it and returns to the first state.
+    """
     program.run(False)
     program.run_ticks(3)
     assert len(follow(program, 2)) == 2
@@ -202,7 +220,7 @@ def test_a_command_ends_a_step(program):
 
 
 def test_a_stopped_drive_sends_no_state_and_can_be_resumed(program):
-    """A stopped drive sends no state. Resumed, it sends the remaining ones."""
+    """A stopped drive sends no cam state, and later sends the remaining states."""
     out = follow(program, 5)
     program.run(False)
     assert follow(program, 5) == []
@@ -213,10 +231,10 @@ def test_a_stopped_drive_sends_no_state_and_can_be_resumed(program):
 
 
 def test_an_emergency_stop_stops_at_the_end_of_the_tick_until_a_reset(program):
-    """An emergency stop ends the motion at the end of the tick until a reset.
+    """An emergency stop stops the cam at the end of the tick, until a reset.
 
-    A start without a reset has no effect. After the reset the scene restarts one second of rig
-    time later.
+    A tick is the interval between two cam states. A start without a reset has no effect. After the
+    reset the scene restarts one second of rig time later.
     """
     follow(program, 5)
     due = program.schedule.next_state
@@ -236,9 +254,10 @@ def test_an_emergency_stop_stops_at_the_end_of_the_tick_until_a_reset(program):
 
 
 def test_a_speed_outside_the_limits_is_rejected(program):
-    """A speed outside the limits raises RefusedError with both limits.
+    """A commanded speed outside the limits raises RefusedError with both limits.
 
-    At lower speeds a tick has more samples than a message may have.
+    At lower speeds a tick (interval between two cam states) has more samples than a message may
+    have.
     """
     limits = r"must be 0, or between 0\.0126 and 3141\.59 rad/s \(0\.12 and 30000 rpm\)"
     for speed in (-1.0, 1e6, 1e-3, float("nan")):
@@ -247,7 +266,10 @@ def test_a_speed_outside_the_limits_is_rejected(program):
 
 
 def test_an_emergency_stop_before_the_first_state_lasts_until_a_reset():
-    """After an emergency stop at rest the cam turns only after reset and start."""
+    """After an emergency stop before the first state the cam needs reset and start.
+
+    A start without a reset has no effect.
+    """
     program = drive()
     assert program.halt() is None and program.halted
     program.run(True)
@@ -258,7 +280,7 @@ def test_an_emergency_stop_before_the_first_state_lasts_until_a_reset():
 
 
 def test_an_override_with_a_cam_that_the_law_server_refuses_ends():
-    """If the law server refuses an operator's cam, the scene's cam turns again.
+    """If the law server refuses an operator's cam, the cam of the scene turns.
 
     A wrong report of a mounted cam thus does not stop the drive.
     """
@@ -274,9 +296,9 @@ def test_an_override_with_a_cam_that_the_law_server_refuses_ends():
 
 
 def test_after_a_reset_the_cam_of_the_scene_is_requested_again():
-    """After a reset the drive requests the cam of the scene again, once.
+    """After a reset the drive requests the cam of the scene from the law server, once.
 
-    Otherwise the operator's cam would stay mounted and displayed.
+    Otherwise a cam that an operator had mounted would stay mounted and displayed.
     """
     requested = []
     program = drive(lambda cam: requested.append(cam) is None)
@@ -298,9 +320,10 @@ def test_after_a_reset_the_cam_of_the_scene_is_requested_again():
 
 
 def test_rig_time_advances_between_two_states(program):
-    """In a paced run rig time advances with wall-clock time up to the next state.
+    """In a paced run rig time advances with wall-clock time up to the next cam state.
 
-    In a free run and while the cam is stopped there is no rig time between the states.
+    It stops just before the next state. In a free run, after an emergency stop and after a reset
+    the drive reports no rig time between the states (None).
     """
     assert program.time_ns(50.0) is None
     program.pacing.set("0.5x")
@@ -325,7 +348,7 @@ def test_rig_time_advances_between_two_states(program):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(20))
 def test_rig_time_is_never_past_the_next_state(program, seed):
-    """Under any commands the rig time between two states is before the second state."""
+    """Under random commands the rig time between two cam states is before the second."""
     chance, newest_ns, states = random.Random(seed), -1, []
     program.pacing.set("real_time")
     commands = (
@@ -350,9 +373,9 @@ def test_rig_time_is_never_past_the_next_state(program, seed):
 
 
 def test_a_late_report_of_the_law_server_is_not_an_override():
-    """A report that a cam is mounted may arrive after its last state without effect.
+    """A late report that the previous cam is mounted has no effect on the drive.
 
-    Only a report of a cam that was not requested is an override of an operator.
+    Only the report of a cam that the drive has not requested counts as an operator's choice of cam.
     """
     first, program = [state for state in PLAN if state.cam == SCENE.cams[0]], drive()
     assert follow(program, len(first)) == first

@@ -1,4 +1,4 @@
-"""Law server without ROS: mounted cams, published laws, checks of laws."""
+"""Tests of the law server without ROS: mounted cams, published and checked laws."""
 
 import numpy as np
 import pytest
@@ -74,7 +74,7 @@ def test_the_file_of_a_rejected_cam_is_read_again(tmp_path, make_loaded_scene):
 
 
 def test_a_law_is_published_for_each_new_cam_or_speed(cams):
-    """The law is published once for each cam and speed that turns."""
+    """The law of the turning cam is published once for each new cam or speed."""
     published = []
     for state in STATES:
         cams.validator.validate(state)
@@ -85,7 +85,7 @@ def test_a_law_is_published_for_each_new_cam_or_speed(cams):
 
 
 def test_a_state_of_an_unknown_cam_is_rejected(cams):
-    """A state of an unknown cam is refused. The next state of a known cam is accepted."""
+    """The cam state of an unknown cam is refused, and the next valid one accepted."""
     with pytest.raises(RefusedError, match=r"cam state: .*unknown"):
         cams.follow(CamState(0, 0.0, 20.0, "unknown"))
     assert cams.follow(STATES[0]) is not None

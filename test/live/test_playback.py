@@ -1,4 +1,8 @@
-"""Playback of a paced run: constant rate, one tick behind the drive."""
+"""Tests of the playback of a paced run for displays.
+
+Samples are released at a constant wall-clock rate, one tick behind the drive. A tick is the
+interval between two cam states.
+"""
 
 from itertools import pairwise
 
@@ -13,9 +17,10 @@ RATE = 12_000
 
 
 def ticks(speeds, ticks_per_turn):
-    """Return one tick of the same angle for each speed (rpm).
+    """Return ticks of equal angle, one for each speed (rpm).
 
-    Rows 1 to 4 contain the number of each sample in the run.
+    A tick is the interval between two cam states, with its samples. Rows 1 to 4 of the samples
+    contain the number of each sample since the start.
     """
     result, states = [], [CamState(0, 0.0, speeds[0] * RPM, "tm21")]
     for now, then in pairwise([*speeds, speeds[-1]]):
@@ -31,7 +36,10 @@ def ticks(speeds, ticks_per_turn):
 
 
 def show(playback, wall_time):
-    """Return the new tick and sample at a wall-clock time (s), or None."""
+    """Return the tick and sample number that is newly shown at a wall-clock time (s).
+
+    None is returned if no sample is due.
+    """
     samples = playback.samples_at(np.array([wall_time]))
     if samples is None:
         return None
@@ -40,10 +48,11 @@ def show(playback, wall_time):
 
 
 def play(ticks, factor, rate, latency=lambda: 0.0, settling_ticks=0):
-    """Return wall-clock time, rig time and delay (s) of the samples shown.
+    """Play ticks back, and return three arrays for the samples that are shown.
 
-    `latency` returns the time (s) that a state takes to the follower. The samples shown before the
-    end of `settling_ticks` are left out.
+    They are wall-clock time, rig time and delay (s). `factor` is the real-time factor and `rate`
+    the rate of the display in 1/s. `latency` returns the time (s) that a state takes to the
+    follower. The samples shown before the end of `settling_ticks` are left out.
     """
     playback, rows, due = Playback(RATE), [], 0.0
     for n, tick in enumerate(ticks):
@@ -63,11 +72,12 @@ def play(ticks, factor, rate, latency=lambda: 0.0, settling_ticks=0):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(16))
 def test_a_constant_speed_is_shown_at_a_constant_rate_one_tick_late(seed):
-    """At a constant speed samples are shown at a constant rate and in proportion.
+    """At a constant cam speed samples are shown at a constant rate.
 
-    There is a sample in every period, at most one tick and 50 ms behind the drive. Rig time
-    advances in proportion to wall-clock time. This applies to any speed, number of ticks per
-    turn, real-time factor and rate, if ticks are up to 15 ms late.
+    There is a sample in every period of the display, at most one tick (interval between two cam
+    states) and 50 ms behind the drive. Rig time advances in proportion to wall-clock time. This
+    applies to any speed, number of ticks per turn, real-time factor and rate, if ticks are up to 15
+    ms late.
     """
     chance = np.random.default_rng(seed)
     rpm, ticks_per_turn = 20.0 * 100.0 ** chance.uniform(), int(chance.choice([1, 2, 12, 72]))
@@ -89,7 +99,10 @@ def test_a_constant_speed_is_shown_at_a_constant_rate_one_tick_late(seed):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(15))
 def test_a_change_of_speed_makes_no_pause(seed):
-    """If the speed changes by up to a factor of ten, each period has a sample."""
+    """If the cam speed changes up to tenfold, each display period has a sample.
+
+    The delay is at most the longest tick (interval between two cam states) and 50 ms.
+    """
     chance, factor = np.random.default_rng(seed // 3), (0.5, 1.0, 3.0)[seed % 3]
     made = ticks(np.repeat(chance.uniform(60.0, 600.0, 6), 2), 1)
     wall, rig, delay = play(made, factor, 100.0, settling_ticks=1)
@@ -100,9 +113,9 @@ def test_a_change_of_speed_makes_no_pause(seed):
 
 
 def test_the_playback_stops_and_continues_with_the_drive():
-    """The playback stops at the last sample of the last tick and then continues.
+    """The playback stops at the last sample of the last tick, and later continues.
 
-    No sample is shown twice.
+    A tick is the interval between two cam states. No sample is shown twice.
     """
     made, playback, factor = ticks([240.0] * 6, 1), Playback(RATE), 1.0
     for tick in made[:3]:
@@ -117,7 +130,10 @@ def test_the_playback_stops_and_continues_with_the_drive():
 
 
 def test_a_query_of_several_times_gives_the_samples_of_single_queries():
-    """A query of several times in one tick gives the samples of single queries."""
+    """A query of several times in a tick gives the same samples as single queries.
+
+    A tick is the interval between two cam states.
+    """
     made, wall_times = ticks([100.0, 300.0], 1), 0.9 + 0.01 * np.arange(16)
     playback, single = Playback(RATE), Playback(RATE)
     for tick, received_at in zip(made, (0.6, 0.8), strict=True):
@@ -130,7 +146,10 @@ def test_a_query_of_several_times_gives_the_samples_of_single_queries():
 
 
 def test_the_newest_of_several_ticks_at_once_is_shown():
-    """Of several ticks that arrive together only the newest is shown."""
+    """If several ticks arrive together, only the newest is shown.
+
+    A tick is the interval between two cam states, with its samples.
+    """
     made, playback = ticks([220.0] * 18, 1), Playback(RATE)
     for n, tick in enumerate(made):
         playback.add(tick, 1.0, 50.0 + 0.005 * n, 50.0 + 0.005 * n)

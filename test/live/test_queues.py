@@ -1,4 +1,7 @@
-"""Input queues of the nodes, validation of states, and flow control."""
+"""Tests of the nodes' input queues, validation of cam states, and flow control.
+
+A tick is the interval between two cam states. Its samples are sent as a block.
+"""
 
 from dataclasses import replace
 from itertools import islice
@@ -37,9 +40,9 @@ def validate_all(validator, states):
 
 
 def test_the_states_of_a_scene_are_valid():
-    """All states of a scene are accepted by the validator.
+    """All cam states of a scene are accepted by the validator.
 
-    After the cam has stopped, another sequence may start at any angle.
+    After the cam has stopped, another sequence of states may start at any angle.
     """
     validator = StateValidator(1000.0)
     validate_all(validator, STATES)
@@ -47,7 +50,7 @@ def test_the_states_of_a_scene_are_valid():
 
 
 def test_a_repeated_state_is_rejected():
-    """A state that is sent again is refused, and later states are accepted.
+    """A cam state that is received again is refused, and later states are accepted.
 
     No node of the rig sends a state twice, so another publisher did.
     """
@@ -80,7 +83,7 @@ def later(angle, speed=20.0, time_ns=1_100_000_000):
     ],
 )
 def test_a_state_that_cannot_follow_is_rejected(state, text):
-    """A state that cannot follow the last one is refused with value and limit.
+    """A cam state that cannot follow the last one is refused with value and limit.
 
     The validator does not change, so that the next valid state is accepted.
     """
@@ -92,9 +95,10 @@ def test_a_state_that_cannot_follow_is_rejected(state, text):
 
 
 def test_a_lost_state_is_detected():
-    """A state that skips one of the scene is refused, because a state was lost.
+    """A cam state that skips a state of the scene is refused.
 
-    Its angle and time are consistent, but its tick is twice as long.
+    It shows that a state was lost. Its angle and time are consistent, but the interval since the
+    last state is twice as long.
     """
     validator = StateValidator.of(LOADED.scene)
     validator.validate(STATES[0])
@@ -133,7 +137,10 @@ def straight():
 
 
 def test_states_wait_for_their_law(straight):
-    """States that arrive before their laws give the same ticks as after them."""
+    """Cam states that arrive before the laws of their cams give the same samples.
+
+    The result equals that of states that arrive after the laws.
+    """
     late = queue(laws={})
     assert turn(late, STATES) == []
     for law in LOADED.laws.values():
@@ -146,7 +153,7 @@ def test_states_wait_for_their_law(straight):
     "scene", sorted((config_root() / "scenes").glob("*.yaml")), ids=lambda path: path.stem
 )
 def test_every_shipped_scene_has_a_tick_for_each_state_after_the_first(scene):
-    """For each shipped scene the follower computes a tick per state after the first."""
+    """For each shipped scene the follower computes samples after the first state."""
     loaded = open_scene(scene)
     simulator, states = FollowerSimulator.of(loaded), list(islice(cam_states(loaded.scene), 4))
     laws = list(simulator.laws.values())
@@ -158,7 +165,7 @@ def test_every_shipped_scene_has_a_tick_for_each_state_after_the_first(scene):
 
 
 def test_a_known_law_is_not_replaced(straight):
-    """A second law with the name of a known cam has no effect on the follower."""
+    """A second law of a known cam does not change the follower's samples."""
     law, follower = LOADED.laws["tm21"], queue()
     out = turn(follower, STATES[:2])
     follower.add_law(Law("tm21", law.breaks, law.ordinates * 1.01))
@@ -166,9 +173,9 @@ def test_a_known_law_is_not_replaced(straight):
 
 
 def test_states_of_an_unknown_cam_are_bounded():
-    """Too many states that wait for the law of an unknown cam are refused.
+    """The follower refuses more waiting states of an unknown cam than its limit.
 
-    Otherwise they would fill the memory.
+    They wait for the law of the cam, and would otherwise fill the memory.
     """
     follower = queue(laws={})
     with pytest.raises(RefusedError, match="wait for the law of cam 'unknown'"):
@@ -190,7 +197,11 @@ def block(first_s, last_s):
 
 
 def start_times(matcher, states=(), blocks=()):
-    """Return the starts (ns) of the ticks that added states and blocks complete."""
+    """Return the start times (ns) of the ticks that are complete after these inputs.
+
+    A tick is complete with its two cam states and its block of samples. `states` are added first,
+    then one block for each start time (s) in `blocks`.
+    """
     for state in states:
         matcher.add_state(state)
     result = []
@@ -201,9 +212,9 @@ def start_times(matcher, states=(), blocks=()):
 
 
 def test_a_block_waits_for_the_state_at_the_end_of_its_tick():
-    """Blocks and states are matched to ticks, whichever arrive first.
+    """Blocks of samples and cam states are joined to ticks, whichever arrive first.
 
-    No tick is lost or repeated.
+    A tick is the interval between two cam states. No tick is lost or repeated.
     """
     for order in ("bbsss", "sssbb"):
         matcher, ticks = TickMatcher(), []
@@ -219,9 +230,10 @@ def test_a_block_waits_for_the_state_at_the_end_of_its_tick():
 
 
 def test_each_tick_is_yielded_once():
-    """A matcher yields each tick once, and skips other blocks.
+    """Each tick is yielded once, and blocks that do not belong to it are skipped.
 
-    These are early or repeated blocks, and blocks at rest.
+    A tick is the interval between two cam states. The other blocks are early, repeated, or of a cam
+    at rest.
     """
     assert start_times(TickMatcher(), [state_at(S), state_at(2 * S)], [0.0, 1.0]) == [S]
     states = [state_at(i * S) for i in range(4)]
@@ -233,9 +245,9 @@ def test_each_tick_is_yielded_once():
 
 @pytest.mark.parametrize("wrong", [block(0.0, 0.7), block(0.0, 0.8)[:, :3], block(1.2, 1.8)])
 def test_a_block_with_wrong_samples_is_rejected(wrong):
-    """A block whose samples do not fit its tick is refused with the start of the tick.
+    """A block whose samples do not fit its tick is refused with the tick's start.
 
-    The correct block is accepted afterwards.
+    A tick is the interval between two cam states. The correct block is accepted afterwards.
     """
     matcher = TickMatcher(sample_rate=5)
     assert start_times(matcher, [state_at(i * S) for i in range(3)], [0.0]) == [0]
@@ -249,7 +261,10 @@ def test_a_block_with_wrong_samples_is_rejected(wrong):
 
 
 def make_flow(*consumers, ticks=MAX_TICKS_IN_FLIGHT):
-    """Return a flow control with the maximum number of ticks in flight."""
+    """Return a flow control with the maximum number of unacknowledged ticks.
+
+    The drive has sent these ticks, the intervals between cam states, and must now wait.
+    """
     flow = FlowControl(list(consumers))
     for stamp in range(0, 10 * ticks + 1, 10):
         assert flow.may_send()
@@ -258,7 +273,10 @@ def make_flow(*consumers, ticks=MAX_TICKS_IN_FLIGHT):
 
 
 def test_flow_control_limits_the_ticks_in_flight():
-    """The drive may have 4 ticks in flight, and then waits for the slowest consumer."""
+    """The drive may be 4 ticks ahead of its slowest consumer, and then waits.
+
+    A tick is the interval between two published cam states. Consumers acknowledge each tick.
+    """
     flow = make_flow("fast", "slow")
     assert flow.in_flight == MAX_TICKS_IN_FLIGHT == 4 and not flow.may_send()
     flow.acknowledge("fast", 40)
@@ -270,9 +288,9 @@ def test_flow_control_limits_the_ticks_in_flight():
 
 
 def test_only_the_new_stamp_of_a_sent_state_is_an_acknowledgement():
-    """A stamp counts as acknowledgement only once, and only for a state that was sent.
+    """The stamp of a sent state counts as an acknowledgement only once per consumer.
 
-    Otherwise other publishers could release states.
+    Other stamps have no effect. Otherwise other publishers could release states.
     """
     flow = make_flow("recorder", ticks=2)
     assert not flow.acknowledge("recorder", 10**18) and flow.in_flight == 2
@@ -282,7 +300,10 @@ def test_only_the_new_stamp_of_a_sent_state_is_an_acknowledgement():
 
 
 def test_a_run_continues_without_a_dropped_consumer():
-    """The drive does not wait for a dropped consumer, whose later stamps are ignored."""
+    """The drive does not wait for a consumer node that was dropped from the run.
+
+    Its later acknowledgements are ignored.
+    """
     flow = make_flow("follower", "viewer")
     assert flow.acknowledge("follower", 40) and not flow.may_send()
     flow.drop("viewer")
@@ -300,9 +321,9 @@ def test_pacings_are_free_real_time_or_a_factor():
 
 
 def test_each_state_waits_for_its_time():
-    """A state is due at its rig time divided by the real-time factor.
+    """A cam state is due at its rig time divided by the real-time factor.
 
-    A free run never waits. A small delay is made up.
+    This is the pacing of a run. A free run never waits. A small delay is compensated.
     """
     pacing = Pacing()
     pacing.record_sent(0, 0.0)
@@ -340,9 +361,10 @@ def test_a_late_run_reports_the_lost_time_and_does_not_make_it_up():
 
 
 def test_a_slow_run_warns_once_per_window_with_factors_and_nodes():
-    """A slow run warns once per window with both factors and the slow nodes.
+    """A run that is too slow causes one warning per time window.
 
-    The most frequent node is first. Less than a tenth of lost time causes no warning.
+    It contains the actual and the set real-time factor, and the nodes that the drive waited for,
+    the most frequent first. Less than a tenth of lost time causes no warning.
     """
     lost = LostTime(start=100.0)
     lost.add(5.0)

@@ -1,4 +1,7 @@
-"""Lines between a page's server and a node, and the loopback interface."""
+"""Tests of the JSON lines between the panel's server and a node.
+
+Further tests cover the loopback interface.
+"""
 
 import json
 import socket
@@ -16,7 +19,7 @@ from ..processes import ended
 
 @pytest.fixture
 def ends(tmp_path):
-    """Both ends of a connection: that of the node and that of the server."""
+    """Both ends of a socket connection: the node's and the panel server's."""
     path = tmp_path / "socket"
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(path))
@@ -29,7 +32,7 @@ def ends(tmp_path):
 
 
 def test_a_line_that_arrives_in_parts_is_one_object(ends):
-    """receive() returns an object once its line is complete."""
+    """A JSON line that arrives in parts is returned by receive() once it is complete."""
     node, server = ends
     line = line_of({"call": "start"})
     server.sendall(line[:5])
@@ -54,7 +57,7 @@ def test_a_message_larger_than_the_buffer_arrives_completely(ends):
 
 
 def test_a_server_that_stops_reading_raises_an_error(ends, monkeypatch):
-    """send() raises RunError if the server has not taken too many bytes."""
+    """send() raises RunError if the server leaves more than the allowed bytes unread."""
     monkeypatch.setattr(sockets, "MAX_UNSENT", 1000)
     with pytest.raises(RunError, match="has not taken"):
         for _ in range(100):
@@ -62,7 +65,7 @@ def test_a_server_that_stops_reading_raises_an_error(ends, monkeypatch):
 
 
 def test_a_closed_connection_raises_an_error(ends):
-    """receive() raises RunError after the server has closed the connection."""
+    """receive() raises RunError after the panel's server has closed the connection."""
     node, server = ends
     server.close()
     with pytest.raises(RunError, match="has ended"):
@@ -77,7 +80,10 @@ def test_a_line_that_is_not_an_object_is_rejected():
 
 
 def test_a_missing_socket_is_rejected(tmp_path):
-    """A node that is started without a panel raises an error that names cam-rig panel."""
+    """A bench node that is started without the panel's server raises an error.
+
+    It suggests the command cam-rig panel.
+    """
     with pytest.raises(ConfigError, match="must be that of cam-rig panel"):
         LineSocket(tmp_path / "nothing")
 

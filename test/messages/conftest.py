@@ -1,4 +1,4 @@
-"""Fixtures of robots, each with a different type of follower."""
+"""Fixtures of robots, each with a cam for another type of follower."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +10,7 @@ from cam_rig.messages.urdf import urdf
 from cam_rig.simulation.scene import open_scene
 
 CONFIG = Path(__file__).parents[2] / "config"
-#: Cams, each with a different type of follower.
+#: Names of cams, each with a different type of follower.
 KINDS = (
     "poly345",
     "eccentric_roller",
@@ -33,6 +33,9 @@ def scene_of_kinds():
 
 @pytest.fixture(scope="session", params=KINDS)
 def kind(request, scene_of_kinds):
-    """Robot (model of the rig in ROS) with a type of follower, and its URDF."""
+    """Robot description for each type of follower: `robot` and its URDF text `urdf`.
+
+    The fixture runs a test once per type.
+    """
     robot = Robot.of(scene_of_kinds, request.param)
     return SimpleNamespace(robot=robot, urdf=urdf(robot))

@@ -1,4 +1,4 @@
-"""Tests of messages: laws, blocks of samples, cam states and motion, both ways."""
+"""Tests of messages: laws, samples, cam states and motion are encoded and decoded."""
 
 import math
 from types import SimpleNamespace
@@ -30,7 +30,10 @@ def test_laws_and_blocks_are_decoded_bit_for_bit(laws):
 
 
 def test_other_arrays_are_rejected(laws):
-    """An array with wrong labels, sizes or non-finite numbers is refused."""
+    """An array with wrong labels, sizes or non-finite numbers is refused.
+
+    It is neither a motion law nor a block of samples.
+    """
     dimensions, data = codec.encode_law(laws["bezier15"])
     broken, zeros, block = data.ravel().copy(), np.zeros(12), codec.BLOCK_LABEL
     broken[3] = np.nan
@@ -48,7 +51,10 @@ def test_other_arrays_are_rejected(laws):
 
 
 def message(positions, velocities=None, stamp=(3, 7), frame="tm21"):
-    """Return an object with the fields of a JointState of rclpy or rosbags."""
+    """Return an object with the fields of a ROS JointState message.
+
+    It replaces the message classes of rclpy and rosbags.
+    """
     velocities = [50.0] * len(positions) if velocities is None else velocities
     header = SimpleNamespace(stamp=SimpleNamespace(sec=stamp[0], nanosec=stamp[1]), frame_id=frame)
     return SimpleNamespace(header=header, position=positions, velocity=velocities)
@@ -69,7 +75,7 @@ def test_a_cam_state_is_decoded_bit_for_bit():
 def test_a_cam_state_of_an_earlier_version_is_accepted():
     """A cam state whose angle is a single number is split into turns and angle.
 
-    It has the precision of float64.
+    Earlier versions sent such states. The result has the precision of a float.
     """
     state = codec.cam_state_of(message([2000.0 * TURN + 1.25]))
     assert state.turns == 2000 and state.angle == pytest.approx(1.25, abs=4e-12)
@@ -88,7 +94,7 @@ def test_a_cam_state_of_an_earlier_version_is_accepted():
     ],
 )
 def test_an_invalid_cam_state_is_rejected(positions, text):
-    """A cam state with invalid angles raises RefusedError with the values."""
+    """A cam state message with invalid angles raises RefusedError with the values."""
     with pytest.raises(RefusedError, match=text):
         codec.cam_state_of(message(positions))
 
@@ -101,9 +107,9 @@ BOTH = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT)
 
 
 def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate):
-    """Yield each tick of a turn at a constant speed: start, end and samples.
+    """Yield start state, end state and samples of each tick of a turn.
 
-    A tick is a step of the rig. Start and end are cam states.
+    The cam speed is constant. A tick is the interval between two cam states.
     """
     simulator = FollowerSimulator(MODEL, follower, sample_rate, {law.name: law})
     before, tick = None, 60.0 / rpm / ticks_per_turn
@@ -119,10 +125,11 @@ def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(40))
 def test_instants_are_in_order_and_contain_the_extremes_of_the_tick(laws, follower, seed):
-    """The published times of a tick rise, and contain its extreme lifts and forces.
+    """The published times of a tick rise, and include its extreme lift and forces.
 
-    The values are those of the samples. Law, speed, ticks per turn, points per turn and sample rate
-    are random.
+    A tick is the interval between two cam states. The values are those of the samples, and the
+    power of the shaft equals that of the follower. Law, speed, ticks per turn, points per turn and
+    sample rate are random.
     """
     chance = np.random.default_rng(seed)
     law = laws[chance.choice(sorted(set(laws) - {"worked_example_constant_velocity"}))]
@@ -156,9 +163,10 @@ def test_instants_are_in_order_and_contain_the_extremes_of_the_tick(laws, follow
 
 
 def test_angle_and_speed_on_a_ramp_are_those_of_the_instant(laws, follower):
-    """On a ramp of speed, each published time has its exact angle and speed.
+    """On a speed ramp the published angle and speed are exact at each published time.
 
-    From rest to 300 rpm in 0.2 s the cam makes half a turn, and ω rises linearly.
+    The relative tolerance is 1e-12. From rest to 300 rpm in 0.2 s the cam makes half a turn, and ω
+    rises linearly.
     """
     law, rate, speed = laws["tm21"], 12_000, 300.0 * RPM
     simulator = FollowerSimulator(MODEL, follower, rate, {law.name: law})
@@ -175,7 +183,10 @@ def test_angle_and_speed_on_a_ramp_are_those_of_the_instant(laws, follower):
 
 
 def test_a_wrong_number_of_samples_is_rejected(laws, follower):
-    """A block with one sample more or less than its tick is refused."""
+    """A block with one sample more or less than its tick is refused.
+
+    A tick is the interval between two cam states.
+    """
     law = laws["tm21"]
     start, end, rows = next(ticks_of(law, follower, 300.0, 1, 12_000))
     for other in (rows[:, 1:], np.hstack([rows, rows[:, :1]])):
@@ -184,7 +195,10 @@ def test_a_wrong_number_of_samples_is_rejected(laws, follower):
 
 
 def serialized_by_rosbags(topic, time_ns, i, n):
-    """Return the message of the n-th published time, serialized by rosbags."""
+    """Serialize the motion message of the n-th published time by the library rosbags.
+
+    `i` are the published times and values of a tick.
+    """
     if topic is topics.JOINT_STATES:
         pairs = ((i.angle, i.lift), (i.speed, i.velocity), (i.torque, i.force))
         numbers = (np.array([cam[n], follower[n]]) for cam, follower in pairs)
@@ -197,9 +211,9 @@ def serialized_by_rosbags(topic, time_ns, i, n):
 
 @pytest.mark.parametrize("ticks_per_turn", [1, 7])
 def test_messages_equal_those_of_rosbags_byte_for_byte(make_loaded_scene, ticks_per_turn):
-    """Messages of a tick equal those that rosbags serializes, byte for byte.
+    """Motion messages of a tick equal those that rosbags serializes, byte for byte.
 
-    They are sorted by time, then by topic.
+    A tick is the interval between two cam states. The messages are sorted by time, then by topic.
     """
     loaded = make_loaded_scene(ticks_per_turn=ticks_per_turn)
     motion, rate = MotionMessages(loaded, 72, BOTH), int(loaded.scene.sample_rate.si)
@@ -217,7 +231,7 @@ def test_messages_equal_those_of_rosbags_byte_for_byte(make_loaded_scene, ticks_
 
 
 def test_only_messages_of_the_wanted_topics_are_made(make_loaded_scene, follower):
-    """Only messages of requested topics are made, and no message for an unknown cam."""
+    """Motion messages are made only for the requested topics, and only for known cams."""
     loaded = make_loaded_scene()
     motion, rate = MotionMessages(loaded, topics=BOTH), int(loaded.scene.sample_rate.si)
     tick = next(ticks_of(next(iter(loaded.laws.values())), follower, 150.0, 1, rate))

@@ -32,7 +32,7 @@ from cam_rig.units import NS
 from ..processes import ended
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
-#: Equality within the six digits of numbers in the URDF.
+#: Comparison of numbers of the URDF, which have six digits.
 near = partial(pytest.approx, rel=1e-5)
 
 
@@ -52,10 +52,10 @@ def homogeneous(rotation, translation):
 
 
 def poses(text, positions):
-    """Return the pose of each child link in its parent as a matrix, shape (4, 4).
+    """Return the pose of each link of a URDF in its parent as a matrix, shape (4, 4).
 
-    The keys are (parent, child). The URDF is read independently of the code of cam_rig. `positions`
-    are joint positions by name.
+    The keys are (parent, child). `text` is the URDF, which is read independently of the code of
+    cam_rig. `positions` are joint positions (rad or m) by name.
     """
     result = {}
     for joint in ElementTree.fromstring(text).iter("joint"):
@@ -112,9 +112,10 @@ def test_the_parser_of_ros_accepts_the_urdf(kind, tmp_path):
 
 
 def test_the_cam_joint_has_the_limits_of_the_drive(kind):
-    """The velocity limit of the joint `cam` is the highest speed of commands in the scene.
+    """In the URDF the velocity limit of the joint `cam` is the scene's highest speed.
 
-    The effort limit is at least the shaft torque at each angle: contact force times ds/dθ.
+    This is the highest speed of commands. The effort limit is at least the shaft torque at each
+    angle: contact force times ds/dθ.
     """
     limit = ElementTree.fromstring(kind.urdf).find(f"joint[@name='{CAM}']/limit")
     robot = kind.robot
@@ -129,7 +130,10 @@ def test_the_cam_joint_has_the_limits_of_the_drive(kind):
 
 @pytest.mark.parametrize("namespace", ["", "/rig1"])
 def test_the_element_of_ros2_control_names_the_topics_of_the_rig(scene_of_kinds, namespace):
-    """ros2_control sends velocities to the cam, and reads both joints, in the rig's namespace."""
+    """In the URDF, ros2_control commands the cam's velocity and reads both joints.
+
+    The topics are those of the rig in its namespace.
+    """
     robot = Robot.of(scene_of_kinds)
     assert ElementTree.fromstring(urdf(robot)).find("ros2_control") is None
     element = ElementTree.fromstring(urdf(robot, namespace)).find("ros2_control")
@@ -158,9 +162,9 @@ def frames_of(message):
 
 
 def test_a_frame_prefix_applies_to_all_frames_of_messages(scene_of_kinds):
-    """With a prefix each frame in the messages for viewers has it, and none has it without.
+    """With a prefix each frame name in the messages for viewers starts with it.
 
-    The messages are otherwise the same.
+    Without a prefix no frame has it, and the messages are otherwise the same.
     """
     start, end = islice(cam_states(scene_of_kinds.scene), 2)
     simulator = FollowerSimulator.of(scene_of_kinds)
@@ -198,9 +202,9 @@ def test_dimensions_are_those_of_the_files(kind):
 
 
 def test_the_follower_joint_is_the_same_for_all_cams_of_the_scene(scene_of_kinds):
-    """The URDF of each cam of a scene has the same follower joint and bench.
+    """The URDFs of all cams of a scene have the same follower joint and bench.
 
-    The limits of the joint include the largest lift of all cams, and the gap in flight.
+    The limits of the follower's joint include the largest lift of all cams, and the gap in flight.
     """
     limits, bench = [], []
     fastest = max(scene_of_kinds.scene.schedule.speeds.si_list)
@@ -239,7 +243,7 @@ def test_the_bodies_of_the_cam_approximate_its_contour(kind):
 
 
 def inertia(link):
-    """Return the inertia of a link of a URDF, shape (3, 3)."""
+    """Return the inertia matrix (kg·m²) of a link element of a URDF, shape (3, 3)."""
     i = {key: float(value) for key, value in link.find("inertia").attrib.items()}
     return np.array([[i["i" + "".join(sorted(a + b))] for b in "xyz"] for a in "xyz"])
 
@@ -294,9 +298,9 @@ def test_inertia_of_a_turned_box():
 
 
 def matrices(cdr):
-    """Return the transforms of a message by (parent, child), and their stamps.
+    """Return the transforms of a serialized TFMessage by (parent, child), and stamps.
 
-    A transform is a matrix, shape (4, 4).
+    A transform is a matrix, shape (4, 4). The stamps are in ns.
     """
     result, stamps = {}, set()
     for stamped in TYPES.deserialize_cdr(cdr, "tf2_msgs/msg/TFMessage").transforms:
@@ -332,9 +336,9 @@ def test_transforms_equal_the_poses_of_the_urdf(kind):
 
 # -- markers, transformed by /tf into the frames of the cam and the follower
 
-#: Number of samples.
+#: Number of samples in the tests of markers.
 COUNT = 45
-#: Gap in flight (m).
+#: Gap between cam and follower in flight (m).
 GAP = 1.3e-3
 #: Cam angle at each sample (rad).
 ANGLE = np.linspace(0.001, 12.0, COUNT)
@@ -347,7 +351,7 @@ def flat(points):
 
 
 def markers_of(messages):
-    """Return the markers of each message."""
+    """Return the list of markers of each serialized MarkerArray."""
     kind = "visualization_msgs/msg/MarkerArray"
     return [TYPES.deserialize_cdr(cdr, kind).markers for cdr in messages]
 
@@ -357,14 +361,17 @@ def time_of(marker):
 
 
 def in_link(robot, lift, link, points):
-    """Return points of the frame of the guide in a link, one point per sample."""
+    """Transform points of the guide's frame into the frame of a link, one per sample.
+
+    `lift` (m) is that of the samples, at the cam angles `ANGLE`.
+    """
     moving = Transforms(robot).moving(np.zeros(COUNT, np.int64), ANGLE, lift)
     into = np.stack([np.linalg.inv(matrices(cdr)[0][GUIDE, link]) for cdr in moving])
     return np.einsum("nij,nj->ni", into, points)
 
 
 def distance_to_follower(robot, points):
-    """Return the distance (m) of points from the roller, tip or face of the follower.
+    """Return the distance (m) of points from the follower's roller, tip or face.
 
     The points are in the frame of the link follower.
     """
@@ -384,7 +391,10 @@ def distance_to_follower(robot, points):
 
 
 def require_on_both(robot, lift, cam_points, follower_points):
-    """Require that points are on the cam's contour and on the follower, to 1e-9 m."""
+    """Require that points are on the cam's contour and on the follower, to 1e-9 m.
+
+    There is one point per sample, in the frame of the guide.
+    """
     contour = contours_at(robot.mounted.follower, robot.law, ANGLE)[0].points.T
     on_cam = in_link(robot, lift, CAM, cam_points)[:, :2]
     np.testing.assert_allclose(on_cam, contour, rtol=0, atol=1e-9)
@@ -420,8 +430,8 @@ def test_markers_in_contact_are_the_contact_point_and_the_force(kind):
 def test_markers_in_flight_are_a_line_along_the_gap_and_its_length(kind):
     """In flight the markers are a line from contour to follower, and its length in µm.
 
-    They have the ids of the markers in contact, which they thus replace. If a tick contains contact
-    and flight, the force of each sample decides.
+    They have the ids of the markers in contact, which they thus replace. If a tick (interval
+    between cam states) contains contact and flight, the force of each sample decides.
     """
     robot = kind.robot
     follower_markers, lift = markers.FollowerMarkers(robot), robot.law(ANGLE) + GAP

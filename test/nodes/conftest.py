@@ -31,19 +31,22 @@ from cam_rig.testing.running_rig import isolated_domain
 from ..conftest import scene_data
 from ..processes import ended, until
 
-#: Time (s, wall clock) after which a condition counts as never met, also on a busy machine.
+#: Time (s, wall clock) after which a wait for a condition fails, also on a busy machine.
 WAIT = 300.0
-#: Number of ticks of the short scene.
+#: Number of ticks of the short scene. A tick is the interval between two published cam states, here
+#: half a turn.
 TICKS = 64
-#: Pacing at which the short scene takes 15 s, so that it does not end before a test has acted.
+#: Pacing (real-time factor) at which the short scene takes 15 s, so that it does not end before a
+#: test has acted.
 SLOW = "0.4x"
 
 
 class OneProcess:
-    """Nodes of a run in this process and on one context, each spun by a thread.
+    """All nodes of a run in this process, each spun by a thread.
 
-    Start, end and signals of the processes are left out. `nodes` are the parameters of each node,
-    `late` the nodes that do not receive messages before `start`.
+    They share one ROS context, and the start, end and signals of processes are left out. `nodes`
+    are the parameters of each node by name, and `late` the nodes that do not receive messages
+    before `start` is called.
     """
 
     def __init__(self, nodes, late=(), namespace=""):
@@ -76,7 +79,7 @@ class OneProcess:
         self._stack.close()
 
     def start(self, name):
-        """Spin a node in a thread until it ends."""
+        """Spin the node of this name in a thread until it ends."""
         self._threads[name] = Thread(target=self._spin, args=[name])
         self._threads[name].start()
 
@@ -88,7 +91,7 @@ class OneProcess:
         return self._threads[name].is_alive()
 
     def progress(self):
-        """Yield the reports of the drive until it is done.
+        """Yield the progress reports of the drive until it is done.
 
         The error of a failed node is raised.
         """
@@ -104,7 +107,7 @@ class OneProcess:
                     yield report
 
     def end(self):
-        """End the nodes that still run, the recorder last."""
+        """End the nodes that still run, the recorder last because it writes the bag."""
         for name in sorted(self._threads, key=lambda name: name == RECORDER):
             if name == RECORDER:
                 self._join()
@@ -121,12 +124,12 @@ class OneProcess:
 
 
 def node_of(name):
-    """Create a node with the arguments of this process's context."""
+    """Create the node of this name, with the arguments of this process's ROS context."""
     return getattr(import_module(f"cam_rig.nodes.{name}"), NODES[name])()
 
 
 def payloads_of(bag):
-    """Return the payloads of a bag by topic, in the order of rig time."""
+    """Return the serialized messages of a bag by topic, in the order of rig time."""
     payloads = {}
     for file in mcap_files(bag):
         with file.open("rb") as stream:
@@ -136,7 +139,10 @@ def payloads_of(bag):
 
 
 def mapped(*pids):
-    """Return the Fast DDS files of processes (default: all) in /dev/shm."""
+    """Return the names of the Fast DDS files in /dev/shm that processes have open.
+
+    `pids` are the process ids (default: all processes).
+    """
     used = set()
     for folder in [Path(f"/proc/{pid}") for pid in pids] or Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
@@ -155,16 +161,19 @@ def unused():
 
 
 def node_processes(path):
-    """Return the processes of a run, which have this path in their command lines."""
+    """Return the processes that have this path in their command lines: those of a run."""
     return ended("pgrep", "-f", path).stdout.split()
 
 
-#: Poll until a condition holds, and return its value.
+#: Wait until a condition of the run is true, and return its value.
 wait_until = partial(until, step=lambda: time.sleep(0.02), wait=WAIT)
 
 
 def has_ticks(bag):
-    """Return True if a bag, which may be incomplete, contains a tick."""
+    """Return True if a bag, which may be incomplete, contains the samples of a tick.
+
+    A tick is the interval between two published cam states.
+    """
     records = []
     for file in bag.glob("*.mcap"):
         read_partial(file, records.append)
@@ -173,12 +182,19 @@ def has_ticks(bag):
 
 
 def patient(scene, bag, screen=None, **drive):
-    """Return the parameters of a run's nodes, with a timeout for a busy machine."""
+    """Return the parameters of a run's nodes, with a timeout for a busy machine.
+
+    The parameters are by node. `drive` are further parameters of the run.
+    """
     return live_nodes(scene, bag, screen, **{"progress_timeout": WAIT, **drive})
 
 
 def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):
-    """Run to the end in this process, and require that every node ends with code 0."""
+    """Run a scene to its end in this process.
+
+    Every node must end with code 0. `on_tick` is called with the number of each tick, and `how` are
+    parameters of the run.
+    """
     with OneProcess(patient(scene, bag, **how)) as here:
         for report in here.progress():
             on_tick(report["tick"])
@@ -187,7 +203,7 @@ def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):
 
 @pytest.fixture(scope="session", autouse=True)
 def unbounded():
-    """Disable the time limit of DDS's shutdown, which would end the tests."""
+    """Disable the time limit of a node's shutdown, which would end the test process."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(process, "bounded", lambda failed=False: nullcontext())
         yield
@@ -195,7 +211,10 @@ def unbounded():
 
 @pytest.fixture(scope="session")
 def short_scene(tmp_path_factory):
-    """Scene of 64 ticks with two cams and two speeds."""
+    """Path of a scene of 64 ticks with two cams at two speeds, eight turns each.
+
+    A tick is the interval between two published cam states, here half a turn.
+    """
     path = tmp_path_factory.mktemp("short") / "scenes" / "short.yaml"
     path.parent.mkdir()
     changes = {"cams": ["tm21", "bezier15"], "samples_per_turn": 24, "published": "tm21_noise"}
@@ -206,7 +225,7 @@ def short_scene(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def undisturbed_bag(short_scene, tmp_path_factory):
-    """Bag of an undisturbed run of the short scene in one process."""
+    """Bag of a run of the short scene in one process, without any disturbance."""
     bag = tmp_path_factory.mktemp("undisturbed") / "bag"
     with isolated_domain():
         run_to_end(short_scene, bag)
@@ -215,7 +234,7 @@ def undisturbed_bag(short_scene, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def undisturbed(undisturbed_bag):
-    """Payloads of the undisturbed run."""
+    """Serialized messages of the undisturbed run of the short scene, by topic."""
     return payloads_of(undisturbed_bag)
 
 
@@ -228,7 +247,7 @@ def domain():
 
 @pytest.fixture
 def make(domain, short_scene, tmp_path):
-    """Factory of nodes in this process that are not spun."""
+    """Function that creates a node of the short scene by name, without spinning it."""
     parameters = {"scene": str(short_scene), "recorder:output_uri": str(tmp_path / "bag")}
     pairs = (("-p", f"{key}:={json.dumps(value)}") for key, value in parameters.items())
     nodes = []
@@ -246,12 +265,15 @@ def make(domain, short_scene, tmp_path):
 
 
 class User(RigClient):
-    """Operator at a terminal."""
+    """Operator of a rig, as at a terminal: calls services, sets parameters, publishes."""
 
     get, set = RigClient.get_parameter, RigClient.set_parameter
 
     def call(self, service, succeeds=True):
-        """Call a std_srvs/Trigger service and return the text of its reply or error."""
+        """Call a std_srvs/Trigger service and return its reply.
+
+        If `succeeds` is False the call must fail, and the text of the error is returned.
+        """
         if succeeds:
             return super().call(service)
         with pytest.raises(RunError) as refused:
@@ -259,18 +281,18 @@ class User(RigClient):
         return str(refused.value)
 
     def refused(self, node, name, value):
-        """Set a parameter, which must be rejected, and return the reason."""
+        """Set a parameter of a node, which must be rejected, and return the reason."""
         with pytest.raises(RunError) as refused:
             self.set(node, name, value)
         return str(refused.value)
 
     def publish_rpm(self, rpm):
-        """Publish a speed on the command topic."""
+        """Publish a speed (rpm) on the rig's topic of speed commands."""
         self.publish("/cam/rpm", Float64(data=rpm))
 
 
 @pytest.fixture
 def user(domain):
-    """Operator at a terminal, in the ROS domain of the rig."""
+    """Client of an operator, as at a terminal, in the ROS domain of the rig."""
     with User(domain, name="user") as operator:
         yield operator

@@ -1,8 +1,8 @@
-"""The ros2 commands of docs/nodes.md, docs/interfaces.md and docs/panel.md on a running rig.
+"""Tests of the ros2 commands in the documents, on a running rig.
 
-The real command line is not installed with the libraries of the tests. Each command is parsed from
-its page: `ros2 run` starts the executable, and a client performs the others with the same name,
-type and content.
+The pages are docs/nodes.md, interfaces.md and panel.md. The real command line is not installed with
+the libraries of the tests. Each command is parsed from its page: `ros2 run` starts the executable,
+and a client performs the others with the same name, type and content.
 """
 
 import os
@@ -23,21 +23,24 @@ from .conftest import wait_until
 
 pytestmark = pytest.mark.ros
 DOCS = Path(__file__).parents[2] / "docs"
-#: Topics, parameters and services of other packages, which these tests cannot reach.
+#: Parts of commands for other packages' interfaces. Commands with these words are not tested.
 FOREIGN = ("simulation_interfaces", "cam_velocity")
 
 
 def commands_of(page, start):
-    """Return the commands of a page that start with some words, as lists of further words."""
+    """Return the commands of a page that start with some words, without these words.
+
+    A command is a list of words.
+    """
     found = re.findall(rf"(?:^    |`){start} ([^`\n]*)", (DOCS / page).read_text("utf-8"), re.M)
     lines = [line.partition(" # ")[0].removesuffix(" &") for line in found]
     return [shlex.split(line) for line in lines if not any(name in line for name in FOREIGN)]
 
 
 def test_the_nodes_of_the_page_run_a_scene(domain, tmp_path):
-    """The five commands that start the nodes one by one run a scene and close its bag.
+    """The commands of the page that start the nodes one by one run a scene.
 
-    The scene is `quick` instead of the default, which takes longer.
+    The bag is closed at the end. The scene is `quick` instead of the default, which takes longer.
     """
     os.symlink(DOCS.parent / "config", tmp_path / "config")
     starts = commands_of("nodes.md", "ros2 run cam_rig")[:5]

@@ -27,14 +27,15 @@ from ..foreign_bags import write_rigs
 from .conftest import SLOW, TICKS, OneProcess, patient, payloads_of
 
 pytestmark = pytest.mark.ros
-#: Speeds of the short scene.
+#: Speeds (rpm) of the short scene.
 SCENE_RPM = (250.0, 400.0)
 
 
 def set_speeds(user, reports):
-    """Set speeds and pacing as an operator, and require that the cam turns at them.
+    """Set cam speed and pacing as an operator, and require that they take effect.
 
-    Integers are accepted. A speed of 0 means the speeds of the scene.
+    Integers are accepted. A speed of 0 means the speeds of the scene. `reports` are progress
+    reports of the drive.
     """
 
     def turns_at(*rpm, set_point=0.0):
@@ -52,9 +53,11 @@ def set_speeds(user, reports):
 
 
 def test_a_controller_turns_and_stops_the_cam(make):
-    """The velocity of the joint `cam` is the speed from the next tick on, and 0 stops the cam.
+    """The commanded velocity of the joint `cam` is the speed from the next tick on.
 
-    Messages about other joints have no effect. Impossible velocities are refused.
+    A tick is the interval between two published cam states. A velocity of 0 stops the cam. Messages
+    about other joints have no effect. Impossible velocities, and motion during an emergency stop,
+    are refused.
     """
     drive = make("cam_drive")
     program = drive.program
@@ -84,10 +87,10 @@ def test_a_controller_turns_and_stops_the_cam(make):
 
 
 def test_a_session_of_operator_commands(user, short_scene, tmp_path):
-    """Commands of an operator take effect without a jump of the cam angle.
+    """Operator commands to a running rig take effect without a jump of the cam angle.
 
-    The commands are start, speed, cam, stop, emergency stop and reset. Rejected commands have
-    no effect. A replay of the bag gives the same numbers.
+    The commands are start, speed, cam, stop, emergency stop and reset. Rejected commands have no
+    effect. A replay of the bag gives the same numbers.
     """
     bag = tmp_path / "bag"
     with OneProcess(patient(short_scene, bag, autostart=False, pacing=SLOW)) as here:

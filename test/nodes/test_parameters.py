@@ -31,7 +31,7 @@ OF_RCLPY = {"/rosout", "/parameter_events"}
 
 @pytest.fixture
 def parameter_table(domain):
-    """Function that returns the parameter table of a node with such arguments."""
+    """Function that returns the parameter table of a node for some ROS arguments."""
 
     def parameter_table(name, *arguments, **node):
         context = rclpy.Context()
@@ -49,14 +49,14 @@ def parameter_table(domain):
 
 @pytest.fixture
 def values_of(parameter_table):
-    """Function that creates a node with arguments and returns its parameter values."""
+    """Function that creates a node with ROS arguments and returns its parameters."""
     return lambda name, *arguments, **node: parameter_table(name, *arguments, **node).values
 
 
 def test_a_node_has_the_interface_of_its_tables(make):
-    """Each node has exactly the parameters, topics and services of its tables.
+    """Each node has exactly the parameters, topics and services of cam_rig's tables.
 
-    Parameters have descriptions and limits, and are read-only unless live.
+    Parameters have descriptions and limits, and are read-only unless they are marked as live.
     """
     for name in LIVE:
         node, interface = make(name), ABOUT[name]
@@ -79,9 +79,9 @@ def test_a_node_has_the_interface_of_its_tables(make):
 
 
 def test_integers_and_names_are_converted_at_the_start(values_of):
-    """At the start integers are converted to numbers and pacings, names to paths.
+    """Arguments of a node are converted to the type of their parameter at the start.
 
-    For example, 20 becomes 20x.
+    Integers become numbers or pacings (20 becomes 20x), and names of scenes become paths.
     """
     arguments = (
         "-p",
@@ -99,7 +99,7 @@ def test_integers_and_names_are_converted_at_the_start(values_of):
     assert values_of("cam_drive", "-p", "pacing:=0.5")["pacing"] == "0.5x"
 
 
-#: Invalid argument to the text of its error.
+#: Cases: an invalid argument of a node, and the text of its error.
 WRONG = {
     "rpm:=fast": "rpm must be a number, got 'fast'",
     "rpm:=-1": "rpm must be between 0 and 100000, got -1",
@@ -113,9 +113,9 @@ WRONG = {
 
 
 def test_an_invalid_value_at_the_start_is_rejected_with_the_allowed_values(values_of):
-    """An invalid value at the start raises ConfigError with the allowed values.
+    """An invalid argument of a node raises ConfigError with the allowed values.
 
-    Values of a wrong type do so too, in place of an error of rclpy.
+    An argument of a wrong type does so too, in place of an error of rclpy.
     """
     for argument, message in WRONG.items():
         with pytest.raises(ConfigError) as rejected:
@@ -146,9 +146,10 @@ def test_a_value_that_is_set_is_converted_or_rejected(make):
 
 
 def test_the_speed_parameter_is_the_set_point(make):
-    """The speed parameter is 0 while the scene sets the speed.
+    """The parameter `rpm` of the drive is the speed set by a user, and 0 without one.
 
-    A user who sets the value that was read, as `ros2 param load` does, thus changes nothing.
+    While the scene sets the speed it stays 0. A user who sets the value that was read, as `ros2
+    param load` does, thus changes nothing.
     """
     drive = make("cam_drive")
     state = next(cam_states(drive._loaded.scene))
@@ -223,10 +224,11 @@ def test_help_does_not_start_a_node():
 
 
 def test_scenes_are_compared_by_name_and_content(tmp_path):
-    """A node whose scene differs from that of the drive in name or content is refused.
+    """A node whose scene differs from that of the drive is refused.
 
-    Copies in other folders are equal. A node without a scene is accepted, as are the consumers
-    of a player. A file that was removed after it was read is not compared.
+    The scenes are compared by name and content. Copies in other folders are equal. A node without a
+    scene is accepted, as are the consumers of a player. A file that was removed after it was read
+    is not compared.
     """
 
     def scene(name, text, folder=""):

@@ -60,7 +60,8 @@ def test_all_sockets_use_the_loopback_interface(forked, domain, short_scene, tmp
     assert node_processes(tmp_path / "bag") == []
 
 
-#: Program that prints the names of a node's threads when those of Fast DDS have their names.
+#: Program that waits until the threads of Fast DDS have their names, and prints the names of a
+#: node's threads.
 THREADS = """
 import os, sys
 os.environ["FASTDDS_DEFAULT_PROFILES_FILE"] = sys.argv[1]
@@ -87,7 +88,10 @@ def test_the_type_lookup_service_is_disabled(profiles):
 
 
 def start_run(scene, bag, pacing):
-    """Start `cam-rig run`, and wait for its first tick."""
+    """Start `cam-rig run`, and wait for the report of its first tick.
+
+    A tick is the interval between two cam states.
+    """
     arguments = ["run", str(scene), "--bag", str(bag), "--pacing", pacing]
     command = [sys.executable, "-m", "cam_rig.cli.main", *arguments]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
@@ -96,9 +100,9 @@ def start_run(scene, bag, pacing):
 
 
 def test_a_run_that_is_reset_ends_in_order(user, short_scene, tmp_path):
-    """A run with stop, reset and start ends with code 0 and a complete bag.
+    """A run that is stopped, reset and started again ends with a complete bag.
 
-    The bag has more ticks than the scene.
+    Its exit code is 0. The bag has more ticks (cam states) than the scene.
     """
     bag = tmp_path / "bag"
     process = start_run(short_scene, bag, "1x")
@@ -151,7 +155,7 @@ def test_a_run_that_is_interrupted_before_its_start_has_no_bag(
 
 @pytest.fixture
 def run_here(monkeypatch, capfd):
-    """Function that runs a node's entry point and returns its code and stderr."""
+    """Function that runs a node in this process and returns its exit code and stderr."""
 
     def run(name, *arguments):
         monkeypatch.setattr(sys, "argv", [name, "--ros-args", *arguments])
@@ -165,8 +169,8 @@ def run_here(monkeypatch, capfd):
         signal.signal(number, handler)
 
 
-#: Failures by a parameter, a file, the other nodes, limits of ROS, and remapping. Each has node,
-#: arguments, exit code and text of the error.
+#: Cases: node, arguments, exit code and text of the error. The causes are a parameter, a file, the
+#: other nodes, limits of ROS, and remapping.
 FAILURES = (
     ("law_server", "-p scene:=5", 2, "scene must be a text, got 5"),
     ("follower", "-p scene:=none.yaml", 2, "none.yaml: no such file"),
@@ -193,10 +197,10 @@ def test_a_node_reports_why_it_ends(domain, run_here):
 
 
 def test_an_error_at_the_start_is_published_on_rosout(user):
-    """An error at the start of a node is published on /rosout as fatal with its name.
+    """An error at the start of a node is published on /rosout as fatal.
 
-    This applies also if the node cannot be created. On a busy machine the discovery can take
-    longer than the node waits, so it starts up to 5 times.
+    It has the name of the node, also if the node cannot be created. On a busy machine the discovery
+    can take longer than the node waits, so it starts up to 5 times.
     """
     received = []
     latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -220,10 +224,10 @@ def test_an_error_at_the_start_is_published_on_rosout(user):
 
 @pytest.mark.parametrize(("failed", "code"), [(False, -signal.SIGALRM), (True, 1)])
 def test_a_process_ends_if_the_middleware_does_not_return(failed, code):
-    """A node ends in bounded time although the shutdown of the middleware blocks.
+    """A node process ends in bounded time although the middleware blocks its shutdown.
 
-    It also ends if the middleware keeps the interpreter locked. After a regular shutdown no
-    alarm remains for the next run of a node that stays.
+    The time limit applies even if the middleware keeps the Python interpreter locked. After a
+    regular shutdown no alarm remains that could end a later run in the same process.
     """
     lines = (
         "import ctypes, time",
@@ -245,7 +249,7 @@ def test_a_process_ends_if_the_middleware_does_not_return(failed, code):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("nodes", [2, pytest.param(15, marks=LONG)])
 def test_an_early_signal_ends_a_node_in_order(domain, short_scene, tmp_path, number, nodes):
-    """A signal at any time of its start ends a node with code 0 and no traceback."""
+    """A signal at any time while a node starts ends it with code 0 and no traceback."""
     chance = random.Random(int(number))
     for i in range(nodes):
         name = NODES[i % len(NODES)]
@@ -284,7 +288,7 @@ def test_sigint_ends_a_node_that_was_started_with_sigint_ignored(domain, short_s
 NEVER = {"scipy", "matplotlib", "typer", "rich", "jinja2", "rerun", "pyarrow", "shapely", "ezdxf"}
 #: Libraries of bags and of serialized messages, which few nodes need.
 OF_BAGS = {"mcap", "rosbags", "zstandard"}
-#: Program that prints the imported packages after the imports of three groups of nodes.
+#: Program that prints, as JSON, the packages that are imported after three groups of nodes.
 IMPORTS = """
 import json, sys
 from importlib import import_module

@@ -1,4 +1,7 @@
-"""Protocol of the nodes: equality with the core, independence of others."""
+"""Tests of the protocol between nodes: results equal the simulation without nodes.
+
+Other programs on the network do not affect them.
+"""
 
 from functools import partial
 from random import Random
@@ -31,7 +34,10 @@ QUICK = config_root() / "scenes" / "quick.yaml"
 
 
 def require_as_simulated(bag):
-    """Require that a bag is complete and equal to the simulation, bit for bit."""
+    """Require that a bag is complete and has exactly the samples of the simulation.
+
+    The recording of the bag is returned.
+    """
     recording = read_recording(bag)
     require_complete(bag, recording.loaded.scene)
     simulated = list(simulate(recording.loaded))
@@ -45,7 +51,7 @@ def test_a_run_equals_the_simulation_without_nodes(undisturbed_bag):
     assert len(require_as_simulated(undisturbed_bag).ticks) == TICKS
 
 
-#: Changes of the program: ramps, and three ticks per turn.
+#: Changes of the short scene: speed ramps, and three ticks (cam states) per turn.
 RAMP = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n'
 
 
@@ -64,9 +70,9 @@ RAMP = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n
     ],
 )
 def test_runs_of_other_programs_equal_the_simulation(domain, tmp_path, changes):
-    """Runs with ramps or with several short cams equal the simulation, bit for bit.
+    """Runs with speed ramps or several short cams equal the simulation bit for bit.
 
-    All ticks are reported in order.
+    All ticks (intervals between cam states) are reported in order.
     """
     text = QUICK.read_text(encoding="utf-8")
     for old, new in changes.items():
@@ -81,7 +87,7 @@ def test_runs_of_other_programs_equal_the_simulation(domain, tmp_path, changes):
 
 
 def test_no_state_is_sent_before_every_node_is_ready(domain, short_scene, tmp_path):
-    """The drive waits for a recorder that starts late, and then sends all states."""
+    """The drive waits for a recorder that starts late, and then sends all cam states."""
     bag = tmp_path / "bag"
     with OneProcess(patient(short_scene, bag), late=["recorder"]) as here:
         wait_until(lambda: here.nodes["cam_drive"]._not_ready == {"recorder"})
@@ -93,16 +99,16 @@ def test_no_state_is_sent_before_every_node_is_ready(domain, short_scene, tmp_pa
 
 # Messages of the bag and of subscribers.
 
-#: Topics with a message at each instant.
+#: Topics with one message per published time within a tick (interval between two cam states).
 MOVING = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_MARKERS)
-#: Latched topics with a message per mounted cam.
+#: Latched topics with one message per cam that is mounted.
 MOUNTED = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
 
 
 def test_a_subscriber_receives_the_messages_of_the_bag(user, short_scene, undisturbed, tmp_path):
     """A subscriber receives each message of the bag once and in order.
 
-    This applies from its discovery on. The bag equals that of an undisturbed run.
+    It misses only messages before its discovery. The bag equals that of an undisturbed run.
     """
     bag, received = tmp_path / "bag", {topic: [] for topic in (*MOVING, *MOUNTED)}
     latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -173,9 +179,10 @@ def test_endpoints_of_other_programs_do_not_affect_a_run(
 
 @pytest.fixture
 def block_writer(monkeypatch):
-    """Function that makes DDS reject messages as if the writer was blocked.
+    """Function that makes DDS reject messages of a topic as if its writer was blocked.
 
-    It returns a list that receives the published messages.
+    A message is rejected if the given function returns True. A list that receives the other
+    messages is returned.
     """
 
     def block(topic, is_blocked):
@@ -196,7 +203,7 @@ def block_writer(monkeypatch):
 
 
 def follow(node, payloads):
-    """Pass the laws and states of a run to the follower."""
+    """Pass the recorded laws and cam states of a run to the follower node."""
     for topic, callback in (
         (topics.LAW_COEFFICIENTS, node._on_law),
         (topics.CAM_STATE, node._on_state),
@@ -206,7 +213,10 @@ def follow(node, payloads):
 
 
 def test_no_tick_is_lost_if_the_writer_is_blocked(make, block_writer, undisturbed):
-    """The samples of each tick are published although half of the attempts fail."""
+    """All samples are published although DDS rejects half of the attempts at random.
+
+    The follower publishes the samples of each tick, the interval between two cam states.
+    """
     random = Random(0)
     published = block_writer(topics.FOLLOWER_SAMPLES, lambda: random.random() < 0.5)
     follower = make("follower")
@@ -218,9 +228,9 @@ def test_no_tick_is_lost_if_the_writer_is_blocked(make, block_writer, undisturbe
 
 
 def test_blocked_motion_is_skipped_for_a_tick(make, block_writer, undisturbed, monkeypatch, capfd):
-    """If its writer is blocked, a motion topic is skipped for a tick with a warning.
+    """If DDS rejects a motion message, the rest of its tick is skipped with a warning.
 
-    The rig does not wait for displays.
+    A tick is the interval between two cam states. The rig does not wait for displays of the motion.
     """
     monkeypatch.setattr(RigPublisher, "get_subscription_count", lambda _self: 1)
     attempts = []
@@ -234,9 +244,9 @@ def test_blocked_motion_is_skipped_for_a_tick(make, block_writer, undisturbed, m
 
 
 def test_a_writer_that_stays_blocked_ends_the_run(make, block_writer, monkeypatch):
-    """A writer of states that stays blocked raises RunError with the topic.
+    """If the writer of cam states stays blocked, RunError is raised with the topic.
 
-    `publish` itself makes one attempt, so it does not block the executor.
+    `publish` itself makes a single attempt, so it does not block the executor.
     """
     monkeypatch.setattr(rig_node, "MAX_BLOCKED_S", 0.0)
     attempts = []
@@ -250,9 +260,9 @@ def test_a_writer_that_stays_blocked_ends_the_run(make, block_writer, monkeypatc
 
 
 def test_weightings_can_be_changed_live(make):
-    """The weightings of the microphone can be changed in a run.
+    """The weightings of the microphone can be changed during a run.
 
-    A weighting that is not in the standard is rejected.
+    A weighting that is not in the standard IEC 61672-1 is rejected.
     """
     microphone = make("microphone")
     names = ("frequency_weighting", "time_weighting")

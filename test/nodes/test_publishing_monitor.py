@@ -1,4 +1,4 @@
-"""Warning of a node that is slowed down by a subscriber."""
+"""Tests of the warning of a node that is slowed down by a subscriber."""
 
 import pytest
 from sensor_msgs.msg import JointState
@@ -12,9 +12,9 @@ pytestmark = pytest.mark.ros
 
 
 def test_a_slow_subscriber_is_named_with_its_topic_and_factor(make, user, capfd):
-    """A slow subscriber causes one warning per check, with topic and factor.
+    """A slow subscriber causes a warning with topic, subscriber and slow-down factor.
 
-    There is no warning if publishing takes little time.
+    The node warns only in a period of which publishing took a large part.
     """
     drive = make("cam_drive")
     monitor, publisher = drive.publishing_monitor, drive._state_publisher
@@ -35,7 +35,7 @@ def test_a_slow_subscriber_is_named_with_its_topic_and_factor(make, user, capfd)
 
 
 def test_publishing_is_timed(make):
-    """The duration of each attempt to publish is added to that of its topic."""
+    """The duration of each attempt to publish is added to the time of its topic."""
     drive = make("cam_drive")
     before = drive._clock_publisher.publishing_s
     drive.publish_time(1)

@@ -20,7 +20,7 @@ MOTION = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_MARKERS)
 
 
 class Watcher:
-    """Subscriber that records the arrival time of each message in a thread.
+    """Subscriber that records the arrival of each motion, clock and state message.
 
     Another thread wakes at the same rate, for comparison: `wake_times` are its wall-clock times,
     which show the timing that this machine is capable of at present.
@@ -72,7 +72,7 @@ class Watcher:
             due += (1.0 + (self.wake_times[-1] - due) * self.rate // 1.0) / self.rate
 
     def times(self, topic):
-        """Return wall-clock time of arrival and rig time (s) of a topic's messages."""
+        """Return wall-clock times of arrival (s) and rig times (s) of a topic's messages."""
         rows = [(wall, stamp_of(cdr)) for wall, cdr in self.received[topic]]
         wall, stamps = np.array(rows).T
         return wall, stamps * 1e-9
@@ -80,14 +80,15 @@ class Watcher:
     def lateness(self, factor):
         """Return the largest delay (s, wall clock) that this machine caused.
 
-        It is the sum of the largest delays of a thread's wake-up and of the arrival of a state.
+        It is the sum of the largest delay of a thread's wake-up and that of the arrival of a cam
+        state. `factor` is the real-time factor.
         """
         wall, drive = self.times(topics.CAM_STATE)
         wake_delay = np.diff(self.wake_times).max() - 1.0 / self.rate
         return wake_delay + max(0.0, (np.diff(wall) - np.diff(drive) / factor).max())
 
     def assert_even(self, topic, rate, late, other_gap=np.inf):
-        """Assert that a topic has a constant rate.
+        """Assert that messages of a topic arrive at `rate` per second of wall-clock time.
 
         The median of the gaps between two messages is 0.5 to 1.5 periods, and 90 % are at most 1.5
         periods. The upper limits increase by the delay `late` (s) of the machine. The lower limit
@@ -105,10 +106,11 @@ class Watcher:
 def test_a_paced_run_has_constant_rates_and_the_bag_of_a_free_run(
     user, short_scene, undisturbed, tmp_path, factor, rate
 ):
-    """In a paced run motion and /clock are published at constant rates.
+    """In a paced run motion and /clock are published at a constant wall-clock rate.
 
-    The motion is at most one tick and 50 ms behind the drive, and its values are samples of the
-    bag. /clock advances between the states. The bag equals that of a free run.
+    The motion is at most one tick (interval between two cam states) and 50 ms behind the drive, and
+    its values are samples of the bag. /clock advances between the states. The bag equals that of a
+    free run.
     """
     bag, watcher = tmp_path / "bag", Watcher(user, rate)
     nodes = patient(short_scene, bag, autostart=False, pacing=f"{factor}x")

@@ -1,4 +1,4 @@
-"""Repeatability of runs with a stalled node, and runs that end by a killed node."""
+"""Tests of runs with a stalled or a killed node, and of runs on a full disk."""
 
 import signal
 import sys
@@ -36,9 +36,10 @@ NODES = ("follower", "microphone", "law_server", "cam_drive", "recorder")
 def test_a_stalled_consumer_stops_the_drive_and_no_message_is_lost(
     short_scene, undisturbed, tmp_path
 ):
-    """The drive stops after 4 ticks while a consumer is stalled, then continues.
+    """While a consumer node is stalled, the drive stops after 4 ticks, then continues.
 
-    The bag equals that of an undisturbed run.
+    A tick is the interval between two published cam states. The bag equals that of an undisturbed
+    run.
     """
     stalled, resume = threading.Event(), threading.Event()
     with OneProcess(patient(short_scene, tmp_path / "bag", autostart=False)) as here:
@@ -96,9 +97,10 @@ def test_memory_does_not_grow_while_a_consumer_is_suspended(short_scene, undistu
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("victim", NODES)
 def test_a_killed_node_ends_the_run_and_is_named(short_scene, tmp_path, victim):
-    """A killed node ends the run with an error that names node and last tick.
+    """A killed node ends the run with an error that contains node and last tick.
 
-    The bag is closed and readable, and no temporary file remains.
+    A tick is the interval between two published cam states. The bag is closed and readable, and no
+    temporary file remains.
     """
     bag, logged, before = tmp_path / "bag", [], unused()
     text = rf"node {victim} was ended by signal 9 after tick \d+ \(\w+, \d+ rpm\)"

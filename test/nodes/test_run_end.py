@@ -1,4 +1,8 @@
-"""End of a run without a runner: notification, closed bag, nodes that end or stay."""
+"""Tests of runs without `cam-rig run`, whose nodes are started one by one.
+
+They are started as by `ros2 run`. The drive informs them of the end of the run. They close the bag,
+and end or stay for another run.
+"""
 
 import re
 import threading
@@ -29,7 +33,7 @@ LATCHED = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 @pytest.fixture
 def parameters(short_scene, tmp_path):
-    """Function that returns the parameters of nodes that are started one by one."""
+    """Function that returns the parameters of the named nodes, by node."""
 
     def parameters(*names, **common):
         special = {
@@ -44,9 +48,9 @@ def parameters(short_scene, tmp_path):
 
 @pytest.fixture
 def start(parameters, domain):
-    """Function that starts nodes one by one as `ros2 run` does.
+    """Function that starts the named nodes as processes, as `ros2 run` does.
 
-    The nodes end with the test.
+    The processes end with the test.
     """
     started = []
 
@@ -69,7 +73,7 @@ def listen(user, kind, topic):
 def test_nodes_end_with_the_run_and_leave_a_closed_bag(
     user, parameters, undisturbed, tmp_path, capfd
 ):
-    """Nodes that are started one by one end with the run and code 0.
+    """Nodes that are started one by one end with the run and exit code 0.
 
     The closed bag equals that of `cam-rig run`, and each node logs its progress.
     """
@@ -129,7 +133,10 @@ def test_waiting_nodes_publish_heartbeats(user, parameters):
     diagnostics = listen(user, DiagnosticArray, "/diagnostics")
 
     def heartbeats(name, missing):
-        """Return the stamps (s) of a node's heartbeats with these missing nodes."""
+        """Return the stamps (s) of the heartbeats in which a node waits for `missing`.
+
+        A heartbeat is a diagnostic of a waiting node.
+        """
         expected = {"state": "waiting", "waits_for": missing}
         return [
             message.header.stamp.sec
@@ -155,7 +162,7 @@ def test_waiting_nodes_publish_heartbeats(user, parameters):
 
 @pytest.mark.parametrize("reason", ["stopped", "no answer"])
 def test_a_drive_that_ends_early_publishes_the_reason(user, parameters, tmp_path, reason, capfd):
-    """A drive that ends after a signal or timeout publishes the reason.
+    """A drive that is ended by a signal or a timeout publishes the reason.
 
     The other nodes then end with code 0, and the bag is closed.
     """
@@ -200,9 +207,10 @@ def test_a_drive_that_ends_early_publishes_the_reason(user, parameters, tmp_path
     ],
 )
 def test_messages_in_transit_are_received_for_a_limited_time(monkeypatch, writes, written, seconds):
-    """At its end a node receives messages in transit, but for a limited time.
+    """A node that ends still receives the messages in transit, but for a limited time.
 
-    The runner would kill a node that waits for an endless publisher.
+    The cases are messages with gaps and an endless publisher, for which the runner would otherwise
+    have to kill the node.
     """
     time, writes = SimpleNamespace(s=0.0, monotonic=lambda: time.s), iter(writes)
     node = SimpleNamespace(received=0)
@@ -217,7 +225,10 @@ def test_messages_in_transit_are_received_for_a_limited_time(monkeypatch, writes
 
 
 def test_a_second_recorder_is_rejected(domain, short_scene, undisturbed, tmp_path):
-    """A second recorder is refused, and the run of the first is undisturbed."""
+    """A second recorder in a run is refused.
+
+    The run of the first recorder is undisturbed.
+    """
     text = "this rig has a recorder already, in ROS domain"
     with OneProcess(patient(short_scene, tmp_path / "bag", pacing=SLOW)) as here:
         reports = here.progress()
@@ -234,7 +245,10 @@ def test_a_second_recorder_is_rejected(domain, short_scene, undisturbed, tmp_pat
 
 
 def test_a_drive_that_is_discovered_again_is_not_lost(make):
-    """The countdown to the end of a node runs only while no drive is connected."""
+    """A node counts down to its end only while the drive has been lost.
+
+    The countdown starts if the last known drive leaves, and stops if a drive is discovered again.
+    """
     node = make("microphone")
     monitor = LostDriveMonitor(node)
     assert monitor._timer.is_canceled()  # a drive that has never been present
@@ -247,7 +261,7 @@ def test_a_drive_that_is_discovered_again_is_not_lost(make):
 
 @pytest.mark.parametrize("name", ["microphone", RECORDER])
 def test_a_node_ends_if_the_drive_is_lost(make, user, monkeypatch, capfd, name):
-    """A node ends if the drive has left without publishing the end of the run."""
+    """A node ends if the drive disappears without publishing the end of the run."""
     monkeypatch.setattr(run_end, "DRIVE_LOST_S", 0.2)
     counts, on_drives = [], LostDriveMonitor.on_drives
     monkeypatch.setattr(

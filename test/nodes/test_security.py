@@ -42,7 +42,10 @@ def array_message(dims, data):
 
 
 def hostile():
-    """Yield topic and message for each kind of invalid message."""
+    """Yield topic and message of each kind of invalid message.
+
+    The nodes must survive them.
+    """
     nan, law = math.nan, [("tm21", 2), (PIECE_LABEL, 4)]
     yield "/cam/state", state(3, [nan], [1.0])
     yield "/cam/state", state(3, [], [])
@@ -64,7 +67,7 @@ def hostile():
 
 
 def forge(user, topic, message):
-    """Publish a message as another program, and return the publisher.
+    """Publish a message as another program, and return its publisher.
 
     The message is published after a subscriber of the topic has been discovered.
     """
@@ -75,7 +78,7 @@ def forge(user, topic, message):
     return publisher
 
 
-#: Topics without an owner that are not latched.
+#: Topics that any program may publish and that do not keep (latch) messages.
 OPEN = ("/cam/rpm", "/parameter_events")
 
 
@@ -111,7 +114,7 @@ def test_invalid_messages_do_not_end_a_node(user, short_scene, tmp_path, capfd):
 
 
 def open_topics():
-    """Yield topic and impossible message for the topics that any program may publish."""
+    """Yield a topic that any program may publish, with an impossible message of it."""
     yield "/cam/rpm", Float64(data=math.nan)
     yield "/cam/rpm", Float64(data=-1e9)
     for kind in (77, 4):
@@ -154,7 +157,10 @@ def test_impossible_messages_on_open_topics_do_not_affect_the_run(
     ("topic", "message"), [("/cam/state", JointState()), ("/recorder/ack", Header())]
 )
 def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, message):
-    """A second publisher of a topic of the rig ends the run with topic and node."""
+    """A second publisher of a topic ends the run with an error.
+
+    It contains the topic, which belongs to the rig, and the second publisher's node.
+    """
     text = rf"{topic}: has a second publisher, /user; only this rig's "
     here = OneProcess(patient(short_scene, tmp_path / "bag", pacing=SLOW))
     with pytest.raises(RunError, match=text), here:
@@ -166,7 +172,10 @@ def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, mes
 
 
 def test_a_law_that_was_forged_before_the_start_ends_the_run(user, short_scene, tmp_path):
-    """A law that another program latched before the start ends the run with its topic."""
+    """A motion law that another program latched before the start ends the run.
+
+    The error has the topic of the law.
+    """
     law = [("tm21", 2), (PIECE_LABEL, 4)]
     forged = array_message(law, [0.0, 0.0, 1e-3, 0.0, 3.0, 0.0, 1e-3, 0.0])
     publisher = user.node.create_publisher(type(forged), "/cam/law_coefficients", LATCHED)

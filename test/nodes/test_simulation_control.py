@@ -17,20 +17,24 @@ from cam_rig.simulation.scene import open_scene
 from ..conftest import CONFIG
 
 pytestmark = pytest.mark.ros
-#: States of the package, by name.
+#: Numbers of the simulation states in the package simulation_interfaces.
 STOPPED, PLAYING, PAUSED, QUITTING = range(4)
-#: Result codes of the package.
+#: Numbers of the result codes in the package simulation_interfaces.
 UNSUPPORTED, OK, FAILED = 0, 1, 4
 
 
 def interface(name, **constants):
-    """Return a class like that of an interface: constants, and fields by keyword."""
+    """Return a class that replaces a ROS interface: constants, and fields by keyword."""
     return type(name, (SimpleNamespace,), constants)
 
 
 @pytest.fixture
 def control(monkeypatch):
-    """Control of a drive whose ticks are acknowledged at once, and the module."""
+    """Simulation control of a drive with fake interfaces.
+
+    Every state that the drive sends is acknowledged at once. The module of the fake interfaces is
+    removed at the end of the test.
+    """
     result = interface(
         "Result", RESULT_FEATURE_UNSUPPORTED=0, RESULT_OK=1, RESULT_OPERATION_FAILED=4
     )
@@ -75,7 +79,7 @@ FEATURES = interface(
 
 
 class Drive:
-    """Node and operator's controls, with the program of the scene quick."""
+    """Replacement of the drive's node and its operator controls, for the scene quick."""
 
     def __init__(self):
         loaded = open_scene(CONFIG / "scenes" / "quick.yaml")
@@ -89,7 +93,7 @@ class Drive:
         """Do not create a service: the tests call the handlers."""
 
     def send_due(self):
-        """Send and acknowledge one state."""
+        """Send the next cam state of the drive, and acknowledge it as all other nodes."""
         if (state := self.program.take(0.0)) is not None:
             self.program.flow.acknowledge("all", state.time_ns)
         self.is_over = self.is_over or self.program.done
@@ -110,18 +114,21 @@ class Drive:
 
 
 def call(control, handler, **request):
-    """Call a handler, and return the result code and its text."""
+    """Call a handler with a request, and return the result code and its text."""
     response = getattr(control, handler)(SimpleNamespace(**request), SimpleNamespace())
     return response.result.result, response.result.error_message
 
 
 def set_state(control, state):
-    """Request a state of the simulation, and return the result code."""
+    """Request a state of the simulation, and return the result code of the reply."""
     return call(control, "_set_state", state=SimpleNamespace(state=state))[0]
 
 
 def step(control, steps, goal=None):
-    """Step the rig until the request is answered, and return the code and the text."""
+    """Request a number of steps and run the rig until it replies with code and text.
+
+    A step is a tick of the drive, the interval between two cam states.
+    """
     coroutine = control._run_ticks(steps, goal)
     try:
         while True:
@@ -133,7 +140,10 @@ def step(control, steps, goal=None):
 
 
 def test_the_states_of_the_simulation_are_those_of_the_drive(control):
-    """Each transition has the state and the result code that the package documents."""
+    """Each change of the simulation state has the result code of the interface.
+
+    The tested package is simulation_interfaces. An emergency stop prevents a start.
+    """
     assert control.state == STOPPED
     assert set_state(control, PAUSED) == 103  # pausing when stopped
     assert set_state(control, STOPPED) == 101  # already in the state
@@ -148,14 +158,17 @@ def test_the_states_of_the_simulation_are_those_of_the_drive(control):
 
 
 def test_every_feature_is_listed(control):
-    """The features are those that the services implement."""
+    """The listed features of simulation_interfaces are those of the drive."""
     response = SimpleNamespace(features=SimpleNamespace())
     control._get_features(None, response)
     assert response.features.features == [20, 22, 24, 25, 26, 31, 32, 33]
 
 
 def test_only_the_state_can_be_reset(control):
-    """A reset of time is unsupported, because rig time never decreases."""
+    """A reset of time is reported as unsupported, because rig time never decreases.
+
+    Only the state of the simulation can be reset.
+    """
     assert call(control, "_reset", scope=0)[0] == UNSUPPORTED
     assert call(control, "_reset", scope=1)[0] == UNSUPPORTED
     step(control, 2)
@@ -163,9 +176,9 @@ def test_only_the_state_can_be_reset(control):
 
 
 def test_steps_are_ticks(control):
-    """A step request turns the cam by this number of ticks, and returns to the paused state.
+    """A request of n steps turns the cam by n ticks, and then the rig is paused again.
 
-    The action publishes feedback for each tick.
+    A tick is the interval between two cam states. The action publishes feedback for each.
     """
     program, feedback = control._node.program, []
     assert step(control, 1) == (OK, "") and program.sent == 2 and control.state == PAUSED
@@ -177,7 +190,10 @@ def test_steps_are_ticks(control):
 
 
 def test_a_step_that_cannot_be_completed_has_a_reason(control):
-    """A step request fails if the rig turns, is cancelled, is stopped or reaches its end."""
+    """A request to step the simulation that cannot be completed fails with a reason.
+
+    The rig turns already, the request is cancelled, or the rig is stopped or reaches its end.
+    """
     control._node.start()
     assert step(control, 1) == (FAILED, "the rig must be paused; set the state to paused first")
     control._node.stop()

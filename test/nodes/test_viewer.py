@@ -1,4 +1,4 @@
-"""Live view of a run: comparison with the view of its bag."""
+"""Tests of the live view of a run: its values equal those of the view of the bag."""
 
 import numpy as np
 import pytest
@@ -20,9 +20,10 @@ CURVES = ("lift/follower", "lift/law", "velocity/follower", "force/contact", "le
 
 
 def curves(path):
-    """Return rig times and values of every curve, shape (n, 2), in order of rig time.
+    """Return rig times and values of every curve in a recording file of the viewer.
 
-    Each viewer starts a recording, and the values of all recordings are joined.
+    A curve is an array of shape (n, 2), in order of rig time. Each start of a viewer adds a
+    recording to the file, and the values of all recordings are joined.
     """
     result, reader = {name: [] for name in CURVES}, RrdReader(path)
     streams = [reader.stream(store=recording) for recording in reader.recordings()]
@@ -37,7 +38,10 @@ def curves(path):
 
 
 def complete_curves(file, recorded):
-    """Return the curves if the server has written all of them to the end, else None."""
+    """Return the curves in a file if they reach the end of the recorded curves.
+
+    Otherwise None is returned.
+    """
     try:
         live = curves(file)
     except RuntimeError:  # the file ends in the middle of a chunk that is being written
@@ -47,10 +51,10 @@ def complete_curves(file, recorded):
 
 
 def test_live_curves_equal_those_of_the_bag(domain, tmp_path):
-    """Curves of the live view have the values of the view of the bag.
+    """The live viewer shows the values that the view of the run's bag shows.
 
-    No tick is missing. Live curves have at least half of the samples, with the smallest and the
-    largest value.
+    No tick (interval between two cam states) is missing. Live curves have at least half of the
+    samples, including the smallest and the largest value.
     """
     bag, folder = tmp_path / "bag", tmp_path / "page"
     folder.mkdir()

@@ -19,12 +19,12 @@ from .conftest import BREADTH, OPPOSITE, UNEVEN, make
 
 
 def named(sample, name):
-    """Return the checks with this name."""
+    """Return the checks of a sample's contour with this name."""
     return [check for check in check_cam(sample.cam, sample.law) if check.name == name]
 
 
 def test_possible_cams_pass(followable_laws, cams, every_kind):
-    """Shipped cams and a cam of each kind of follower pass all checks."""
+    """Shipped cams and a cam of each kind of follower pass all checks of the contour."""
     for name, law in followable_laws.items():
         assert [str(check) for check in check_cam(cams[name], law) if not check.passed] == []
     require_profile(cams["tm21"], followable_laws["tm21"])
@@ -52,9 +52,10 @@ def test_extremes_are_those_of_a_dense_contour(every_kind):
 
 
 def test_concave_radius_is_pitch_radius_plus_roller(cams, laws):
-    """The concave radius of the TM21's cam is that of its flank plus the roller.
+    """The concave pitch radius of the TM21's cam is that of its flank plus the roller.
 
-    A point follower has no limit of the concave radius.
+    It is the value of the check of the concave radius, at an angle of the flank. A point follower
+    has no limit of this radius.
     """
     cam, law = cams["tm21"], laws["tm21"]
     flank, _ = arc_cam(cam).radii()
@@ -106,7 +107,10 @@ def test_impossible_cam_is_rejected():
 
 
 def test_base_circle_out_of_reach():
-    """A follower that cannot reach its base circle raises ProfileError with the cam."""
+    """A follower that cannot reach its base circle raises ProfileError.
+
+    The error contains the name of the cam.
+    """
     for kind, numbers, text in (
         ("roller", {"eccentricity": 48}, "eccentricity is 48 mm; allowed: less than base and rol"),
         ("oscillating_roller", {"arm": 30}, "is 48 mm from the cam's axis; allowed: between 60 a"),
@@ -118,7 +122,7 @@ def test_base_circle_out_of_reach():
 
 
 def test_cam_surrounds_its_shaft():
-    """The check of the distance from the axis fails if the contour excludes the axis.
+    """A cam whose contour does not contain the axis fails a check.
 
     With the base radius that the error suggests, the contour contains the axis.
     """
@@ -150,7 +154,10 @@ def test_cam_surrounds_its_shaft():
 
 
 def test_breadth_condition():
-    """The check of s(θ) + s(θ + π) = s_max has the worst angle and difference."""
+    """The check of a constant-breadth cam has the largest violation and its angle.
+
+    The violation is |s(θ) + s(θ + π) − s_max|, in m.
+    """
     name, angle = "s(θ) + s(θ + 180°) − s_max", np.linspace(0.0, 2.0 * np.pi, 100_001)
     for kind in BREADTH:
         (check,) = named(make(kind, OPPOSITE), name)
@@ -164,7 +171,10 @@ def test_breadth_condition():
 
 
 def test_corner_is_rejected(make_cam):
-    """A law whose slope jumps raises ProfileError with the step and its angle."""
+    """A law whose slope jumps raises ProfileError with the jump and its angle.
+
+    The contour would have a corner.
+    """
     corner = {"law": "bezier", "span": 180, "ordinates": [0.0, 2.0, 0.0]}
     cam = make_cam(dwell(180), corner, lift=0.01)
     with pytest.raises(ProfileError, match=r"step of the slope s' is 12\.732 mm/rad at 0°"):
@@ -188,7 +198,10 @@ def test_neck_narrower_than_the_roller():
 
 
 def test_no_base_radius_if_the_cam_cuts_the_pivot():
-    """If the cam would cut the pivot of its arm, the remedy suggests no base radius."""
+    """No base radius is suggested if the larger cam would cut the arm's pivot.
+
+    The remedy is then a longer span of the motion.
+    """
     numbers = {"base_radius": 40, "roller_radius": 9, "pivot_distance": 90, "arm": 75}
     far = [("dwell", 90, None), ("cycloidal", 110, 1), ("dwell", 50, None), ("cycloidal", 110, 0)]
     sample = make("oscillating_roller", far, lift=200, **numbers)
@@ -215,7 +228,8 @@ def test_limit_of_the_pressure_angle():
 def test_least_base_radius_of_a_face_is_eq_2_42():
     """The minimum base radius of a flat face is r_min − min (s + s'') (eq. 2.42).
 
-    The error of a smaller base radius states it.
+    r_min is the smallest allowed radius of curvature. The equation is that of the profile thesis
+    (see docs/glossary.md). The error of a smaller base radius states the minimum.
     """
     sample = make("flat", least_curvature_radius=4)
     angle = np.linspace(0.0, 2.0 * np.pi, 400_001)
@@ -230,9 +244,9 @@ def test_least_base_radius_of_a_face_is_eq_2_42():
 
 @pytest.mark.variants(6)
 def test_least_base_radius_is_at_the_cusp(sample):
-    """At 1.001 of the minimum base radius no part is undercut, and at 0.999 one is.
+    """The contour is sound at 1.001 of the minimum base radius, and undercut at 0.999.
 
-    At 0.999 the follower may also not reach the cam.
+    At 0.999 the follower may instead be unable to reach the cam, or the axis be outside.
     """
     kind = sample.cam.follower.type
     least = find_min_base_radius(sample.cam.follower, sample.law)

@@ -30,7 +30,10 @@ X, Y = 30.0 * np.cos(CIRCLE), 20.0 * np.sin(CIRCLE)
 
 @pytest.fixture
 def drawing(tmp_path):
-    """Function that saves a DXF drawing and returns its path."""
+    """Function that saves a drawing in DXF and returns its path.
+
+    Its argument is a function that draws into a document.
+    """
 
     def save(draw, version="R2010", unit=units.MM):
         document = ezdxf.new(version, units=unit)
@@ -42,12 +45,12 @@ def drawing(tmp_path):
 
 
 def in_space(method, *args, **kwargs):
-    """Return a function that draws one entity in a document."""
+    """Return a function that draws one entity into a document by a method of ezdxf."""
     return lambda document: getattr(document.modelspace(), method)(*args, **kwargs)
 
 
 def height(curve):
-    """Return the lift (m) of a flat face on a contour at `ANGLES`."""
+    """Return the lift (m) of a flat face on a contour, at the angles `ANGLES`."""
     return rest_on_contour(GuidedFace(0.0, 0.0, 0.0), closed_curve(curve), ANGLES)
 
 
@@ -117,9 +120,10 @@ def stadium_of_blocks(document):
     "draw", [stadium_of_bulges, stadium_of_old_bulges, stadium_of_entities, stadium_of_blocks]
 )
 def test_lines_and_arcs_are_exact_in_each_form(drawing, draw, version):
-    """A stadium of lines and arcs is read within 3 nm, in each form of drawing.
+    """A stadium of lines and arcs is read within 3 nm from each form of a drawing.
 
-    The lift of a flat face on it is R + |L/2 sin θ|.
+    The lift of a flat face on it is R + |L/2 sin θ|, with the end radius R and the straight length
+    L.
     """
     if draw is stadium_of_bulges and version == "R12":
         pytest.skip("R12 has no LWPOLYLINE")
@@ -129,9 +133,10 @@ def test_lines_and_arcs_are_exact_in_each_form(drawing, draw, version):
 
 
 def test_circles_and_ellipses_are_exact(drawing):
-    """Circles and ellipses are read within 3 nm.
+    """Circles and ellipses of a drawing are read within 3 nm.
 
-    The lift of a flat face is sqrt((a sin)² + (b cos)²) on an ellipse and r + e cos on a circle.
+    The lift of a flat face is sqrt((a sin)² + (b cos)²) on an ellipse with the half-axes a and b,
+    and r + e cos on a circle with the radius r and the eccentricity e.
     """
     path = drawing(in_space("add_ellipse", (0, 0), (30.0, 0.0), 2.0 / 3.0))
     expected = np.hypot(0.030 * np.sin(ANGLES), 0.020 * np.cos(ANGLES))
@@ -142,7 +147,7 @@ def test_circles_and_ellipses_are_exact(drawing):
 
 
 def test_rational_splines_are_exact(drawing):
-    """Rational splines are read within 5 nm.
+    """Rational splines of a drawing are read within 5 nm.
 
     They are a circle of 9 control points, and a spline of degree 1.
     """
@@ -166,7 +171,10 @@ def test_rational_splines_are_exact(drawing):
 
 
 def test_lines_alone_are_points_of_a_smooth_curve(drawing):
-    """360 lines in any order and direction give the contour of a closed polyline."""
+    """360 lines of a drawing, in any order and direction, give a smooth contour.
+
+    It equals the contour of a closed polyline of the same points.
+    """
     points = np.column_stack([X, Y])
     path = drawing(in_space("add_lwpolyline", points, close=True))
     (expected,) = read_dxf(path).curves
@@ -183,9 +191,10 @@ def test_lines_alone_are_points_of_a_smooth_curve(drawing):
 
 
 def test_bore_is_left_out_and_layer_selected(drawing):
-    """A bore, a frame and dimensions are excluded from the contours of a drawing.
+    """A bore, a frame and dimensions are excluded from a drawing's contours.
 
-    `layer` selects a layer, and an unknown layer is an error.
+    This applies if a number of contours is requested. `layer` selects a layer, and an unknown layer
+    is an error with the existing layers.
     """
 
     def draw(document):
@@ -207,7 +216,7 @@ def test_bore_is_left_out_and_layer_selected(drawing):
 
 @pytest.mark.parametrize("is_ambiguous", [False, True])
 def test_circle_around_a_cam_is_ambiguous(drawing, is_ambiguous):
-    """A circle around an eccentric curve that could also be the cam is refused.
+    """A circle around an eccentric curve is refused, because either may be the cam.
 
     A concentric circle or a frame is excluded with a note. `layer` selects the cam.
     """
@@ -345,7 +354,7 @@ def test_drawing_without_a_contour(drawing):
 
 
 def test_drawing_without_a_header_has_no_unit(tmp_path):
-    """A drawing without a header, as OpenSCAD writes it, requires a given unit."""
+    """A drawing without a header, as OpenSCAD writes it, is refused without `--unit`."""
     path = tmp_path / "entities.dxf"
     circle = "0\nCIRCLE\n8\n0\n10\n0.0\n20\n0.0\n40\n2.0\n"
     path.write_text(f"0\nSECTION\n2\nENTITIES\n{circle}0\nENDSEC\n0\nEOF\n")
@@ -356,7 +365,10 @@ def test_drawing_without_a_header_has_no_unit(tmp_path):
 
 
 def test_drawing_without_a_unit(drawing):
-    """A drawing without a unit requires `--unit`, which cannot replace another unit."""
+    """A drawing without a unit requires `--unit`.
+
+    The option cannot replace the unit of a drawing that has one.
+    """
     circle = in_space("add_circle", (0.0, 0.0), 2.0)
     path = drawing(circle, "R12", unit=0)
     with pytest.raises(ProfileError, match=r"unit .* is not stated; allowed: .* or --unit mm, cm"):
@@ -370,7 +382,7 @@ def test_drawing_without_a_unit(drawing):
 
 
 def test_excessive_files_are_rejected(drawing, tmp_path):
-    """Devices, excessive numbers and files, and damaged blocks are rejected.
+    """Devices, excessively large numbers and files, and damaged blocks are rejected.
 
     Each error is one line.
     """
@@ -445,7 +457,7 @@ def test_damaged_drawings_are_read_or_refused_in_one_line(tmp_path_factory, data
 
 
 def table(heading, columns, separator=",", mark="."):
-    """Return a table as text, with these separators and decimal marks."""
+    """Return a table as text, with a separator and a decimal mark."""
     rows = [
         separator.join(f"{x:.6f}".replace(".", mark) for x in row)
         for row in zip(*columns, strict=True)
@@ -481,7 +493,7 @@ def test_contour_tables_in_many_forms(tmp_path, text):
 
 
 def test_missing_unit_is_assumed_or_given(tmp_path):
-    """A table without a unit is in the given unit, or assumed to be in mm with a note.
+    """A table without a unit is read in the given unit, or else in mm with a note.
 
     A given unit that contradicts the table is refused.
     """
@@ -498,7 +510,10 @@ def test_missing_unit_is_assumed_or_given(tmp_path):
 
 
 def test_polar_points_are_placed_like_x_and_y(tmp_path):
-    """Axis, zero direction and mirroring place polar points like the same x and y."""
+    """Polar points are placed like the same points in x and y.
+
+    The placement has an axis, a zero direction and mirroring. The tolerance is 3e-8 m.
+    """
     x, y = X + 5.0, Y - 3.0
     (tmp_path / "xy.csv").write_text(table("x_mm,y_mm", (x, y)))
     polar = (np.degrees(np.arctan2(x, y)) % 360.0, np.hypot(x, y))
@@ -515,14 +530,14 @@ def test_polar_points_are_placed_like_x_and_y(tmp_path):
 
 
 def closest(points, others):
-    """Return the distances of points from the closest of other points."""
+    """Return the distance of each point from the closest of other points."""
     return np.hypot(*(points[:, :, None] - others[:, None])).min(axis=1)
 
 
 def test_polar_rows_are_sorted_and_crank_angles_halved(tmp_path):
-    """Shuffled polar rows give the contour of sorted rows, with a note.
+    """Shuffled rows of polar points give the contour of sorted rows, with a note.
 
-    Crank angles are halved.
+    Crank angles, of which a cam turn has 720°, are halved.
     """
     angle, radius = 4.5 * np.arange(80), 30.0 + np.cos(CIRCLE)
     (tmp_path / "a.csv").write_text(table("angle_deg,radius_mm", (angle, radius)))
@@ -539,7 +554,10 @@ def test_polar_rows_are_sorted_and_crank_angles_halved(tmp_path):
 
 
 def test_tables_without_a_contour_are_rejected(tmp_path):
-    """A table without a contour raises one line with the file name and the fault."""
+    """A table that contains no contour raises an error of one line.
+
+    It has the file name and the fault.
+    """
     turns = "".join(f"{angle},30\n" for angle in range(0, 720, 10))
     for name, text, words in (
         ("a.csv", "", "is empty; allowed: a heading and"),
@@ -574,7 +592,10 @@ def test_tables_without_a_contour_are_rejected(tmp_path):
 
 @given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(0.0, 360.0), st.booleans())
 def test_placement_restores_the_contour(x, y, zero, is_mirrored):
-    """A placement restores a contour that the file shifts, rotates and mirrors."""
+    """A placement undoes shift, rotation and mirroring of a contour in a file.
+
+    The tolerance is 1e-15 m.
+    """
     cam = 1e-3 * np.array([X, Y])
     drawn = cam[0] + 1j * cam[1]
     drawn = -drawn.conj() if is_mirrored else drawn
@@ -605,7 +626,10 @@ def test_axis_outside_of_the_contour_is_refused():
 
 @pytest.mark.parametrize("turned", [0.0, 0.3, 123.456, 359.9])
 def test_align_finds_the_rotation(laws, turned):
-    """`find_rotation` finds the rotation of a contour from its law within 1e-7 rad."""
+    """`find_rotation` finds by how much a contour is rotated relative to its law.
+
+    The tolerance is 1e-7 rad.
+    """
     law, element = laws["poly345"], GuidedCentre(0.0, 0.0, 0.05)
     angle = turn_angles(7200)
     radius = 0.05 + law(angle + math.radians(turned))

@@ -1,4 +1,4 @@
-"""Figures of cams: the drawn positions of the follower touch the contour."""
+"""Tests of figures of cams: the drawn follower positions touch the contour."""
 
 import re
 
@@ -13,14 +13,17 @@ from cam_rig.studies.profile.figures import figure, positions
 
 @pytest.fixture(scope="module")
 def draw(cams, laws):
-    """Function that returns the figure of a shipped cam with a number of positions."""
+    """Function that returns the figure of a shipped cam.
+
+    A further argument is the number of follower positions.
+    """
     return lambda name, *count: figure(
         cams[name], laws[name], check_cam(cams[name], laws[name]), *count
     )
 
 
 def test_positions_touch_the_contour(followable_laws, cams):
-    """Each drawn position of the follower touches the contour within 0.02 mm."""
+    """Each drawn position of the follower touches the cam's contour within 0.02 mm."""
     for name, law in followable_laws.items():
         for contour in contours(cams[name].follower, law, 7200):
             ring = LinearRing(contour.points.T * 1e3)
@@ -37,9 +40,9 @@ def test_discs_of_a_pair_are_distinguishable(draw):
 
 
 def test_number_of_positions(draw):
-    """A figure has the requested number of follower positions at equal angles.
+    """A figure of a cam has the requested number of follower positions.
 
-    If there are few, all are labelled.
+    They are at equal angles. If there are few, all are labelled.
     """
     for count in (3, 37):
         plan = draw("oscillating_roller", count).axes[0]
@@ -51,7 +54,7 @@ def test_number_of_positions(draw):
 
 
 def test_displayed_numbers_are_those_of_the_contour(draw, cams, laws):
-    """The displayed smallest radius and largest pressure angle are correct.
+    """The smallest radius and the largest pressure angle in a figure are correct.
 
     They and their cam angles agree with 36 000 contour points to the displayed digits.
     """

@@ -1,4 +1,7 @@
-"""Polylines, cutter paths and drawings: chord error, and files that are read back."""
+"""Tests of files of contours: chord error of polylines, cutter paths, drawings.
+
+The chord error is the distance of a contour from its polyline. Written files are read back.
+"""
 
 import re
 from xml.etree import ElementTree
@@ -26,16 +29,20 @@ ANGLES = turn_angles(311)
 
 
 def farthest(line, path, angle=DENSE):
-    """Return the largest distance (m) of a path from a closed polyline, by shapely."""
+    """Return the largest distance (m) of a path from a closed polyline.
+
+    It is evaluated at the path's cam angles `angle` (rad).
+    """
     ring = LinearRing(line.T)
     prepare(ring)
     return distance(ring, points(path.at(angle)[0].T)).max()
 
 
 def test_chord_error_is_within_the_tolerance(every_kind, followable_laws, cams):
-    """The chord error of a polyline is within the tolerance.
+    """The chord error of a polyline is within the tolerance, with few points.
 
-    The number of points is not excessive. The shipped cams have jumps of curvature.
+    It is the distance of the contour from the polyline. The contours of shipped cams have jumps of
+    curvature.
     """
     for i, sample in enumerate(every_kind):
         tolerance = (1e-4, 1e-6, 1e-8)[i % 3]
@@ -50,9 +57,10 @@ def test_chord_error_is_within_the_tolerance(every_kind, followable_laws, cams):
 
 
 def test_corner_costs_no_points():
-    """At a jump of s' the polyline has a vertex on each side, and few other points.
+    """At a corner of the contour the polyline has a vertex on each side.
 
-    The smooth parts keep the tolerance.
+    There s' of the law jumps. The polyline has fewer than 1000 points, and the rest of the contour
+    is within the tolerance.
     """
     up, down, dwell = (
         ("constant_velocity", 90, 1),
@@ -73,10 +81,10 @@ def test_corner_costs_no_points():
 
 
 def test_cutter_paths(cams, laws):
-    """The path of a cutter with the roller's radius is the pitch curve.
+    """The path of a cutter with the roller's radius is the roller's pitch curve.
 
-    Any other path is one cutter radius outside the contour. A cutter that is too large for a
-    concave part is rejected.
+    The path of any other cutter is one cutter radius outside the contour. A cutter that is too
+    large for a concave part is rejected.
     """
     for kind in ("roller", "oscillating_roller", "conjugate"):
         sample = make(kind)
@@ -102,9 +110,9 @@ def test_cutter_paths(cams, laws):
 
 
 def test_pitch_curve_of_a_face_and_small_tolerance_are_rejected():
-    """The pitch curve of a flat face and a tolerance below 1e-5 µm are refused.
+    """The pitch curve of a flat face, which does not exist, is refused.
 
-    That tolerance is the rounding of a coordinate of 1 m.
+    A tolerance below 1e-5 µm, the rounding of a coordinate of 1 m, is refused too.
     """
     sample = make("flat")
     with pytest.raises(ConfigError, match="a flat follower has no pitch curve; allowed: "):
@@ -120,18 +128,24 @@ def test_pitch_curve_of_a_face_and_small_tolerance_are_rejected():
 
 @pytest.fixture(params=["poly345", "oscillating_flat", "conjugate"])
 def cam(request, cams, laws):
-    """Shipped cam, its law and the paths of its contours."""
+    """A shipped cam, its law and the paths of its contours.
+
+    The test runs once for each of several cams.
+    """
     cam, law = cams[request.param], laws[request.param]
     return cam, law, contour_paths(cam.follower, law)
 
 
 def lines_of(paths, tolerance=1e-6):
-    """Return a dict from name to polyline of the paths. `tolerance` is in m."""
+    """Return the polylines of some paths by name, within a tolerance (m)."""
     return {path.name: polyline(path, tolerance) for path in paths}
 
 
 def law_comes_back(cam, outlines, tolerance):
-    """Assert that the follower of a cam measures its law on outlines."""
+    """Assert that the follower of a cam measures its law on outlines.
+
+    `tolerance` is in m.
+    """
     plates = discs(cam[0].follower, cam[1])
     for disc, outline in zip(plates, outlines, strict=True):
         lift = rest_on_contour(disc.element, closed_curve(outline), ANGLES)
@@ -176,7 +190,7 @@ def test_csv(cam, tmp_path):
 
 
 def read_svg(path):
-    """Return width and height of the page in mm, and its paths by name.
+    """Return width and height (mm) of an SVG page, and its paths by name.
 
     The points of a path, shape (2, n), are relative to the corner of the page, y upwards.
     """

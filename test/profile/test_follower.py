@@ -1,4 +1,7 @@
-"""Drawn followers, which touch their cam, and body and angle dial of a cam."""
+"""Tests of drawn followers, which touch their cam, and of drawn cams.
+
+A cam has a body and an angle dial.
+"""
 
 from itertools import pairwise
 
@@ -18,9 +21,9 @@ from cam_rig.profile.shapes import (
     rotation_arrow,
 )
 
-#: Cam angles in rad that are not at a joint of a law.
+#: Cam angles (rad) that are not at a joint of a law, where two of its pieces meet.
 ANGLES = turn_angles(720) + 1e-3
-#: One cam of each kind of follower.
+#: Names of shipped cams, one for each kind of follower.
 KINDS = (
     *("poly345", "eccentric_roller", "flat", "inclined_flat", "oscillating_point"),
     *("oscillating_roller", "oscillating_flat", "conjugate", "oscillating_conjugate"),
@@ -32,7 +35,7 @@ LIFT = 0.01
 
 @pytest.fixture(scope="module")
 def drawn(cams, laws):
-    """Cam, law and drawn follower of each kind."""
+    """Cam, motion law and drawn follower, for each kind of follower."""
     return [(cams[n], laws[n], follower_shape(cams[n], laws[n])) for n in KINDS]
 
 
@@ -57,9 +60,9 @@ def test_contact(drawn):
 
 
 def test_follower_moves_as_a_rigid_body(drawn):
-    """In a small rise the reference point of the follower moves along `upward`.
+    """In a small rise a follower's reference point moves along the vector `upward`.
 
-    `carried` moves points as parts of the rigid follower.
+    `carried` moves points from a lift to another as parts of the rigid follower.
     """
     lift, rise = np.array([LIFT]), np.array([1e-7])
     start, end = np.array([0.5 * LIFT]), np.array([3.0 * LIFT])
@@ -72,7 +75,10 @@ def test_follower_moves_as_a_rigid_body(drawn):
 
 
 def test_outline_agrees_with_the_reference_point(drawn):
-    """The drawn outline is at the reference point of the follower at each lift."""
+    """The drawn outline of a follower is at its reference point at each lift.
+
+    The reference point is the centre of the roller, the tip, or a point of the face.
+    """
     lift = np.array([LIFT])
     for cam, _, shape in drawn:
         strip = shape.outline()[0]
@@ -89,7 +95,7 @@ def test_outline_agrees_with_the_reference_point(drawn):
 
 
 def test_moving_parts_stay_below_the_bearing(cams, laws):
-    """The head of the follower stays below the bearing at 1.1 of the largest lift.
+    """At 1.1 of the largest lift the follower's head stays below its bearing.
 
     At rest the stem is in the bearing.
     """
@@ -108,9 +114,9 @@ def test_moving_parts_stay_below_the_bearing(cams, laws):
 
 
 def test_dial():
-    """The number at the top of the ring is the cam angle.
+    """The number at the top of the drawn angle dial is the cam angle.
 
-    The arrow of the rotation is counterclockwise.
+    The arrow of the cam's rotation is counterclockwise.
     """
     for centre, number in zip(*ring_numbers(10.0), strict=True):
         up = rotate(np.array([[0.0, 10.0 * NUMBER_RADIUS]]), np.radians(float(number)))

@@ -1,4 +1,4 @@
-"""Follower on a finished contour: measured lift, backlash, and faulty contours."""
+"""Tests of a follower on a finished contour: lift, backlash, faulty contours."""
 
 import re
 
@@ -16,12 +16,15 @@ ANGLES = np.radians(np.arange(0.0, 360.0, 7.3))
 CENTRE = 0.003 + 0.004j
 #: Radius of the circular cam, m.
 RADIUS = 0.020
-#: Tolerance of the backlash, m.
+#: Largest backlash (m) that counts as zero.
 BACKLASH_ATOL = 1e-9
 
 
 def is_at(element, expected, rtol=1e-14):
-    """Assert that the lift of an element on the circular cam is as expected."""
+    """Assert that a follower element measures the expected lift on the circular cam.
+
+    `element` is the roller, tip or face that touches the cam.
+    """
     lift = measure.rest_on_contour(
         element, lambda parameter: CENTRE + RADIUS * np.exp(1j * parameter), ANGLES
     )
@@ -31,8 +34,8 @@ def is_at(element, expected, rtol=1e-14):
 def test_on_an_eccentric_circle():
     """The measured lift on an eccentric circle equals a closed form.
 
-    It is Pythagoras for a roller, one radius above the centre for a flat face, and the law of
-    cosines for an arm.
+    It follows from the theorem of Pythagoras for a roller, and from the law of cosines for an arm.
+    A flat face is one radius above the centre.
     """
     centre = CENTRE * np.exp(1j * ANGLES)
     pivot, arm, offset = 0.060, 0.050, 0.004
@@ -51,7 +54,10 @@ def test_on_an_eccentric_circle():
 
 
 def test_direction_and_first_point_do_not_matter(every_kind):
-    """The measured lift does not depend on direction, first point or repeated points."""
+    """The measured lift does not depend on how the points of the contour are listed.
+
+    Direction, first point and repeated points have no effect.
+    """
     for sample in every_kind:
         cam_contours = contours(sample.cam.follower, sample.law, 2000)
         for disc, contour in zip(sample.discs, cam_contours, strict=True):
@@ -81,11 +87,11 @@ def test_contours_that_cannot_be_measured():
 
 
 def assert_rests_on_the_law(sample, angles):
-    """Assert that a follower measures its law on its contours."""
+    """Assert that a follower measures its law on the contours, to 1e-9 of the lift."""
     for number, disc in enumerate(sample.discs):
 
         def curve(parameter, number=number):
-            """Return the finished contour without the law."""
+            """Return points x + iy (m) of the finished contour, computed without the law."""
             x, y = sample.contours(parameter.ravel())[number].points
             return (x + 1j * y).reshape(parameter.shape)
 
@@ -106,9 +112,9 @@ def test_shipped_cams_have_the_lift_of_their_laws(law, cams, angles):
 
 
 def test_contours_have_no_warnings(followable_laws, cams):
-    """Contours of shipped cams with 36 or more points cause no warnings.
+    """Contours of shipped cams with 36 or 1800 points cause no warnings.
 
-    The first point is repeated at the end or not, in both directions.
+    The contours are open or closed by a repeated point, and in both directions.
     """
     for name, law in followable_laws.items():
         for count in (36, 1800):
@@ -140,7 +146,7 @@ def test_warnings_of_faulty_contours():
 
 
 def test_shipped_cams_have_no_backlash(cams, laws):
-    """The followers of shipped cams that move both ways have no backlash.
+    """Shipped followers that the cam moves both ways have no backlash, to 1e-9 m.
 
     Two opposite faces have no backlash if the fall is the rise turned by 180°.
     """
@@ -151,7 +157,7 @@ def test_shipped_cams_have_no_backlash(cams, laws):
 
 
 def test_backlash_of_a_second_cam_for_another_rocker():
-    """A second disc made for a wrong angle between the arms gives the backlash −arm δ.
+    """A second disc for a wrong angle between the arms gives the backlash −arm·δ.
 
     δ is the error of the angle. The backlash is the same at each cam angle.
     """

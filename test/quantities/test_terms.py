@@ -1,4 +1,4 @@
-"""Tests of the text form of goals and limits, such as lift@90deg>=5mm."""
+"""Tests of the text form of goals and limits of a search, such as lift@90deg>=5mm."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from cam_rig.units import RPM
     ],
 )
 def test_a_limit_is_parsed_in_its_unit(text: str, value: float) -> None:
-    """A limit such as lift@90deg>=5mm is parsed to a value in SI.
+    """A limit such as lift@90deg>=5mm is parsed to its value in SI units.
 
-    The key of its quantity is parsed to the same quantity.
+    The key of the parsed quantity is parsed to the same quantity again.
     """
     limit = parse_limit(text, DESIGN_QUANTITIES)
     assert limit.value == pytest.approx(value, rel=1e-12)
@@ -79,9 +79,9 @@ def test_a_design_has_exactly_one_goal() -> None:
 
 
 def test_a_name_is_the_same_quantity_in_designs_and_campaigns() -> None:
-    """A name means the same quantity in designs and in campaigns.
+    """A name means the same quantity in a design (search for a law) and in a campaign.
 
-    A campaign is a batch of simulations. It can limit a quantity on both sides, and the title of
+    A campaign is a batch of simulations. Its limits may be from above or below, and the title of
     the quantity includes the model.
     """
     for model in ("one_mass", "two_mass"):

@@ -1,4 +1,4 @@
-"""Tests of forked nodes: separate pid, output, signals and exit code.
+"""Tests of nodes that are forked by a server: pid, output, signals, exit code.
 
 Killing a node, the server or the runner leaves no process. Without the server a node is started in
 a new interpreter.
@@ -28,7 +28,7 @@ COMMAND = [sys.executable, "-m", "cam_rig.nodes", "follower", "--ros-args"]
 
 @pytest.fixture
 def start(ros_domain, fork_server):
-    """Function that forks a node with arguments."""
+    """Function that forks a node of the test's command with further arguments."""
     return lambda *arguments: fork_server.start([*COMMAND, *arguments], environment(), None)
 
 
@@ -38,7 +38,7 @@ def command_line(pid):
 
 
 def test_exit_code_and_output_of_a_forked_node(start, tmp_path):
-    """The runner receives exit code and stderr of a forked node."""
+    """The runner receives exit code and stderr of a node that the server has forked."""
     node = start("-p", f"scene:={tmp_path}/none.yaml")
     assert node.wait(timeout=100) == 2 and "none.yaml: no such file" in node.stderr.read()
     assert node.stdout.read() == ""
@@ -74,9 +74,9 @@ def test_signal_ends_a_forked_node_in_order_at_any_time(start, number):
 
 
 def test_adoption_of_orphans_is_restored(start):
-    """After a fork the earlier setting of the runner for orphans is restored.
+    """A fork does not change whether the runner adopts orphaned processes.
 
-    The runner adopts orphans while the server forks.
+    The runner adopts orphans (PR_SET_CHILD_SUBREAPER) only while the server forks.
     """
     prctl, adopts = ctypes.CDLL(None).prctl, ctypes.c_int()
     for wanted in (1, 0):
@@ -95,7 +95,7 @@ def test_failed_import_ends_only_the_node(ros_domain, fork_server):
 
 
 def test_node_ends_if_its_start_is_interrupted(ros_domain, fork_server, monkeypatch):
-    """A node ends if a signal arrives before the runner has stored its process."""
+    """A forked node ends if a signal arrives before the runner has stored its process."""
     forked = []
 
     def interrupted(pid, *_):

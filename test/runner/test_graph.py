@@ -1,4 +1,4 @@
-"""Tests of the runner: exits that end the run, the node named, and optional nodes."""
+"""Tests of the runner: which exits end the run, and which node is reported."""
 
 import errno
 import os
@@ -28,9 +28,10 @@ KILLED = -signal.SIGKILL
 
 @pytest.fixture
 def made(monkeypatch, tmp_path):
-    """Factory of graphs with fake nodes.
+    """Factory of run graphs with fake node processes.
 
-    A node has ended with the first of its codes, or ends when it receives a signal.
+    `codes` are the exit codes of a node that has already ended. Other nodes end when they receive a
+    signal, with the codes in `closing`.
     """
     did = SimpleNamespace(logged=[], stopped=[], cleaned=[])
 
@@ -83,9 +84,9 @@ FAILED.append(("recorder", 1, r"node recorder ended with code 1 before .*: no sp
 
 @pytest.mark.parametrize(("node", "code", "words"), FAILED)
 def test_failed_node_is_named_even_if_the_drive_has_finished(made, node, code, words):
-    """A node that fails after the drive has finished is named with its last line.
+    """A node that fails after the drive has finished is reported with its name.
 
-    The line is the last one of its stderr.
+    The error also has the last line of its stderr.
     """
     graph = made(cam_drive=[0], **{node: [code]})
     graph._start_all()
@@ -120,7 +121,10 @@ def test_run_continues_without_its_viewer(made, code):
 
 
 def test_stopped_drive_is_an_error(made):
-    """A drive that ends before its last tick is an error, also with code 0."""
+    """A drive that ends before its last tick is an error, even with exit code 0.
+
+    A tick is the interval between two cam states.
+    """
     words = "node cam_drive was stopped before the first tick"
     with pytest.raises(RunError, match=words), made(cam_drive=[0]) as graph:
         list(graph.progress())
@@ -130,7 +134,7 @@ def test_stopped_drive_is_an_error(made):
 def test_shared_memory_is_cleaned_after_a_failed_run(made, code, cleans):
     """Shared memory is cleaned after a run in which a node failed, and only then.
 
-    A node on a full disk leaves segments like a killed node.
+    It is that of Fast DDS. A node on a full disk leaves segments like a killed node.
     """
     with made(microphone=[code]):
         pass
@@ -138,14 +142,14 @@ def test_shared_memory_is_cleaned_after_a_failed_run(made, code, cleans):
 
 
 def test_interrupt_ends_all_nodes_and_the_recorder_last(made):
-    """An interrupt in the block of a graph ends all five nodes, the recorder last."""
+    """An interrupt of a run ends all five nodes, the recorder last."""
     with pytest.raises(KeyboardInterrupt), made():
         raise KeyboardInterrupt
     assert made.did.stopped[-1] == "recorder" and len(made.did.stopped) == 5
 
 
 def test_blocking_node_is_the_first_of_the_chain():
-    """Of several missing nodes the text names the one that blocks the others first."""
+    """Of several missing nodes the text starts with the node that the others wait for."""
     order = ["law_server", "follower", "microphone", "viewer", "recorder"]
     assert [entry.name for entry in reversed(NODES)][1:] == order
     assert blocking_text(["recorder"]) == "recorder"
@@ -209,7 +213,7 @@ def test_start_without_free_threads_kills_the_node(monkeypatch, which):
 @pytest.mark.long
 @pytest.mark.parametrize("mebibytes", [350, 450, 550, 700, 850, 1000, 1200, 1500])
 def test_run_with_little_memory(tmp_path, mebibytes):
-    """A run with little memory is complete, or ends with an error line.
+    """A run with 350 to 1500 MiB of memory completes, or ends with a one-line error.
 
     It leaves no process in either case.
     """

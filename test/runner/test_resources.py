@@ -33,7 +33,7 @@ from ..processes import ended
 
 @pytest.fixture
 def temporary(monkeypatch, tmp_path):
-    """Temporary folder of this test. There is no runtime folder."""
+    """Temporary folder of this test, and no runtime folder (XDG_RUNTIME_DIR)."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
     return tmp_path
@@ -41,7 +41,10 @@ def temporary(monkeypatch, tmp_path):
 
 @pytest.fixture(params=["runtime", "temporary"])
 def place(request, monkeypatch, temporary):
-    """Folder of the lock: the runtime folder, or one in the temporary folder."""
+    """Folder that contains the lock of a domain.
+
+    It is the runtime folder of the user, then a folder in the temporary folder.
+    """
     if request.param == "temporary":
         return temporary / f"cam_rig-{os.getuid()}"
     folder = temporary / "run"
@@ -51,7 +54,10 @@ def place(request, monkeypatch, temporary):
 
 
 def check_refused(error, words, namespace=""):
-    """Check that a run in the domain of the environment is refused with an error."""
+    """Check that the domain of the environment cannot be reserved.
+
+    `error` and `words` are the expected error and its text.
+    """
     with pytest.raises(error, match=words), reserve_domain(namespace):
         pass
 
@@ -78,7 +84,7 @@ def test_domain_is_reserved_by_one_run(monkeypatch, place):
 
 
 def test_different_texts_of_a_number_are_the_same_domain(monkeypatch, place):
-    """Different texts of one number, such as 030 and 24, are one domain."""
+    """Different texts of one ROS domain number, such as 030 and 24, are one domain."""
     for first, other in (("030", "24"), ("0x10", "16"), ("", "0"), ("+7", "07")):
         monkeypatch.setenv("ROS_DOMAIN_ID", first)
         with reserve_domain():
@@ -113,7 +119,7 @@ def test_domain_number_is_parsed_like_strtoul(text):
 
 @pytest.mark.ros
 def test_domain_number_agrees_with_rclpy(monkeypatch):
-    """`domain_number` agrees with the domain that rclpy uses."""
+    """`domain_number` returns the ROS domain that rclpy uses."""
     import rclpy
 
     for text in ("030", "0x10"):
@@ -175,21 +181,24 @@ def test_unusable_runtime_folder_is_replaced_by_the_temporary_one(monkeypatch, t
 
 
 def test_lock_that_cannot_be_written_gives_the_remedy(monkeypatch, temporary):
-    """A lock that cannot be written raises OutputError that names TMPDIR."""
+    """A lock file that cannot be written raises OutputError that suggests TMPDIR."""
     (temporary / "file").touch()
     monkeypatch.setattr("tempfile.tempdir", str(temporary / "file"))
     check_refused(OutputError, "name a folder with room in TMPDIR")
 
 
 def test_namespace_is_reserved_by_one_run(monkeypatch, place):
-    """Rigs in different namespaces share a domain. A second rig in one is refused."""
+    """Two runs in different namespaces share a ROS domain.
+
+    A second run in a namespace is refused.
+    """
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     with reserve_domain(), reserve_domain("/rig1"), reserve_domain("/lab/rig1"):
         check_refused(RunError, r"domain 7, namespace /rig1; .*--namespace", "/rig1")
 
 
 def test_namespace_with_or_without_its_slash():
-    """A namespace is normalised to one leading slash, or refused with the rule."""
+    """A ROS namespace gets exactly one leading slash, or is refused with the rule."""
     valid = {"": "", "/": "", "rig1": "/rig1", "/lab/rig_1/": "/lab/rig_1"}
     assert {text: resources.parse_namespace(text) for text in valid} == valid
     for text in ("9x", "a b", "a__b", "a//b", "é", "a" * 255, "~x", "a-b", "__a"):
@@ -202,7 +211,8 @@ def test_namespace_with_or_without_its_slash():
 
 DEAD, LIVE, OLD = "fastdds_0123456789abcdef", "fastdds_port7411", "fastdds_fedcba9876543210"
 NEW = "fastdds_00112233445566aa"
-#: Ports that do not belong to domain 0: a shared port, and the first of domain 1.
+#: Fast DDS port files that do not belong to ROS domain 0: a port that all domains share, and the
+#: first port of domain 1.
 OTHERS = "fastdds_port7001", "fastdds_port7650"
 
 
@@ -264,7 +274,10 @@ def test_full_shared_memory_is_detected_before_a_run(monkeypatch, tmp_path):
 
 
 def test_only_a_bus_error_is_explained(monkeypatch, tmp_path):
-    """SIGBUS is explained by full shared memory. Other exit codes give no text."""
+    """An exit by SIGBUS is explained by full shared memory.
+
+    For other exit codes the explanation is empty.
+    """
     leave(monkeypatch, 4096)
     assert explain_signal(-signal.SIGBUS, tmp_path).startswith(
         f" (SIGBUS: {tmp_path} was full, 4 KiB"
@@ -279,7 +292,7 @@ def test_missing_shared_memory_folder_is_ignored(tmp_path):
     assert explain_signal(-signal.SIGBUS, tmp_path / "none") == ""
 
 
-#: Shell commands that mount a full /dev/shm of one page, before a command is executed.
+#: Shell commands that replace /dev/shm by a full file system of one page, before a command is run.
 FULL = "mount -t tmpfs -o size=4k tmpfs /dev/shm && head -c 4096 /dev/zero > /dev/shm/fill && exec "
 
 
@@ -318,7 +331,7 @@ print(node.exit_summary())
 
 @pytest.mark.ros
 def test_exit_summary_of_a_node_with_full_shared_memory():
-    """The exit summary of a node that SIGBUS ended names full shared memory."""
+    """The summary of a node that SIGBUS ended names full shared memory as the cause."""
     done = run_in_full_memory(sys.executable, "-c", NODE)
     words = "follower was ended by signal 7 (SIGBUS: /dev/shm was full, 0 KiB are free now; remove "
     assert done.stdout.startswith(words), done.stderr

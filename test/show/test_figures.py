@@ -1,7 +1,7 @@
 """Tests of printed figures: labels, contents, style, and the look of each cam.
 
-The look of a cam is its colour, dash pattern and marker, equal in all figures. The tests of the
-commands (test/cli) also check the figures of every command for faults of style.
+The look of a cam is its colour, dash pattern and marker, which are the same in all figures. The
+tests of the commands (test/cli) also check the figures of every command for faults of style.
 """
 
 from __future__ import annotations
@@ -56,26 +56,32 @@ from cam_rig.units import RPM
 from ..figure_faults import faults
 from ..processes import ended
 
-#: Label of a quantity with its unit, such as "cam angle θ [°]".
+#: Pattern of an axis label with a unit, such as "cam angle θ [°]".
 LABEL = re.compile(r"\w.* \[[^\[\]]+\]", re.DOTALL)
 DURATION, SPEED = 0.5, 460.0
 
 
 @pytest.fixture(scope="module")
 def cam_set() -> CamSet:
-    """Two cams of the paper on the rig of its Table 2."""
+    """Two cams of the paper, on the rig identified from its Table 2.
+
+    The paper is listed in docs/glossary.md.
+    """
     return resolve_cams(["bezier15", "poly345"], "paper_table2")
 
 
 @pytest.fixture(scope="module")
 def jumps(cam_set: CamSet) -> JumpResult:
-    """Jump speeds of these cams for a start from rest of 0.5 s."""
+    """Jump speeds of the two cams for runs of 0.5 s from rest.
+
+    The jump speed is the lowest cam speed with a loss of contact.
+    """
     return find_jumps(cam_set, {}, DURATION)
 
 
 @pytest.fixture(scope="module")
 def figures(cam_set: CamSet, jumps: JumpResult) -> dict[str, Figure]:
-    """A figure of each type that is computed quickly."""
+    """Figures that are computed quickly, one of each type, by type."""
     cam, curve = cam_set.cams["poly345"], cam_set.laws["poly345"]
     return {
         "law": law.figure(cam, curve),
@@ -99,9 +105,10 @@ def test_every_axis_is_labelled_with_quantity_and_unit(figures: dict[str, Figure
 
 
 def test_a_law_figure_shows_s_and_three_derivatives(figures, cam_set):
-    """The panels of a law's figure are s and its derivatives, in mm per power of rad.
+    """The figure of a motion law has panels for the lift s and its three derivatives.
 
-    At most two points per span may differ, on both sides of a jump at a knot.
+    They are in mm per power of rad. At most two points of the curve between two knots may differ
+    from the law, on both sides of a jump at a knot.
     """
     curve = cam_set.laws["poly345"]
     for order, axes in enumerate(figures["law"].axes):
@@ -114,7 +121,11 @@ def test_a_law_figure_shows_s_and_three_derivatives(figures, cam_set):
 
 
 def test_jump_speeds_are_marked_at_zero_force(figures, jumps):
-    """The figure of jump speeds has a marker per cam at its jump speed and force 0."""
+    """The figure of jump speeds has a marker for each cam at force 0.
+
+    It is at the jump speed of the cam. The jump speed is the lowest cam speed with a loss of
+    contact.
+    """
     axes = figures["jump"].axes[0]
     marked = [line.get_xydata() for line in axes.lines if line.get_marker() == "o"]
     expected = [[row.jump.rpm, 0.0] for row in jumps.rows]
@@ -122,9 +133,9 @@ def test_jump_speeds_are_marked_at_zero_force(figures, jumps):
 
 
 def test_the_gap_is_never_negative(figures: dict[str, Figure], cam_set: CamSet) -> None:
-    """In the figure of lift-offs only cams that lose contact have a gap above zero.
+    """In the figure of lift-offs the gap between cam and follower is never negative.
 
-    The gap is never negative, to 1e-9 mm.
+    The tolerance is 1e-9 mm. Only cams that lose contact have a gap above zero.
     """
     lift, gap = figures["lift-off"].axes
     assert len(gap.lines) == len(cam_set.laws)
@@ -135,9 +146,9 @@ def test_the_gap_is_never_negative(figures: dict[str, Figure], cam_set: CamSet) 
 
 
 def test_vibration_is_plotted_at_the_requested_speed(figures: dict[str, Figure]) -> None:
-    """The figure of vibration has the requested speed in its title.
+    """The figure of vibration has the requested cam speed in its title.
 
-    In the column of a cam the curves of other cams are grey.
+    Each column of panels belongs to a cam, and the curves of other cams in it are grey.
     """
     figure = figures["vibration"]
     assert figure.get_suptitle().startswith("Steady state at 300 rpm\n")
@@ -147,7 +158,7 @@ def test_vibration_is_plotted_at_the_requested_speed(figures: dict[str, Figure])
 
 
 def test_a_cam_has_one_look_in_every_figure(figures: dict[str, Figure], cam_set: CamSet) -> None:
-    """A cam has the same colour in each figure, for any order of the cams."""
+    """A cam has the same colour in every figure, for any order of the cams."""
     for ordered in (
         cam_set,
         CamSet(dict(reversed(cam_set.cams.items())), cam_set.laws, cam_set.rig),
@@ -166,7 +177,7 @@ def test_a_cam_has_one_look_in_every_figure(figures: dict[str, Figure], cam_set:
 
 @pytest.mark.parametrize(("count", "curves"), [(5, 0), (6, 1)])
 def test_a_cubic_is_plotted_through_six_speeds_or_more(count: int, curves: int) -> None:
-    """Levels are drawn with a cubic only if there are six speeds or more.
+    """A cubic of sound level over speed is drawn only through six speeds or more.
 
     A cubic through fewer points would show features that were not measured.
     """
@@ -198,7 +209,10 @@ def test_published_jump_speeds_are_marked_on_the_axis(jumps: JumpResult) -> None
 
 
 def test_series_do_not_have_colours_of_cams() -> None:
-    """Seven series have different colours and dashes, and no colour of a cam."""
+    """Seven series that are not cams have different colours and dashes.
+
+    No colour is that of a cam.
+    """
     styles = [series(i) for i in range(7)]
     assert len({s["color"] for s in styles}) == len({str(s["ls"]) for s in styles}) == 7
     assert not {s["color"] for s in styles} & set(map(web, COLOURS))
@@ -223,7 +237,10 @@ def test_the_package_does_not_import_pyplot() -> None:
 
 @pytest.fixture(scope="module")
 def other_figures() -> dict[str, Figure]:
-    """Figures of `import cam_rig` that the tests of commands do not write."""
+    """Figures that only Python users draw, by type.
+
+    The tests of commands do not draw them.
+    """
     curve = cam_rig.build_law(cam_rig.load_cam("poly345"))
     rig = load_rig(config_root() / "rigs" / "paper_table2.yaml")
     run = cam_rig.simulate(curve, rig, model="two_mass", rpm=450, turns=2, sample_rate=4800)
@@ -272,7 +289,7 @@ def test_faults_lists_each_fault() -> None:
 
 
 def test_a_png_has_200_dots_per_inch(tmp_path: Path) -> None:
-    """A PNG has 200 dots per inch at the width of a page's text."""
+    """A PNG of full text width has 200 dots per inch."""
     write(_bad(), tmp_path / "a.png")
     assert Image.open(tmp_path / "a.png").width >= 200 * WIDTH - 1.0
 
@@ -287,7 +304,7 @@ def test_an_svg_is_reproducible_and_contains_no_pixels(tmp_path: Path) -> None:
 
 
 def test_the_parameters_of_matplotlib_are_restored() -> None:
-    """The style does not change matplotlib's parameters after a figure is drawn."""
+    """The style of cam_rig does not change matplotlib's parameters after a figure."""
     assert _bad() and mpl.rcParams["pdf.fonttype"] == 3 and not mpl.rcParams["axes.grid"]
 
 
@@ -310,7 +327,7 @@ def test_logarithmic_ticks() -> None:
 # -- look of a cam: constant for a name, and distinct in grey and for colour-blind readers
 
 
-#: Cams of table 2 of the paper, which the report compares.
+#: Cams of Table 2 of the paper (see docs/glossary.md), which the report compares.
 TABLE_2 = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 #: Cams whose contact stress the report compares.
 CONTACT = (*TABLE_2, "flat", "oscillating_flat", "point")
@@ -319,7 +336,8 @@ CONTACT = (*TABLE_2, "flat", "oscillating_flat", "point")
 def test_every_shipped_cam_and_rise_is_listed_once() -> None:
     """Each shipped cam and rise has exactly one entry in the list of looks.
 
-    The look of another name is derived from a hash of the name.
+    A look is colour, dash pattern and marker. That of another name is derived from a hash of the
+    name.
     """
     cams = {path.stem for path in (config_root() / "cams").glob("*.yaml")}
     assert len(LISTED_NAMES) == len(set(LISTED_NAMES))
@@ -327,7 +345,10 @@ def test_every_shipped_cam_and_rise_is_listed_once() -> None:
 
 
 def test_cams_shown_together_have_different_colours() -> None:
-    """Cams of a scene, of table 2 or of the contact comparison differ in colour."""
+    """Cams that are drawn together have different colours.
+
+    These are the cams of a scene, of Table 2 of the paper, or of the contact comparison.
+    """
     scenes = [load_scene(path).cams for path in (config_root() / "scenes").glob("*.yaml")]
     tables = load_tables(config_root() / "published" / "tables" / "paper.yaml")
     assert list(tables.table_2_jump) == list(TABLE_2)
@@ -336,7 +357,10 @@ def test_cams_shown_together_have_different_colours() -> None:
 
 
 def test_lines_are_distinct_in_grey() -> None:
-    """Any two shipped names differ in dash pattern or in marker, also in grey."""
+    """The lines of any two shipped cams or rises are distinct in grey.
+
+    They differ in dash pattern or in marker.
+    """
     listed = [cam_look(name) for name in LISTED_NAMES]
     pairs = {(str(look.dash), look.marker if look.marked else "") for look in listed}
     assert len(pairs) == len(LISTED_NAMES)
@@ -344,7 +368,10 @@ def test_lines_are_distinct_in_grey() -> None:
 
 
 def test_points_are_distinct_in_grey() -> None:
-    """Two compared cams with the same marker differ in luminance by at least 0.1."""
+    """Two cams that are compared and have the same marker differ in luminance.
+
+    The difference is at least 0.1, so that they are distinct in grey.
+    """
     compared = [cam_look(name) for name in ("tm21", *CONTACT)]
     for first, second in combinations(compared, 2):
         differ = abs(_luminance(first.colour) - _luminance(second.colour)) >= 0.1
@@ -352,7 +379,7 @@ def test_points_are_distinct_in_grey() -> None:
 
 
 def test_the_look_of_another_name_is_not_that_of_a_shipped_cam() -> None:
-    """The look of any other name differs from those of shipped cams.
+    """A name that is not shipped gets a look unlike those of the shipped cams.
 
     It has another pair of dash pattern and marker, and is the same in each process.
     """
@@ -394,14 +421,15 @@ def test_equal_rises_have_one_look() -> None:
     ],
 )
 def test_texts_of_pictures(text: str, expected: str) -> None:
-    """Colours, titles, shortened titles and numbers are formatted as expected."""
+    """Colour codes, titles, shortened titles and numbers are formatted as expected."""
     assert text == expected
 
 
 def test_reach_and_distances() -> None:
-    """`reach` is 15 % larger than a difference, and 1 for a difference of rounding.
+    """`reach` is the half-width of an axis for a largest difference, with 15 % margin.
 
-    `distances` are those of points from a polyline.
+    It is 1 for a difference at the level of rounding. `distances` returns the distance of each
+    point from a polyline.
     """
     assert (looks.reach(20.0), looks.reach(5e-9)) == (pytest.approx(23.0), 1.0)
     points, strip = np.array([[0.5, 2.0], [4.0, 4.0]]), np.array([[0.0, 0.0], [1.0, 0.0]])

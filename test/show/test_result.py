@@ -81,7 +81,7 @@ def test_csv_and_pandas_contain_the_keys():
 
 
 def test_a_column_follows_a_path():
-    """The path of a column has attributes and indices.
+    """The path of a column, attributes and indices, selects its value in a row.
 
     If a part of the path is None, the value is None.
     """
@@ -90,7 +90,7 @@ def test_a_column_follows_a_path():
 
 
 def run_command(tmp_path, *arguments):
-    """Run the command of a result with arguments, and return the result of the call."""
+    """Make a command of a function that returns a result, and run it with arguments."""
     app = typer.Typer()
 
     @app.command()
@@ -107,7 +107,7 @@ def run_command(tmp_path, *arguments):
 
 
 def test_a_function_that_returns_a_result_is_a_command(tmp_path):
-    """A function that returns a result becomes a command with JSON and CSV outputs.
+    """A function that returns a result object becomes a command with JSON and CSV.
 
     Tables are printed to stderr, and data to files or stdout. Output paths are checked before the
     computation.
@@ -173,14 +173,17 @@ def test_a_table_is_written_as_markdown():
     ],
 )
 def test_decimals_are_limited_to_four_digits_on_a_page(value, number_format, printed):
-    """In a report decimal formats have four digits, and other formats all digits."""
+    """In a report a number with decimals is limited to four digits.
+
+    Formats by significant digits, such as .6g, keep their digits.
+    """
     assert Header("a", "", number_format).typeset(value) == printed
 
 
 def test_cells_are_formatted_by_their_header():
-    """The header of a column sets its number format and the text of a missing value.
+    """The header of a column sets its title, number format and text without a value.
 
-    Columns without values are dropped.
+    Columns without any value are dropped.
     """
     table = tabulate("Speeds", ROWS, FIELDS, "A note.", "")
     assert [column.title for column in table.columns] == ["cam", "speed [rpm]"]
@@ -194,7 +197,7 @@ def test_a_table_without_rows_is_empty():
     assert tabulate("None", [], FIELDS) == DataTable("None", (), ())
 
 
-#: Labels of cams, by name.
+#: Display names of cams in the tests of `relabel`, by name.
 TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
 
 

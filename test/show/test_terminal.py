@@ -1,4 +1,4 @@
-"""Tests that control characters in texts from files are escaped before printing."""
+"""Tests that control characters in texts from files are printed as escapes."""
 
 import io
 import random

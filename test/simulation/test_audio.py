@@ -1,4 +1,4 @@
-"""Simulated sound-level meter of a scene, and signals of measuring instruments."""
+"""Tests of the simulated sound-level meter and of signals of instruments."""
 
 import dataclasses
 
@@ -14,10 +14,10 @@ from cam_rig.units import TURN
 
 
 def listen(loaded, background, frequency="Z", time="F"):
-    """Yield the meter's reading of each tick, and its level by the energy account.
+    """Yield the meter's reading of each tick, and its level (dB) by the sound energy.
 
-    A tick is a time step of the simulation. The energy account computes the mean power directly
-    from the force. `background` is in dB.
+    A tick is the interval between two cam states, one turn by default. The energy is computed
+    directly from the force. `background` is in dB. `frequency` and `time` are the weightings.
     """
     radiation = dataclasses.replace(loaded.radiation, background=background)
     rate = int(loaded.scene.sample_rate.si)
@@ -31,9 +31,10 @@ def listen(loaded, background, frequency="Z", time="F"):
 
 @pytest.mark.parametrize("cam", ["poly345", "tm21"])
 def test_the_meter_agrees_with_the_energy_account(make_loaded_scene, cam):
-    """Without background, LZeq of each tick is the level of the energy account.
+    """Without background, the meter's LZeq of a tick is the level of the sound energy.
 
-    They agree to 0.03 dB in contact, and to 0.15 dB with landings.
+    A tick is the interval between two cam states. The energy is computed directly from the force.
+    The levels agree to 0.03 dB in contact, and to 0.15 dB with landings.
     """
     # The tolerance in contact is 0.03 dB, because arcs make the force jump between samples. The
     # pulse of a landing is added to the force and also excites the structure. The account ignores
@@ -45,7 +46,10 @@ def test_the_meter_agrees_with_the_energy_account(make_loaded_scene, cam):
 
 
 def levels(loaded, *settings):
-    """Return the level of each tick, with all settings applied before tick 2."""
+    """Return the level (dB) of each tick, with meter settings applied before tick 2.
+
+    A tick is the interval between two cam states. A setting is a pair of weightings.
+    """
     meter, readings = MeterSimulator.of(loaded), []
     for number, tick in enumerate(simulate_ticks(loaded)):
         for setting in settings if number == 2 else ():
@@ -55,9 +59,9 @@ def levels(loaded, *settings):
 
 
 def test_setting_the_present_weighting_continues_the_measurement(make_loaded_scene):
-    """A new weighting starts a new measurement, and the present one continues it.
+    """A change of the meter's weighting to its present value has no effect.
 
-    An unknown weighting is an error.
+    Another weighting starts a new measurement. An unknown weighting is an error.
     """
     # Otherwise a recording of the measurement could not be reproduced.
     loaded = make_loaded_scene(cams=["poly345"], speeds=[300], turns=5)
@@ -74,7 +78,7 @@ def test_setting_the_present_weighting_continues_the_measurement(make_loaded_sce
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(40))
 def test_encoder_count_finds_the_count_of_an_encoder(seed):
-    """`encoder_count` returns the angle (rad) of one count of an encoder.
+    """`encoder_count` finds the angle (rad) of one encoder count from the readings.
 
     It does so at any speed, at even and uneven times, and with missing counts.
     """
@@ -92,7 +96,7 @@ def test_encoder_count_finds_the_count_of_an_encoder(seed):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(10))
 def test_encoder_count_is_zero_for_an_exact_angle(seed):
-    """`encoder_count` returns 0 for an angle that does not change in counts.
+    """`encoder_count` returns 0 for angles that are not multiples of an encoder count.
 
     The angles have a constant speed, ripple, or random steps.
     """
@@ -105,9 +109,9 @@ def test_encoder_count_is_zero_for_an_exact_angle(seed):
 
 
 def test_a_lower_speed_of_an_encoder_that_reports_each_count_is_not_a_gap():
-    """The longer time steps of an encoder at a lower speed are not a gap.
+    """An encoder that reports each count has longer time steps at a lower speed.
 
-    Four lost counts among them are.
+    They are not reported as a gap. Four lost counts among them are.
     """
     steps = np.repeat([1e-4, 8e-4], [3000, 1000])
     time = np.cumsum(steps * (1.0 + 0.02 * np.sin(np.arange(4000))))
@@ -117,7 +121,7 @@ def test_a_lower_speed_of_an_encoder_that_reports_each_count_is_not_a_gap():
 
 
 def test_scattered_stamps_are_not_gaps():
-    """Time steps of 0 to 2 times the mean are not gaps.
+    """Irregular time stamps, with steps of 0 to 2 times the mean, are not gaps.
 
     A network that delivers in bursts has such stamps.
     """

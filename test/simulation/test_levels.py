@@ -1,4 +1,7 @@
-"""Sound levels, regressions and the crossover of simulated ticks (time steps)."""
+"""Tests of sound levels, their regressions over speed, and crossings.
+
+The levels are those of simulated ticks, the intervals between two cam states.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +21,11 @@ TWO = np.array([0.41488, 0.84929, -0.0033286, 4.537e-6])
 
 
 def ticks(pressures, speed=10.0, cam="a", angle=1.0, time_ns=0):
-    """Yield one tick per turn, with the given sound pressures (Pa)."""
+    """Yield one tick per turn, with the given sound pressures (Pa).
+
+    A tick is the interval between two cam states. `speed` is in rad/s, `angle` and `time_ns` are
+    those of the first state.
+    """
     turn_ns = round(2.0 * np.pi / speed * NS)
     for i, pressure in enumerate(pressures):
         start = CamState(time_ns + i * turn_ns, angle + 2.0 * np.pi * i, speed, cam)
@@ -34,7 +41,10 @@ def steps_of(coefficients):
 
 @pytest.fixture
 def published():
-    """Published levels of two cams as cubics of the speed. They cross at 335 rpm."""
+    """Published levels of two cams, "one" and "two", as cubics of the speed.
+
+    The curves cross at 335 rpm.
+    """
     return PublishedNoise(
         name="p",
         source="made",
@@ -45,7 +55,7 @@ def published():
 
 
 def test_the_first_turns_of_each_step_are_left_out():
-    """At each cam and speed, the first turns do not count in the level."""
+    """The first turns after each change of cam or speed are excluded from the level."""
     run = [
         *ticks([9.0, 1.0]),
         *ticks([9.0, 2.0], speed=20.0, angle=99.0, time_ns=10 * NS),
@@ -58,7 +68,10 @@ def test_the_first_turns_of_each_step_are_left_out():
 
 
 def test_the_level_is_the_energy_mean_over_all_samples():
-    """The level of a speed is the energy mean of its ticks, weighted by their samples."""
+    """The level of a speed is the energy mean of its ticks, weighted by their samples.
+
+    A tick is the interval between two cam states.
+    """
     state = CamState(0, 0.0, 10.0, "a")
     run = [
         MeasuredTick(state, 2 * NS, 3.0, samples=1),
@@ -70,9 +83,9 @@ def test_the_level_is_the_energy_mean_over_all_samples():
 
 @pytest.mark.parametrize("left_out", range(1, 8))
 def test_an_incomplete_turn_does_not_count(left_out):
-    """If a speed ends within a turn, its level is that of its whole turns.
+    """If the run at a speed ends within a turn, the level is that of its whole turns.
 
-    After a lost tick a new turn starts.
+    After a lost tick (interval between two cam states) a new turn starts.
     """
     eighth = round(0.25 * np.pi / 10.0 * NS)
     run = [
@@ -94,7 +107,7 @@ def test_an_incomplete_turn_does_not_count(left_out):
 def test_a_stop_of_the_cam_starts_a_new_step(speed, stop_ns):
     """After a stop of the cam the first turns are excluded from the level again.
 
-    Follower and structure start from rest. Without the stop they are included.
+    Follower and structure start from rest then. Without a stop they are included.
     """
     run = list(ticks([9.0, 1.0, 1.0], speed))
     end = run[-1]
@@ -106,7 +119,10 @@ def test_a_stop_of_the_cam_starts_a_new_step(speed, stop_ns):
 
 
 def test_crossover_of_two_cubics(published):
-    """The crossover is the root of the difference of both cubics nearest to 335 rpm."""
+    """The crossing of two cams is the speed at which their level cubics are equal.
+
+    It is the root nearest to the published crossing at 335 rpm.
+    """
     result = compare(
         {"one": steps_of(ONE), "two": steps_of(TWO)}, {"one": "x", "two": "y"}, published
     )
@@ -118,9 +134,9 @@ def test_crossover_of_two_cubics(published):
 
 
 def test_the_crossover_is_none_without_both_cams(published):
-    """The crossover is None without both cams or without a root in the speed range.
+    """The crossing is None without both cams or published curves.
 
-    It is also None without published curves.
+    It is also None without a root in the speed range.
     """
     apart = {"one": steps_of(ONE), "two": steps_of(ONE + np.array([10.0, 0.0, 0.0, 0.0]))}
     assert compare(apart, {"one": "", "two": ""}, published).crossover_rpm is None
@@ -132,7 +148,8 @@ def test_the_crossover_is_none_without_both_cams(published):
 def test_rms_difference_to_the_published_curve(published):
     """A curve 1.5 dB above the published curve has an r.m.s. difference of 1.5 dB.
 
-    Speeds outside of the published range do not count. It is None without a published curve.
+    Speeds outside of the published range do not count. The difference of a cam without a published
+    curve is None.
     """
     steps = {speed: level + 1.5 for speed, level in steps_of(ONE).items()}
     steps[500.0 * np.pi / 30.0] = 0.0
@@ -143,13 +160,16 @@ def test_rms_difference_to_the_published_curve(published):
 
 
 def test_a_run_without_settled_turns_is_an_error():
-    """Levels without a turn after the excluded turns raise CamRigError."""
+    """A run without a turn after the excluded first turns raises CamRigError.
+
+    It has no sound level.
+    """
     with pytest.raises(CamRigError, match="here: no whole settled turn"):
         require_ticks(step_levels(ticks([1.0, 1.0]), transient_turns=5), "here")
 
 
 def test_regression_recovers_a_cubic():
-    """The regression of levels on a cubic returns its coefficients.
+    """The regression of levels over speed returns the coefficients of a known cubic.
 
     They agree to 1e-9 of each term at 400 rpm.
     """
@@ -164,7 +184,7 @@ def test_regression_recovers_a_cubic():
 
 
 def test_leading_coefficients_of_rounding_add_no_root():
-    """A cubic that was fitted to a straight line has the root of the line only.
+    """A cubic that was fitted to a straight line has only the root of the line.
 
     Its leading coefficients are rounding errors.
     """
@@ -173,9 +193,10 @@ def test_leading_coefficients_of_rounding_add_no_root():
 
 
 def test_crossings_are_sorted_roots_within_the_speeds():
-    """`crossings` returns the sorted roots within the range of speeds.
+    """`crossings` returns the speeds at which two regressions are equal, sorted.
 
-    `nearest_crossing` returns the one nearest to a speed.
+    Only speeds within the range are returned. `nearest_crossing` returns the one nearest to a
+    speed.
     """
     difference = np.polynomial.Polynomial.fromroots([0.7, 1.1, 1.9]).coef
     speeds = crossings(difference, (200.0, 400.0), scale=300.0)

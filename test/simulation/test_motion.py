@@ -1,4 +1,4 @@
-"""Functions `cam_rig.simulate` and `cam_rig.sound_level` of one cam at one speed."""
+"""Tests of `cam_rig.simulate` and `cam_rig.sound_level` for one cam at one speed."""
 
 import pickle
 import sys
@@ -17,7 +17,10 @@ def law():
 
 
 def test_a_motion_has_the_level_of_a_scene(law, rig):
-    """`sound_level` of a motion equals the first level of a scene, bit for bit."""
+    """`sound_level` of a motion equals the first level of a scene, bit for bit.
+
+    The scene has the same cam, rig and speed.
+    """
     scene = cam_rig.run_scene("quick")
     motion = cam_rig.simulate(law, rig, rpm=200, turns=2, sample_rate=1000)
     tm21 = cam_rig.build_law(cam_rig.load_cam("tm21"))
@@ -76,9 +79,9 @@ def test_the_error_names_a_wrong_argument(law, rig, arguments, message):
 
 
 def test_the_level_leaves_out_the_first_turns(law, rig):
-    """The level is the energy mean of the turns after the first `transient_turns`.
+    """The level is the energy mean over the turns after the first `transient_turns`.
 
-    At least one turn must remain.
+    The tolerance is 1e-9 dB. At least one turn must remain.
     """
     # At 375 rpm each turn has 640 samples, so all turns have the same weight.
     motion = cam_rig.simulate(law, rig, rpm=375, turns=4, sample_rate=4000)
@@ -92,9 +95,9 @@ def test_the_level_leaves_out_the_first_turns(law, rig):
 
 
 def test_a_level_reports_its_calibration(law, rig):
-    """A level is calibrated if its constants were fitted to measurements.
+    """The text of a sound level states whether it is calibrated or relative.
 
-    Otherwise it is relative. The text of the level states this.
+    It is calibrated if the radiation constants were fitted to measurements.
     """
     data = rig.model_dump(exclude_none=True)
     data["radiation"]["gain"] = {"assumed": rig.radiation.gain.si, "unit": "Pa*s/N"}

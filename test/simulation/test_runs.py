@@ -1,6 +1,6 @@
-"""Runs of scenes in one process: ticks, levels, and rows by cam and speed.
+"""Tests of runs of scenes in one process: ticks, levels, and result rows.
 
-A tick is one of the time steps into which a run is divided.
+A tick is the interval between two cam states, one turn by default.
 """
 
 import dataclasses
@@ -30,7 +30,10 @@ def levels_of(loaded):
 
 
 def test_every_tick_is_measured(make_loaded_scene):
-    """A simulation yields one sound pressure per tick in order, above the background."""
+    """A simulation yields one sound pressure for each tick of a scene, in order.
+
+    A tick is the interval between two cam states. No pressure is below the background.
+    """
     loaded = make_loaded_scene(ticks_per_turn=3)
     ticks = list(simulation.simulate(loaded))
     assert len(ticks) == tick_count(loaded.scene)
@@ -42,7 +45,11 @@ def test_every_tick_is_measured(make_loaded_scene):
 
 
 def test_the_samples_contain_the_impulse_of_every_landing(make_loaded_scene):
-    """The sum of the impulses in the samples of a scene is that of its landings."""
+    """The sum of the impulses in the samples of a scene is that of its landings.
+
+    An impulse that is still pending for the next block of samples counts too. The relative
+    tolerance is 1e-12.
+    """
     # At a change of cam the follower is put on the new cam. An impulse after the last sample on the
     # old cam is added to the next block. At 670 rpm and 100 Hz there is such an impulse.
     loaded = make_loaded_scene(speeds=[670], sample_rate=100)
@@ -62,7 +69,7 @@ def test_the_samples_contain_the_impulse_of_every_landing(make_loaded_scene):
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem"])
 def test_levels_along_ramps_are_left_out(make_loaded_scene, model):
-    """A scene with ramps has levels at its constant speeds only.
+    """A scene with speed ramps has sound levels at its constant speeds only.
 
     They equal those of the exact steady response.
     """
@@ -88,7 +95,10 @@ SPEEDS = STEADY_RPM * np.pi / 30.0
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15"])
 def test_levels_in_contact_are_those_of_the_exact_response(make_loaded_scene, cam):
-    """In contact the levels of sampled turns agree with the exact response to 2e-3 dB."""
+    """Sound levels of sampled steady turns in contact equal exact levels to 2e-3 dB.
+
+    The exact levels follow from the mean square of the force rate.
+    """
     loaded = make_loaded_scene()
     turns = simulate_steady_turns(loaded.laws[cam], "one_mass", loaded.follower, SPEEDS)
     acoustics = simulation.Acoustics(loaded.radiation)
@@ -102,7 +112,10 @@ def test_levels_in_contact_are_those_of_the_exact_response(make_loaded_scene, ca
 
 
 def test_levels_with_landings_are_those_of_the_run(make_loaded_scene):
-    """Levels of a steady turn with landings agree to 0.02 dB with those of a run."""
+    """Sound levels of a steady turn with landings agree with a simulated run.
+
+    The tolerance is 0.02 dB.
+    """
     loaded = make_loaded_scene(
         cams=["tm21"], speeds=[350, 400], turns=6, transient_turns=2, sample_rate=12000
     )
@@ -114,7 +127,11 @@ def test_levels_with_landings_are_those_of_the_run(make_loaded_scene):
 
 
 def test_the_speed_response_applies_to_the_contact_only(make_loaded_scene):
-    """A speed response of ±3 dB changes the power of the contact, not the background."""
+    """A speed response of ±3 dB changes only the sound power of the contact.
+
+    The speed response is a function of speed in the radiation constants. The background does not
+    change.
+    """
     loaded = make_loaded_scene()
     plain = simulation.Acoustics(loaded.radiation)
     raised = simulation.Acoustics(loaded.radiation, (3.0, 0.0, 0.0))
@@ -125,9 +142,11 @@ def test_the_speed_response_applies_to_the_contact_only(make_loaded_scene):
 
 
 DIVISIONS = (2, 3, 5, 7, 36, 72, 100)
-#: Laws with steps of the force at joints, laws with steps of the velocity, and smooth laws.
+#: Cams of random scenes: their laws have steps of the force at joints (where two pieces of the law
+#: meet), steps of the velocity, or neither.
 CAMS = ("tm21", "arcs_convex", "worked_example_harmonic", "poly345", "bezier15", "trigonometric")
-#: Speeds (rpm) and rates (Hz) at which samples are at joints and at borders of ticks.
+#: Speeds (rpm) at which samples fall on joints of the law and on borders of ticks, the intervals
+#: between cam states.
 EVEN_RPM = (100, 200, 240, 300, 320, 400, 600)
 EVEN_HZ = (2000, 4000, 8000, 12_000, 48_000)
 #: All models of the follower.
@@ -155,7 +174,7 @@ def random_scene(seed):
 
 @pytest.fixture
 def divided(make_loaded_scene):
-    """Function that loads a scene with a given number of ticks per turn."""
+    """Function that loads a random scene with a number of ticks (cam states) per turn."""
     return lambda scene, ticks: make_loaded_scene(**scene, ticks_per_turn=ticks)
 
 
@@ -170,7 +189,10 @@ def assert_equal(levels, expected):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(20))
 def test_levels_do_not_depend_on_the_ticks_per_turn(divided, seed):
-    """Levels of random scenes do not depend on the ticks per turn, to 1e-9 dB."""
+    """Levels of random scenes do not depend on the ticks per turn, to 1e-9 dB.
+
+    A tick is the interval between two cam states.
+    """
     # If the ticks had too few samples, the error states the largest number of ticks.
     scene = random_scene(seed)
     levels = levels_of(divided(scene, 1))
@@ -186,7 +208,10 @@ def test_levels_do_not_depend_on_the_ticks_per_turn(divided, seed):
 
 
 def run_of_the_nodes(loaded):
-    """Yield the ticks as the nodes compute them, message by message, without ROS."""
+    """Yield the ticks of a scene as the nodes compute them, message by message.
+
+    A tick is the interval between two cam states, with its sound pressure. ROS is not used.
+    """
     scene, simulator = loaded.scene, simulation.FollowerSimulator.of(loaded)
     schedule, rate = SetpointSchedule(scene), int(scene.sample_rate.si)
     follower = FollowerQueue(simulator, scene)
@@ -204,7 +229,10 @@ def run_of_the_nodes(loaded):
 
 @pytest.mark.parametrize("seed", [1, 6, 11])
 def test_the_nodes_compute_the_levels_of_the_scene(divided, seed):
-    """The classes of the nodes compute the levels of the simulation in one process."""
+    """The classes of the nodes compute the sound levels of the simulation.
+
+    Scenes are random, with 1 and 5 ticks (cam states) per turn.
+    """
     scene = random_scene(seed)
     settle = scene["transient_turns"]
     levels = levels_of(divided(scene, 1))
@@ -213,7 +241,7 @@ def test_the_nodes_compute_the_levels_of_the_scene(divided, seed):
 
 
 def rows_of(loaded):
-    """Return the rows of a simulated scene, one per cam and speed."""
+    """Return the result rows of a simulated scene, one per cam and speed."""
     speed_rows = SpeedRows.of(loaded)
     for tick in simulate_ticks(loaded):
         speed_rows.take(tick)
@@ -221,7 +249,7 @@ def rows_of(loaded):
 
 
 def assert_rows(rows, others, rel):
-    """Assert that rows agree in each number to a relative tolerance."""
+    """Assert that result rows agree in each number to a relative tolerance."""
     for row, other in zip(rows, others, strict=True):
         for name, value in vars(row).items():
             expected = value if isinstance(value, str | None) else pytest.approx(value, rel=rel)
@@ -234,10 +262,10 @@ def on_rig(loaded, **numbers):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_flights_in_the_samples_are_those_of_the_events(make_loaded_scene, seed):
-    """Lift-offs, flights and landings in the rows agree with the events of the model.
+    """Lift-offs, flights and landings in result rows are those of the model.
 
-    The longest flight agrees to one sample. The fastest landing agrees to 1e-9 if each sample
-    contains at most one landing.
+    There is one row per cam and speed. The longest flight agrees to one sample. The fastest landing
+    agrees to 1e-9 if each sample contains at most one landing.
     """
     random = np.random.default_rng(seed)
     loaded = make_loaded_scene(speeds=[340, 390, 440], turns=4, cams=["tm21", "poly345"])
@@ -281,9 +309,9 @@ def test_flights_in_the_samples_are_those_of_the_events(make_loaded_scene, seed)
 
 
 def test_the_mean_torque_is_the_work_of_the_damper(make_loaded_scene):
-    """The mean torque is the work of the damper per turn, c ∮ ṡ² dt, over 2π.
+    """The mean torque in a result row is the work of the damper per turn, over 2π.
 
-    Spring and mass are conservative.
+    The work is c ∮ ṡ² dt. Spring and mass are conservative. The relative tolerance is 1e-5.
     """
     loaded = make_loaded_scene(model="kinetostatic", speeds=[200], sample_rate=24_000)
     for row in rows_of(loaded):
@@ -296,7 +324,10 @@ def test_the_mean_torque_is_the_work_of_the_damper(make_loaded_scene):
 
 
 def test_a_follower_at_rest_without_preload_is_not_in_flight(make_loaded_scene):
-    """A follower without preload on a dwell has force 0, but counts as in contact."""
+    """A follower without preload on a dwell counts as in contact.
+
+    Its contact force is 0.
+    """
     loaded = on_rig(make_loaded_scene(speeds=[60], cams=["poly345"]), preload=0.0)
     (row,) = rows_of(loaded)
     assert row.min_force == 0.0
@@ -304,14 +335,17 @@ def test_a_follower_at_rest_without_preload_is_not_in_flight(make_loaded_scene):
 
 
 def test_a_row_does_not_depend_on_the_ticks_per_turn(make_loaded_scene):
-    """The row of a speed is the same with 1 and 16 ticks per turn."""
+    """The result row of a speed is the same with 1 and 16 ticks per turn, to 1e-6.
+
+    A tick is the interval between two cam states.
+    """
     one, many = (rows_of(make_loaded_scene(speeds=[420], ticks_per_turn=n)) for n in (1, 16))
     assert_rows(one, many, 1e-6)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_row_contains_whole_turns_only(make_loaded_scene, seed):
-    """If a speed ends within a turn, its row contains only the whole turns before."""
+    """If a speed ends within a turn, its result row covers the whole turns before."""
     loaded = make_loaded_scene(speeds=[430], turns=4, cams=["tm21"], ticks_per_turn=16)
     states = list(cam_states(loaded.scene))
 
@@ -331,7 +365,10 @@ def test_a_row_contains_whole_turns_only(make_loaded_scene, seed):
 
 
 def test_a_bag_has_the_rows_of_its_scene():
-    """The rows of a recording equal those of the simulated scene to 1e-9."""
+    """The result rows of a recording equal those of the simulated scene to 1e-9.
+
+    There is one row per cam and speed.
+    """
     recorded = cam_rig.read_bag(GOLDEN)
     computed = cam_rig.run_scene(recorded.loaded)
     assert_rows(recorded.by_speed, computed.by_speed, 1e-9)
@@ -344,7 +381,10 @@ def test_a_bag_has_the_rows_of_its_scene():
 
 
 def test_the_rows_of_a_run_are_those_of_a_second_pass():
-    """The rows of a run equal those that are computed from its samples afterwards."""
+    """Result rows computed during a run equal those from its stored samples.
+
+    There is one row per cam and speed. Only the run itself adds the sound level.
+    """
     run = cam_rig.run_scene("quick")
     rows = [dataclasses.replace(row, level_db=None) for row in run.by_speed]
     assert tuple(rows) == rows_of(run.loaded)

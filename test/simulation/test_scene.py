@@ -1,4 +1,7 @@
-"""Loading of scenes, origins of levels, and the schedule of the cam."""
+"""Tests of the loading of scenes, origins of sound levels, and the cam's schedule.
+
+The origin of a level is how its constants were obtained, such as "calibrated" or "relative".
+"""
 
 import re
 from dataclasses import replace
@@ -55,7 +58,7 @@ KIND = r"{0}\.yaml: follower\.type is '{0}'; allowed on a rig: a follower that o
 def test_a_wrong_name_in_a_scene_is_an_error(
     make_loaded_scene, tmp_path, config_dir, changes, message
 ):
-    """A scene that refers to an unusable file is refused with the name of the file.
+    """A scene that refers to an unusable cam file is refused with the file's name.
 
     The file is missing, contains another name, or is of a cam that needs a second follower.
     """
@@ -85,7 +88,10 @@ def test_the_error_of_a_step_of_lift_names_the_file(make_loaded_scene, tmp_path,
 
 
 def test_a_scene_accepts_all_followers_with_a_closing_spring(make_loaded_scene):
-    """A scene accepts flat, oscillating and eccentric followers."""
+    """A scene accepts cams with flat, oscillating and eccentric followers.
+
+    A spring presses these followers on the cam.
+    """
     cams = ["flat", "inclined_flat", "eccentric_roller", "oscillating_roller", "oscillating_flat"]
     assert list(make_loaded_scene(cams=cams).laws) == cams
 
@@ -108,14 +114,14 @@ def test_the_points_of_a_table_are_a_file_of_the_scene(make_loaded_scene, tmp_pa
     assert again.cams["measured"] == loaded.cams["measured"]
 
 
-#: Numbers of a follower that every model needs, SI.
+#: Parameters of a follower that every model needs, in SI units.
 REQUIRED = {"mass": 2.0, "spring_stiffness": 5000.0, "damping": 10.0, "preload": 60.0}
-#: Other numbers of a follower, SI.
+#: Parameters of a follower that some models need, in SI units.
 OPTIONAL = {"stem_stiffness": 1e6, "restitution": 0.3, "roller_share": 0.4, "stem_damping": 20.0}
 
 
 def needs() -> dict[str, list[str]]:
-    """Return the further keys that each model needs, according to docs/files.md."""
+    """Return the additional rig keys that each model needs, as in docs/files.md."""
     text = (Path(__file__).parents[2] / "docs" / "files.md").read_text(encoding="utf-8")
     rows = re.findall(r"^- model `(\w+)`: (.*)$", text, re.M)
     return {model: re.findall(r"`(\w+)`", keys) for model, keys in rows}
@@ -125,7 +131,10 @@ NEEDS = needs()
 
 
 def rig_of(keys) -> RigConfig:
-    """Return a rig with the required numbers and these keys, from shipped rigs."""
+    """Return a rig with the required numbers and these keys.
+
+    Sections such as the shaft are those of shipped rigs.
+    """
     shipped = {"shaft": cam_rig.load_rig("paper_flywheel"), "radiation": cam_rig.load_rig("tm21")}
     follower = REQUIRED | {key: OPTIONAL[key] for key in keys if key in OPTIONAL}
     sections = {key: getattr(shipped[key], key) for key in keys if key not in OPTIONAL}
@@ -133,12 +142,12 @@ def rig_of(keys) -> RigConfig:
 
 
 def test_the_list_of_docs_names_every_model():
-    """docs/files.md lists the keys of every model."""
+    """docs/files.md lists the required rig keys of every model."""
     assert set(NEEDS) == set(MODELS)
 
 
 def simulate(model, keys):
-    """Simulate three turns of a model on a rig with these keys."""
+    """Simulate three turns of the 3-4-5 cam with a model on a rig with these keys."""
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     return cam_rig.simulate(law, rig_of(keys), rpm=200, model=model, turns=3)
 
@@ -170,9 +179,9 @@ def test_all_missing_keys_are_named_at_once():
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_level_needs_the_numbers_of_the_sound(model):
-    """A level needs `radiation`, and for a model with landings the stem's stiffness.
+    """A sound level needs the rig section `radiation`.
 
-    Each missing key is an error.
+    For a model with landings it also needs the stem's stiffness. Each missing key is an error.
     """
     base = [*NEEDS[model], "radiation"]
     lands = MODELS[model].lifts_off
@@ -189,7 +198,10 @@ def test_a_level_needs_the_numbers_of_the_sound(model):
 
 
 def edit_rig(rig, section, **numbers):
-    """Return a rig with other numbers in a section, each with its origin and unit."""
+    """Return a rig with other numbers in a section.
+
+    Each number has its origin (given, assumed or identified) and unit.
+    """
     data = rig.model_dump(exclude_none=True)
     for key, number in numbers.items():
         data[section][key] = {"source": "own", **number}
@@ -215,7 +227,11 @@ OTHER = {"mass": {"given": 0.8, "unit": "kg"}}
     ],
 )
 def test_a_calibration_is_valid_for_its_follower(rig, follower, gain, model, calibrated):
-    """A rig with another follower or model counts as calibrated only if fitted again."""
+    """A rig whose follower or model is changed does not count as calibrated.
+
+    It counts as calibrated again if its radiation constants are identified (fitted). The same
+    number in another unit is not a change.
+    """
     copy = edit_rig(rig, "follower", **follower)
     if gain is not None:
         copy = edit_rig(copy, "radiation", gain={gain: 2e-4, "unit": "Pa*s/N"})
@@ -223,9 +239,9 @@ def test_a_calibration_is_valid_for_its_follower(rig, follower, gain, model, cal
 
 
 def test_all_levels_of_an_uncalibrated_scene_are_relative(rig):
-    """The levels of a scene on an uncalibrated rig are all relative.
+    """The sound levels of a scene on an uncalibrated rig are all relative.
 
-    On a calibrated rig they are calibrated, predicted or identified.
+    On a calibrated rig their origins are calibrated, predicted or identified.
     """
     scene = cam_rig.load_scene("tm21_sweep")
     assert {scene.level_origin(cam) for cam in scene.cams} == {
@@ -240,9 +256,9 @@ def test_all_levels_of_an_uncalibrated_scene_are_relative(rig):
 
 
 def test_another_cam_with_the_calibrated_name_is_predicted():
-    """The level of a changed cam with the calibrated cam's name is predicted.
+    """The level of a changed cam that has the name of the calibrated cam is predicted.
 
-    The constants were fitted to the shipped cam.
+    The radiation constants were fitted to the shipped cam of this name.
     """
     scene = cam_rig.load_scene("tm21_sweep")
     lower = scene.cams["poly345"].model_copy(update={"lift": scene.cams["tm21"].lift})
@@ -253,12 +269,18 @@ def test_another_cam_with_the_calibrated_name_is_predicted():
 
 @pytest.fixture(params=[1, 7, 64])
 def scene(request, make_scene):
-    """Scene with four speeds, not in order, for each number of ticks per turn."""
+    """Scene with four speeds, not in order.
+
+    The test runs for 1, 7 and 64 ticks per turn. A tick is the interval between two cam states.
+    """
     return make_scene(ticks_per_turn=request.param, speeds=[200, 333, 400, 210])
 
 
 def test_run_length_is_that_of_the_states(scene, ramped):
-    """`run_length` returns last stamp and longest tick of the states, to 1 ns."""
+    """`run_length` returns the end of the last tick and the longest tick, to 1 ns.
+
+    A tick is the interval between two cam states.
+    """
     for program in (scene, ramped):
         times = [state.time_ns for state in cam_states(program)]
         length, longest = run_length(program)
@@ -267,9 +289,9 @@ def test_run_length_is_that_of_the_states(scene, ramped):
 
 
 def test_a_long_scene_starts_without_computing_all_states(make_scene):
-    """The first states of a scene of 100 000 turns are available at once.
+    """The first cam states of a scene of 100 000 turns are available at once.
 
-    They are those of a short scene.
+    They equal those of a short scene.
     """
     short = make_scene(ticks_per_turn=64, speeds=[333], turns=5)
     long = make_scene(ticks_per_turn=64, speeds=[333], turns=100_000)
@@ -278,9 +300,9 @@ def test_a_long_scene_starts_without_computing_all_states(make_scene):
 
 
 def test_the_angle_is_exact_after_many_turns(make_scene):
-    """Angle and turns of each state are ω t within 2e-15 rad over a thousand turns.
+    """Angle and turns of each cam state are ω t within 2e-15 rad.
 
-    A single number for both would lose three digits.
+    A thousand turns are checked. A single float for both would lose three digits.
     """
     scene = make_scene(speeds=[300, 400], turns=1000)
     last = None
@@ -296,9 +318,9 @@ def test_the_angle_is_exact_after_many_turns(make_scene):
 
 
 def test_order_of_cams_and_speeds(scene):
-    """The states have cams and speeds in the order of the scene, and rising times.
+    """The cam states have cams and speeds in the order of the scene, and rising times.
 
-    Their number is `tick_count` + 1.
+    Their number is `tick_count` + 1, because a tick is the interval between two states.
     """
     states = list(cam_states(scene))
     assert len(states) == tick_count(scene) + 1 == 2 * 4 * 3 * scene.schedule.ticks_per_turn + 1
@@ -312,7 +334,10 @@ def test_order_of_cams_and_speeds(scene):
 
 @pytest.fixture(params=[1, 5])
 def ramped(request, make_scene):
-    """Scene with ramps up, up and down, and a repeated speed."""
+    """Scene with speed ramps up and down and a repeated speed.
+
+    The test runs for one and five ticks per turn.
+    """
     speeds = [200, 333, 100, 100]
     return make_scene(speeds=speeds, turns=2, ticks_per_turn=request.param, ramp=0.7)
 
@@ -322,7 +347,7 @@ def intervals(scene):
 
 
 def test_angle_and_speed_are_continuous(scene, ramped):
-    """The angle is continuous over the ticks of a scene.
+    """The cam angle is continuous from each cam state of a scene to the next.
 
     With ramps the speed jumps only at a change of cam.
     """
@@ -341,9 +366,10 @@ def test_angle_and_speed_are_continuous(scene, ramped):
 
 
 def test_ticks_of_a_ramp_are_not_longer_than_at_its_higher_speed(ramped):
-    """A tick on a ramp is not longer than a tick at the higher speed of the ramp.
+    """A tick on a ramp is not longer than a tick at the ramp's higher speed.
 
-    The blocks of a bag are therefore not larger on a ramp.
+    A tick is the interval between two cam states. The blocks of samples in a bag are therefore not
+    larger on a ramp.
     """
     turn = TURN / ramped.schedule.ticks_per_turn
     for part in intervals(ramped):
@@ -365,7 +391,10 @@ def test_ticks_of_a_ramp_are_not_longer_than_at_its_higher_speed(ramped):
     ],
 )
 def test_a_ramp_is_inferred_from_two_states(first, second, turned, acceleration):
-    """Two states give a ramp if the cam turned by the mean speed, else a step."""
+    """The motion between two cam states is a ramp if the cam turned by the mean speed.
+
+    Otherwise the speed steps at the second state.
+    """
     state = CamState(0, 3.0, first, "poly345")
     part = state.until(CamState(NS, 3.0 + turned, second, "poly345"))
     assert part.acceleration == acceleration

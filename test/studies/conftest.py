@@ -1,4 +1,4 @@
-"""Fixtures of the studies: laws, a table of lifts, checks of headings and figures."""
+"""Fixtures of the studies: laws, a table of lifts, and cams of the paper."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def law(laws):
 
 @pytest.fixture
 def lift_table(tmp_path):
-    """File with 360 measured lifts, semicolons and decimal commas.
+    """Path of a file with 360 measured lifts, semicolons and decimal commas.
 
     The lift is 10 mm, the zero 3.2 mm, the noise 2 µm, and the reading at 100° an outlier of 0.4
     mm.
@@ -38,5 +38,5 @@ def lift_table(tmp_path):
 
 @pytest.fixture(scope="session")
 def cam_set():
-    """The five cams of the paper's Table 2 on the rig identified from it."""
+    """The five cams of Table 2 of the paper, on the rig that was identified from it."""
     return resolve_cams(list(FIVE), "paper_table2")

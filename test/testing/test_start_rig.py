@@ -24,7 +24,8 @@ from ..processes import ended, is_running, until
 
 pytestmark = pytest.mark.ros
 pytest_plugins = ["pytester"]
-#: Options of the separate pytest run. It is allowed to name the plugin, which is loaded anyway.
+#: Options of the separate pytest run. Naming the plugin is allowed although pytest also loads it
+#: through its entry point.
 PLUGINS = ("-p", "cam_rig.testing", "-p", "no:cacheprovider", "-p", "no:xdist")
 
 
@@ -36,10 +37,10 @@ def test_plugin_is_an_entry_point_of_the_package():
 
 @pytest.mark.usefixtures("forked")
 def test_rig_takes_commands_and_is_independent_of_another(start_rig, monkeypatch):
-    """A rig obeys the commands of a test, while a second rig runs.
+    """A rig that a test starts obeys its commands, while a second rig runs.
 
-    It reports ticks and messages, the end of its run, and its bag. The environment variables are
-    restored.
+    It reports ticks (intervals between cam states) and messages, the end of its run, and its bag.
+    The environment variables are restored.
     """
     before = dict(os.environ)
     with start_rig("quick", autostart=False) as rig, start_rig("quick") as other:

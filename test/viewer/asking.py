@@ -11,7 +11,7 @@ from ..processes import WAIT_S
 
 
 def opened(address, path, method="GET", body="", **headers):
-    """Return a connection on which the request of a path was sent.
+    """Return a connection to a page server on which a request of a path was sent.
 
     The default of the Host header is the host of the address.
     """
@@ -27,7 +27,7 @@ def opened(address, path, method="GET", body="", **headers):
 
 
 def ask(address, path, method="GET", body="", **headers):
-    """Return status, headers and body of a response."""
+    """Send a request to a page server, and return status, headers and body."""
     connection = opened(address, path, method, body, **headers)
     http_response = connection.getresponse()
     response = http_response.status, http_response.headers, http_response.read()
@@ -41,7 +41,10 @@ def local(port):
 
 
 class Visitor:
-    """Browser session after the printed address: its cookie, origin and home path."""
+    """Browser session that was opened at the printed address of a page server.
+
+    It has the cookie, the origin and the home path of the page.
+    """
 
     def __init__(self, address):
         self.url, self.address = urlsplit(address), address

@@ -26,7 +26,7 @@ from cam_rig.viewer.recording import save_recording
 
 from ..conftest import scene_data
 
-#: Two cams at two speeds. At the second speed the follower lifts off.
+#: Two cams at two speeds, two turns each. At the second speed the follower lifts off.
 SCENE = scene_data(
     title="Two cams, two speeds", speeds=[300, 700], turns=2, ticks_per_turn=2, sample_rate=4000
 )
@@ -34,7 +34,7 @@ SCENE = scene_data(
 
 @dataclass
 class SmallBag:
-    """Small bag and the data that were written into it."""
+    """Small bag of a simulated run, and the data that were written into it."""
 
     path: Path
     loaded: LoadedScene
@@ -56,13 +56,16 @@ class SmallBag:
 
     @property
     def gap(self):
-        """Lift minus the law of the cam at every sample, m, shape (n,)."""
+        """Lift minus the cam's law at every sample, m, shape (n,).
+
+        It is the gap between cam and follower.
+        """
         laws, angles = self.loaded.laws.values(), np.split(self.angle, len(self.loaded.laws))
         lifts = [law(angle) for law, angle in zip(laws, angles, strict=True)]
         return self.samples[1] - np.concatenate(lifts)
 
     def sample_of(self, picture, entity):
-        """Return for each row of an entity the index of the sample at its time."""
+        """Return for each row of a displayed entity the index of the sample at its time."""
         return np.abs(self.samples[0][:, None] - picture.time(entity)).argmin(axis=0)
 
 
@@ -86,7 +89,10 @@ def of_profile(cam, points):
 
 
 def make_bag(folder, config, leave_out=(), scene=SCENE):
-    """Simulate a scene and write its topics, except `leave_out`, to a bag."""
+    """Simulate a scene and write its topics, except `leave_out`, to a bag.
+
+    The `SmallBag` is returned.
+    """
     for part in ("cams", "rigs"):
         shutil.copytree(config / part, folder / "config" / part)
     path = folder / "config" / "scenes" / "small.yaml"
@@ -128,7 +134,10 @@ def make_bag(folder, config, leave_out=(), scene=SCENE):
 
 
 def play(view, bag):
-    """Pass a run to a live view tick by tick, and yield the state before each tick."""
+    """Pass the run of a bag to a live view tick by tick.
+
+    Each cam state is yielded before the samples that follow it.
+    """
     feed, states = view.feed, cam_states(bag.loaded.scene)
     for cam, points in bag.profiles.items():
         feed.profiles[cam] = points
@@ -147,13 +156,16 @@ def play(view, bag):
 
 @pytest.fixture(scope="session")
 def bag(tmp_path_factory, config_dir):
-    """Small bag with all topics."""
+    """Small bag with all topics, created once for all tests."""
     return make_bag(tmp_path_factory.mktemp("whole"), config_dir)
 
 
 @pytest.fixture(scope="session")
 def drawings(bag, tmp_path_factory):
-    """Function that records the small bag with options and returns the `Picture`."""
+    """Function that records the small bag for the viewer with options.
+
+    It returns the recording as a `Picture`.
+    """
 
     @cache
     def drawn(*options):
@@ -166,13 +178,13 @@ def drawings(bag, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def picture(drawings):
-    """Recording of the small bag with the default options."""
+    """Viewer recording of the small bag with the default options."""
     return drawings()
 
 
 @pytest.fixture(scope="session", autouse=True)
 def strict():
-    """Make Rerun raise errors instead of warnings."""
+    """Make Rerun raise errors instead of warnings in every test."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     yield
@@ -180,7 +192,10 @@ def strict():
 
 
 class Picture:
-    """Rerun recording, read by entity and column."""
+    """Rerun recording, whose data are read by entity and column.
+
+    An entity is the path of a displayed object.
+    """
 
     def __init__(self, path):
         from rerun.chunk import RrdReader
@@ -192,11 +207,11 @@ class Picture:
 
     @property
     def entities(self):
-        """Entity paths, each with a leading slash."""
+        """Set of entity paths in the recording, each with a leading slash."""
         return set(self._batches)
 
     def column(self, entity, name):
-        """Return the values of a column of an entity, in the order of sending."""
+        """Return the values of a column of an entity as a list, in the order of sending."""
         values = []
         for batch in self._batches[f"/{entity}"]:
             if name in batch.schema.names:
@@ -208,7 +223,7 @@ class Picture:
         return np.array(self.column(entity, name), dtype=np.float64).squeeze()
 
     def time(self, entity):
-        """Return the simulated time (s) of the rows of an entity, shape (n,)."""
+        """Return the rig time (s) of the rows of an entity, shape (n,)."""
         times = [
             batch.column("rig_time").cast("int64").to_numpy()
             for batch in self._batches[f"/{entity}"]

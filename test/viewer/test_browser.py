@@ -28,14 +28,14 @@ from tools.docs import browser
 from tools.docs.browser import count, new_page
 
 pytestmark = pytest.mark.slow
-#: Page with a red box, and a green box that appears later.
+#: Page with a red box, and a green box that appears a second later.
 LATE = """<body style="margin:0"><div style="width:100px;height:100px;background:#f00"></div>
 <div id="late" style="width:0;height:100px;background:#0f0"></div>
 <script>setTimeout(() => { late.style.width = "400px"; }, 1000);</script></body>"""
 
-#: Start of the playback as a fraction of the small run. There its second cam turns and lifts off.
+#: Start of the playback as a fraction of the small run, when its second cam lifts off.
 BEGIN = 0.9
-#: Colours that must be visible there.
+#: Colours of the curves that must be visible from this start on, by curve.
 SHOWN = {
     line.entity: line.colour
     for line in (
@@ -54,16 +54,17 @@ SHOWN = {
     "follower": colours.FOLLOWER,
 }
 LEFT_OUT = series.VELOCITY_LINE
-#: Colours that no curve has, as different from the curves as these are from each other.
+#: Colours that no curve of the viewer has. They differ from the curves as much as these from each
+#: other.
 UNUSED = {"green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}
 
 
 @dataclass
 class Visit:
-    """Observations of a browser at one address.
+    """Observations of a browser on the viewer's page.
 
-    `most` is the largest number of pixels of each colour. `times` are the simulated times (s) that
-    the page displayed.
+    `most` is the largest number of pixels of each colour. `times` are the rig times (s) that the
+    page displayed.
     """
 
     most: dict[str, int]
@@ -89,9 +90,9 @@ class Visit:
 
 
 def look(chromium, address, shown, missing, until=0.0):
-    """Visit an address until all colours except `missing` were visible.
+    """Visit the viewer's page until all colours except `missing` were visible.
 
-    The visit also waits until the page displays the simulated time `until` (s).
+    The visit also waits until the page displays the rig time `until` (s). The `Visit` is returned.
     """
     visit, page, start = Visit(dict.fromkeys(shown, 0)), new_page(chromium), time.monotonic()
     visit.watch(page)
@@ -111,7 +112,7 @@ def look(chromium, address, shown, missing, until=0.0):
 
 @pytest.fixture(scope="module")
 def path(bag, tmp_path_factory):
-    """Recording of the small run, as the command serves it."""
+    """Path of the recording of the small run, as the command `cam-rig view` serves it."""
     path = tmp_path_factory.mktemp("web") / "small run.rrd"
     save_recording(bag.path, path)
     return path
@@ -132,9 +133,9 @@ def test_every_curve_is_visible_at_the_start_of_the_playback(chromium, bag, path
 
 
 def test_a_photograph_waits_for_every_colour(chromium, tmp_path, monkeypatch):
-    """A screenshot is taken only when each requested colour is visible.
+    """A screenshot is taken only when each requested colour is visible on the page.
 
-    The second box of the page appears later than the first.
+    The green box of the page appears later than the red one.
     """
     page = tmp_path / "page.html"
     page.write_text(LATE, encoding="utf-8")
@@ -145,7 +146,7 @@ def test_a_photograph_waits_for_every_colour(chromium, tmp_path, monkeypatch):
 
 @pytest.mark.long
 def test_an_idle_page_displays_one_run_after_the_other(chromium, bag):
-    """A page that is opened before the first run displays each new run."""
+    """A viewer page that is opened before the first run displays each new run."""
     page, shown = new_page(chromium), re.compile(r"/shown\?ns=\d")
     with serve() as pages:
         page.goto(pages.address)

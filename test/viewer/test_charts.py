@@ -29,7 +29,10 @@ STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
 
 
 def some_ends():
-    """Return 300 random pairs of axis ends that differ by 1e-5 to 1e6."""
+    """Return 300 random pairs of axis ends.
+
+    Their size is 1e-3 to 1e6, and the second end is larger by 1 to 100 % of it.
+    """
     random = np.random.default_rng(18)
     size = 10.0 ** random.uniform(-3.0, 6.0, 300)
     low = random.uniform(-1.0, 1.0, 300) * size
@@ -73,9 +76,10 @@ def test_an_axis_contains_its_values_with_a_small_margin():
 
 
 def test_a_gap_much_smaller_than_the_greatest_has_an_additional_axis():
-    """A cam whose gap is much smaller than the largest gap gets an additional axis.
+    """A cam whose largest gap is much smaller than that of others gets another axis.
 
-    The gap fills 15 to 50 % of it. Gaps that one axis resolves have no additional axis.
+    The gap between cam and follower fills 15 to 50 % of this additional axis. Gaps that one axis
+    resolves have no additional axis.
     """
     for least in (1.5e-6, 16.5e-6, 3e-4):
         (low, high, _) = quantities.close_gap([least, 0.04, 0.0])[quantities.CLOSE_GAP]
@@ -89,7 +93,8 @@ def test_a_gap_much_smaller_than_the_greatest_has_an_additional_axis():
 def test_minimum_and_maximum_of_every_bucket_are_kept_in_order():
     """A reduced curve keeps minimum and maximum of each bucket of samples, in order.
 
-    The last bucket may be shorter. Buckets of one sample keep all samples.
+    A bucket is a number of successive samples. The last one may be shorter. Buckets of one sample
+    keep all samples.
     """
     for count, bucket in ((1, 5), (5, 5), (52, 5), (100, 7), (9, 100)):
         values = np.random.default_rng(1).normal(size=count)
@@ -123,9 +128,10 @@ def test_a_row_at_the_end_of_a_turn_is_at_0_degrees_of_the_next():
 
 @pytest.mark.parametrize("free", [True, False])
 def test_twist_tick_by_tick_is_that_of_the_model(config_dir, free):
-    """The displayed twist at the end of each tick is that of the torsional model.
+    """The displayed twist of the shaft at the end of each tick is that of the model.
 
-    With a free flywheel the whole turn agrees with the steady state.
+    A tick is the interval between two cam states. The relative tolerance is 1e-9. With a free
+    flywheel the whole turn agrees with the steady state.
     """
     loaded = open_scene(config_dir / "scenes" / "flywheel.yaml")
     if not free:
@@ -155,12 +161,12 @@ RATE = 12_000.0
 
 @pytest.fixture(scope="module")
 def radiation(rig):
-    """Constants of radiation of the shipped rig."""
+    """Radiation constants of the shipped rig."""
     return RadiationParameters.from_rig(rig)
 
 
 def test_a_tone_has_power_in_its_band_only(radiation):
-    """A force of 1 N at 1 kHz has power only in the third-octave band of 1 kHz.
+    """A force of 1 N at 1 kHz has sound power only in the third-octave band of 1 kHz.
 
     Its pressure amplitude is gain · ω_c times the ratio of the low-pass at 1 kHz.
     """
@@ -174,7 +180,7 @@ def test_a_tone_has_power_in_its_band_only(radiation):
 
 
 def test_the_bands_sum_to_the_power_at_the_microphone(radiation):
-    """The powers of the bands add up to the power at the microphone.
+    """The sound powers of the third-octave bands add up to that at the microphone.
 
     The background is excluded. A constant force gives 0 dB in each band. A landing has its energy
     divided by the turn's duration as power.
@@ -224,9 +230,9 @@ def test_each_bar_has_the_position_of_its_band_and_the_height_of_its_level(bag, 
 
 
 def test_each_cam_is_labelled_next_to_its_last_point(bag, picture):
-    """The titles of the cams are right of the axes and do not overlap.
+    """The titles of the cams are right of the level chart and do not overlap.
 
-    Titles that are moved apart keep their order.
+    Each is at the height of the cam's last point. Titles that are moved apart keep their order.
     """
     names = picture.column("noise/names", "Points2D:labels")[-1]
     assert names == [*level_chart.displayed_titles(bag.loaded).values()]
@@ -244,9 +250,10 @@ def test_each_cam_is_labelled_next_to_its_last_point(bag, picture):
 
 
 def test_measured_points_are_the_levels_of_the_steps(bag, picture):
-    """The last points over the speed are the levels of each cam at each speed.
+    """The last points of the level chart are the levels of each cam at each speed.
 
-    A level is the energy mean over the ticks in which the motion has settled.
+    A level is the energy mean over the ticks (intervals between cam states) in which the motion has
+    settled.
     """
     states, rate = list(cam_states(bag.loaded.scene)), int(bag.loaded.scene.sample_rate.si)
     ticks = [
@@ -294,7 +301,7 @@ def test_the_last_turns_of_all_cams_are_overlaid(bag, drawings, rpm):
 def test_cams_side_by_side_at_one_speed(bag, drawings, layout):
     """In a comparison at one speed each cam has a moving picture and bars.
 
-    The force bar of 100 N has the same length for all cams.
+    The bars are third-octave levels. The scale bar of 100 N has the same length for all cams.
     """
     shown, lengths = drawings(ViewOptions(layout, 300.0)), []
     assert "/plots/lift/follower" not in shown.entities
@@ -312,7 +319,7 @@ def test_cams_side_by_side_at_one_speed(bag, drawings, layout):
 
 
 def test_results_are_those_of_the_turns(bag, picture):
-    """The table of results has the peaks and lift-offs of the last turns.
+    """The table of results has the peaks and lift-offs of the last turn at each speed.
 
     Cams and speeds are in the order of the scene.
     """
@@ -346,9 +353,10 @@ def test_a_finished_run_has_its_results_at_every_time(bag, picture, drawings, la
 
 
 def test_numbers_are_listed_by_origin(bag):
-    """The text about a run lists numbers with units as given, assumed or identified.
+    """The text about a run lists its numbers as given, assumed or identified.
 
-    It states if curves are reduced.
+    These are the origins of the numbers, which are listed with units. The text states if curves are
+    reduced.
     """
     words = about(bag.loaded, 1)
     assert words.startswith("# Two cams, two speeds\n")

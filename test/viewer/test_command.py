@@ -121,7 +121,7 @@ def test_invalid_options_are_refused(bag, tmp_path):
 
 
 def test_cams_are_compared_at_speeds_of_the_operator(bag, tmp_path):
-    """A comparison accepts the speeds in the bag, even if its scene has others.
+    """Cams can be compared at the speeds that a bag has, even if its scene has others.
 
     An operator may have set other speeds during the run.
     """
@@ -162,7 +162,10 @@ UNITS = ("h", "h/β", "h/β²", "h/β³")
 
 
 def test_each_curve_is_the_law(tmp_path):
-    """Each curve in a chart of laws is its law or derivative, on a common scale."""
+    """Each curve in a chart of laws has the values of its law or derivative, to scale.
+
+    The scale is common to all curves of a chart.
+    """
     curves = [rise_curves(name) for name in ("poly345", "cycloidal", "simple_harmonic")]
     save_laws(curves, "u", UNITS, tmp_path / "a.rrd")
     picture = Picture(tmp_path / "a.rrd")
@@ -182,7 +185,10 @@ def test_each_curve_is_the_law(tmp_path):
 
 @pytest.fixture(scope="module")
 def found():
-    """Order spectra of the 3-4-5 cam at three speeds."""
+    """Order spectra of the 3-4-5 cam at three speeds.
+
+    An order is a frequency as a multiple of the cam's.
+    """
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     rig = cam_rig.load_rig("paper_table2")
     return waterfall({"poly345": law}, "elastic_stem", rig, [rpm * RPM for rpm in SPEEDS], 40)
@@ -191,7 +197,8 @@ def found():
 def test_bars_are_the_levels_of_the_speed(found, tmp_path):
     """The bars in a chart of orders are the levels at each speed, to scale.
 
-    In the chart over speed, strokes mark the orders within 60 dB of the loudest.
+    An order is a frequency as a multiple of the cam's. In the chart over speed, strokes mark the
+    orders within 60 dB of the loudest.
     """
     path = tmp_path / "a.rrd"
     save_orders(found, path)
@@ -227,12 +234,12 @@ def test_tabs_and_charts_have_titles(found):
 # -- Rerun's import of the MCAP file of a bag
 
 
-#: Packages of interfaces that every ROS 2 installation has.
+#: Pattern of the packages of message types that every ROS 2 installation has.
 OF_ROS = r"(diagnostic|geometry|rosgraph|sensor|std|tf2|trajectory|visualization)_msgs/"
 
 
 def convert(path, *options):
-    """Convert the reference bag with Rerun's converter, and return the recording."""
+    """Convert the golden bag with Rerun's importer, and return the recording."""
     command = [sys.executable, "-c", COMMAND, "mcap", "convert", str(bag_file(GOLDEN)), *options]
     subprocess.run([*command, "-o", str(path)], check=True, env=os.environ | SILENT, timeout=60)
     return Picture(path)
@@ -240,12 +247,12 @@ def convert(path, *options):
 
 @pytest.fixture(scope="module")
 def imported(tmp_path_factory):
-    """Reference bag, converted by Rerun with default options."""
+    """Golden bag (reference recording), converted by Rerun with default options."""
     return convert(tmp_path_factory.mktemp("imported") / "golden.rrd")
 
 
 def test_the_documented_options_give_named_curves_over_rig_time(tmp_path):
-    """With the documented options Rerun's import names the curves after the joints.
+    """With the documented options Rerun names the curves of a bag after the joints.
 
     The times are durations from 0, as in the simulation.
     """
@@ -263,7 +270,10 @@ def test_the_documented_options_give_named_curves_over_rig_time(tmp_path):
 
 
 def test_joint_states_and_pressure_are_plotted_without_options(imported):
-    """Rerun's import plots joint states and pressure with the values of the bag."""
+    """Rerun's import of the golden bag plots joint states and pressure.
+
+    They have the values of the bag.
+    """
     every = ("position", "velocity", "effort")
     for topic, fields in (
         (topics.CAM_STATE, every),
@@ -281,7 +291,7 @@ def test_joint_states_and_pressure_are_plotted_without_options(imported):
 
 
 def test_the_rig_moves_without_options(imported):
-    """Rerun's import has each body of the last URDF and moves it by the transforms."""
+    """Rerun's import shows each body of the last URDF and moves it by the transforms."""
     *_, (_, _, last) = messages(GOLDEN, (topics.ROBOT_DESCRIPTION,))
     links = [
         e for e in ElementTree.fromstring(last.data).iter("link") if e.find("visual") is not None
@@ -296,9 +306,9 @@ def test_the_rig_moves_without_options(imported):
 
 
 def test_the_file_contains_the_schemas_of_all_messages():
-    """The reference bag has a schema of each message that viewers can read.
+    """The golden bag contains the definition of each message type, for viewers.
 
-    Foxglove and PlotJuggler read it. All messages are of standard ROS types.
+    Foxglove and PlotJuggler read the definitions. All messages are of standard ROS types.
     """
     with bag_file(GOLDEN).open("rb") as stream:
         reader = make_reader(stream)

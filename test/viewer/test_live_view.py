@@ -1,4 +1,7 @@
-"""Live view of a run: no bar, picture or text is ahead of the curves."""
+"""Tests of the live view of a run: nothing displayed is ahead of the curves.
+
+These are bars, pictures and texts.
+"""
 
 import time
 from functools import partial
@@ -28,7 +31,8 @@ from .conftest import play
 
 pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")
 CURVES = [f"/{line.entity}" for line in (LIFT, LAW, VELOCITY, ACCELERATION, FORCE, ZERO)]
-#: Shortest window of curves (s) in these tests, so that the small run contains several windows.
+#: Shortest time (s) of the curves that are sent together in these tests, so that the small run is
+#: sent in several parts ("windows").
 MIN_WINDOW_S = 0.2
 
 
@@ -43,7 +47,10 @@ def show(bag, address, flush=False):
 
 @pytest.fixture(scope="module")
 def arrived(bag, tmp_path_factory):
-    """Chunks of a live view in the order in which they arrived at a server."""
+    """Chunks (parts) of a live view's recording, as received by a server.
+
+    They are in the order of arrival.
+    """
     path, port = tmp_path_factory.mktemp("live") / "live.rrd", find_free_port()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "MIN_WINDOW_S", MIN_WINDOW_S)
@@ -56,7 +63,7 @@ def arrived(bag, tmp_path_factory):
 
 
 def times_of(parts):
-    """Return a dict from entity to its sorted times (ns) in all parts of a recording."""
+    """Return the sorted times (ns) of each entity in all parts of a recording."""
     readers, by_entity = [RrdReader(part) for part in parts], dict[str, list[int]]()
     assert len({str(recording) for reader in readers for recording in reader.recordings()}) == 1
     for chunk in (chunk for reader in readers for chunk in reader.stream().to_chunks()):
@@ -67,7 +74,7 @@ def times_of(parts):
 
 
 def test_a_long_recording_is_written_in_parts(bag, tmp_path, monkeypatch):
-    """The parts of a long recording together contain the data of a single file."""
+    """The files of a long recording together contain the data of a single file."""
     monkeypatch.setattr(live, "MIN_WINDOW_S", MIN_WINDOW_S)
     monkeypatch.setattr(page_module, "KEPT_PARTS", 10_000)
     folders = []
@@ -85,7 +92,7 @@ def test_a_long_recording_is_written_in_parts(bag, tmp_path, monkeypatch):
 
 
 def written(path, end):
-    """Return the chunks of a file once it is complete, before that an empty list.
+    """Return the chunks of a recording once it is complete, before that no chunk.
 
     It is complete if each curve reaches `end` (s) and the run is finished.
     """
@@ -99,13 +106,16 @@ def written(path, end):
 
 
 def results(chunks):
-    """Return the headings of the table of results, in order of time."""
+    """Return the headings of the table of results in recording chunks, by time."""
     texts = rows(chunks, "/results", "TextDocument:text")
     return [str(words[0]).partition("\n")[0] for _, words in texts if words]
 
 
 def newest(chunk):
-    """Return the newest time (s) in a chunk, or -inf if it applies to every time."""
+    """Return the newest rig time (s) in a chunk of a recording.
+
+    It is −inf for a chunk without times, which applies to every time.
+    """
     batch = chunk.to_record_batch()
     if "rig_time" not in batch.schema.names:
         return -np.inf
@@ -115,7 +125,8 @@ def newest(chunk):
 def test_the_cursor_stays_within_the_window_of_the_curves(bag, arrived):
     """No bar, picture, text or point of a live view is ahead of the curves.
 
-    The cursor is at most one window ahead of the slowest curve.
+    Curves are sent in windows, parts of 0.2 s here. The viewer's time cursor is at most one window
+    ahead of the slowest curve.
     """
     reached, cursor, lead, others = dict.fromkeys(CURVES, 0.0), 0.0, 0.0, 0
     for chunk in arrived:
@@ -134,14 +145,14 @@ def test_the_cursor_stays_within_the_window_of_the_curves(bag, arrived):
 
 
 def test_the_results_report_the_state_of_the_run(arrived):
-    """The heading of the results is "running" until the end, and then "finished"."""
+    """The heading of the viewer's results is "running" until the end, then "finished"."""
     heads = results(arrived)
     assert heads[-1] == "# Results, finished"
     assert set(heads[:-1]) == {"# Results, running"}
 
 
 def test_a_change_of_cam_or_speed_clears_the_chart(bag, arrived):
-    """At a change of cam or speed the chart has the new caption and no old data."""
+    """At a change of cam or speed a turn chart gets a new caption and no old data."""
     changes = [state.time_ns for state in cam_states(bag.loaded.scene)][::4][:-1]
     captions = rows(arrived, "/turn/caption", "Points2D:labels")
     assert [time for time, _ in captions] == changes
@@ -157,7 +168,7 @@ def test_a_change_of_cam_or_speed_clears_the_chart(bag, arrived):
 
 
 def rows(chunks, entity, column):
-    """Return (time in ns, value) of a column, in order of time."""
+    """Return (time in ns, value) of an entity's column in recording chunks, by time."""
     pairs = []
     for batch in (chunk.to_record_batch() for chunk in chunks if chunk.entity_path == entity):
         if "rig_time" in batch.schema.names and column in batch.schema.names:
@@ -167,9 +178,10 @@ def rows(chunks, entity, column):
 
 
 def test_a_curve_has_two_points_per_position_of_the_screen():
-    """A window of a live view has at most a thousand buckets of samples.
+    """A window of a live view's curves has at most a thousand buckets of samples.
 
-    A window is at least two ticks long. Each bucket gives two points, as a screen can display.
+    A window is the time whose curves are sent together, at least two ticks (intervals between cam
+    states). Each bucket gives two points, as many as a screen can display.
     """
     assert live_window(0.1) == live.MIN_WINDOW_S and live_window(2.0) == 4.0
     for rate in (500.0, 12_000.0, 48_000.0):
@@ -180,7 +192,8 @@ def test_a_curve_has_two_points_per_position_of_the_screen():
 def test_pictures_of_a_paced_run_are_sent_evenly_between_its_ticks(bag, monkeypatch):
     """At half real-time speed pictures are sent evenly, 20 per second.
 
-    They are at most a tick and 0.35 s late, and never ahead of the curves.
+    They are at most a tick (interval between cam states) and 0.35 s late, and never ahead of the
+    curves.
     """
     now, factor = [100.0], 0.5
     sent = {}
@@ -216,7 +229,10 @@ STEP_S = 0.25
 
 
 class Page:
-    """Simulated page that draws `speed` pictures per second, with a clock and a queue."""
+    """Simulated viewer page that draws `speed` pictures per second.
+
+    It has a clock and a queue of pictures that are not yet drawn.
+    """
 
     def __init__(self, speed):
         self.speed, self.now, self.waiting = speed, 0.0, 0.0
@@ -226,7 +242,7 @@ class Page:
         return self.waiting / self.speed
 
     def advance(self):
-        """Send and draw the pictures of a step of wall-clock time."""
+        """Send pictures if they are due, and draw some, in a step of wall-clock time."""
         self.now += STEP_S
         if self.pace.is_due():
             self.waiting += self.pace.chosen(1000).size
@@ -235,7 +251,7 @@ class Page:
 
 @pytest.mark.parametrize("speed", [1.5, 3.0, 7.0, 20.0])
 def test_a_slow_page_is_never_late_for_long(speed):
-    """The delay of a slow page is at most 2 s in 15 minutes.
+    """A slow viewer page is at most 2 s late in 15 minutes.
 
     On average at least half of the pictures that it can draw are sent.
     """
@@ -267,7 +283,7 @@ def test_the_rate_follows_a_page_that_is_slow_for_a_while():
 
 
 def test_the_rate_is_constant_if_the_delay_is_unknown():
-    """The rate of pictures is constant if the delay of the page is unknown.
+    """The rate of pictures is constant if the delay of the viewer's page is unknown.
 
     It is constant also for a page that is neither late nor in time, and for a native window.
     """
@@ -285,9 +301,9 @@ def test_the_rate_is_constant_if_the_delay_is_unknown():
 
 
 def test_no_more_pictures_are_sent_than_a_screen_displays():
-    """The number of pictures sent is limited by the time since the last pictures.
+    """The viewer's pictures are limited to the rate that a screen displays.
 
-    The newest picture is always sent.
+    Their number follows from the time since the last pictures. The newest picture is always sent.
     """
     now = iter([0.0, 0.1, 0.1, 10.0])
     pace = FramePace(None, lambda: next(now))

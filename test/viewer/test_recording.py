@@ -24,7 +24,8 @@ SCALARS = "Scalars:scalars"
 def test_every_sample_level_and_speed_of_a_small_bag_is_shown(bag, picture):
     """The recording contains every sample, level and speed of the bag at its time.
 
-    Lift is in mm, force in N and speed in rpm. A level is at the end of its tick.
+    Lift is in mm, force in N and speed in rpm. A level is at the end of its tick, the interval
+    between two cam states.
     """
     time, lift, _, _, force, _ = bag.samples
     np.testing.assert_allclose(picture.numbers(LIFT.entity, SCALARS), lift * 1e3, rtol=1e-12)
@@ -56,7 +57,7 @@ def test_landings_are_marked(bag, picture):
 def test_a_long_run_keeps_its_peaks(bag, tmp_path, monkeypatch):
     """The reduced curves of a long run contain the extremes of each tick.
 
-    `decimate=False` keeps all samples.
+    A tick is the interval between two cam states. `decimate=False` keeps all samples.
     """
     monkeypatch.setattr(recording, "WHOLE_BELOW", 100)
     monkeypatch.setattr(recording, "BUCKETS", 40)
@@ -75,7 +76,7 @@ def test_a_long_run_keeps_its_peaks(bag, tmp_path, monkeypatch):
 
 
 def test_static_data_are_read_first(picture):
-    """Colours and axes precede the curves in the file.
+    """Colours and axes precede the curves in a recording file.
 
     A viewer displays a file while it loads, and needs them first.
     """
@@ -127,7 +128,7 @@ def test_a_bag_without_a_required_topic_is_refused(tmp_path, config_dir):
 
 
 class Notes:
-    """Receiver that records the calls that it gets."""
+    """Receiver of a run's ticks and sound levels that records them for a test."""
 
     def __init__(self):
         self.profiles = {}
@@ -150,9 +151,10 @@ class Notes:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_any_order_of_topics_gives_the_ticks_in_order(bag, seed):
-    """Each tick is passed on once and in order, for any order of the topics.
+    """Each tick is passed to the viewer once and in order.
 
-    The sound level of a tick follows it.
+    The order of the topics has no effect. A tick is the interval between two cam states. The sound
+    level of a tick follows it.
     """
     notes = Notes()
     feed, sounds = RunFeed(notes), zip(bag.levels, bag.pressures, strict=True)

@@ -13,7 +13,10 @@ CAM, FOLLOWER, CONTOUR = "scene/rig/cam", "scene/rig/follower", "scene/rig/cam/c
 
 
 def gap(point, outline):
-    """Return the distance of a point to a closed polyline of shape (n, 2)."""
+    """Return the distance of a point to a closed polyline, both in the same unit.
+
+    The polyline has the shape (n, 2).
+    """
     start, along = outline[:-1], np.diff(outline, axis=0)
     fraction = np.sum((point - start) * along, axis=1) / np.sum(along**2, axis=1)
     foot = start + np.clip(fraction, 0.0, 1.0)[:, None] * along
@@ -21,7 +24,7 @@ def gap(point, outline):
 
 
 def test_each_cam_replaces_the_previous_cam(bag, picture):
-    """The picture has the closed contour of the mounted cam only.
+    """The moving picture has the closed contour of the mounted cam only.
 
     It is the recorded /cam/profile in mm.
     """
@@ -35,7 +38,7 @@ def test_each_cam_replaces_the_previous_cam(bag, picture):
 
 
 def test_the_picture_turns_the_cam_like_the_drive(bag, picture):
-    """The drawn cam is rotated by its angle, counterclockwise."""
+    """In each frame the drawn cam is rotated by its cam angle, counterclockwise."""
     time, quaternion = picture.time(CAM), picture.numbers(CAM, "Transform3D:quaternion")
     x, y, z, w = quaternion.T
     angle = np.interp(time, bag.samples[0], bag.angle)
@@ -45,7 +48,7 @@ def test_the_picture_turns_the_cam_like_the_drive(bag, picture):
 
 
 def test_the_roller_touches_the_turned_contour(bag, picture):
-    """In contact the centre of the roller is one radius from the turned contour.
+    """In contact the drawn roller's centre is one radius from the turned contour.
 
     The tolerance is 0.02 mm. In flight it is farther away.
     """
@@ -66,7 +69,10 @@ def test_the_roller_touches_the_turned_contour(bag, picture):
 
 
 def test_frames_come_at_equal_angles_across_blocks():
-    """Frames are at equal cam angles, however the samples are divided into blocks."""
+    """Frames of the moving picture are at equal cam angles.
+
+    The division of the samples into blocks has no effect.
+    """
     angle = np.linspace(0.0, 4.0 * np.pi, 5000, endpoint=False)
     step = angle[1]
     whole = frame_mask(angle, step)
@@ -95,7 +101,7 @@ def test_the_gap_is_drawn_in_flight_only(bag, picture):
 
 
 def test_the_arrow_is_the_contact_force(bag, picture):
-    """The force arrow has the contact force to scale, along the common normal.
+    """The drawn arrow has the contact force to scale, along the common normal.
 
     There is no arrow in flight.
     """
@@ -149,7 +155,10 @@ def test_title_speed_and_force_bar_are_below_the_cam(bag, picture):
 
 @pytest.mark.parametrize("scene", ["tm21_sweep", "quick"])
 def test_the_arrow_is_visible_at_every_speed(scene):
-    """The arrow of the preload is longer than a hundredth of the view."""
+    """At any speed the arrow of the preload is longer than 1/100 of the view.
+
+    The arrow displays a contact force.
+    """
     loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
     for cam in loaded.cams:
         slowest = min(loaded.scene.schedule.speeds.si_list)
@@ -173,9 +182,9 @@ def test_the_follower_covers_no_number_of_the_ring(make_loaded_scene, cam):
 
 
 def test_a_follower_outside_its_view_is_drawn_at_the_edge():
-    """A follower above its view is drawn at the edge, and the readings state this.
+    """A follower above the view of the picture is drawn at the view's edge.
 
-    They contain its lift and the lift at which it is drawn.
+    The displayed readings contain its lift and the lift at which it is drawn.
     """
     one = np.ones(1)
     words = readings(one, 5000.0, 0.2 * one, 0.0 * one, 0.1 * one, one, max_lift=0.065)[0]
@@ -185,7 +194,10 @@ def test_a_follower_outside_its_view_is_drawn_at_the_edge():
 
 
 def test_cam_and_follower_are_completely_visible(bag, picture):
-    """Contour, angle ring, guide and follower are within the view at the highest lift."""
+    """Contour, angle ring, guide and follower are within the moving picture.
+
+    This is so even at the highest lift.
+    """
     (left, right), (top, bottom) = bounds(framings(bag.loaded))
     zoom = picture.numbers("scene/rig", "Transform3D:mat3x3").reshape(-1, 3, 3)
     place = picture.numbers(FOLLOWER, "Transform3D:translation")[:, :2]
@@ -204,9 +216,10 @@ def test_cam_and_follower_are_completely_visible(bag, picture):
 
 
 def test_the_readings_are_those_of_the_frame(bag, picture):
-    """The displayed readings are angle, lift and force of their frame.
+    """The readings (text) next to the moving picture belong to its frame.
 
-    In flight they contain the gap, and in contact the pressure angle.
+    They are angle, lift and force. In flight they contain the gap, and in contact the pressure
+    angle.
     """
     words = [row[0] for row in picture.column("scene_readings", "TextDocument:text")]
     sample, gaps = bag.sample_of(picture, "scene_readings"), bag.gap * 1e6

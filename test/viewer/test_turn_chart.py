@@ -25,7 +25,10 @@ STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
 
 
 def back(bag, cam, key, strip):
-    """Return degrees and values of the points of a curve in the chart."""
+    """Return cam angle (°) and value of the points of a curve in the turn chart.
+
+    `key` is the quantity of the chart row, and `strip` has the drawn points.
+    """
     ranges = scene_ranges(bag.loaded).of(cam)
     low, high, _ = ranges[key]
     top = TurnAxes(plot_rows("one_mass"), ranges).tops[key]
@@ -34,14 +37,17 @@ def back(bag, cam, key, strip):
 
 
 def rows_of(bag, step, turn):
-    """Return the samples of a turn at a speed step, and their unwrapped angles (rad)."""
+    """Return the samples of a turn of the small bag, and their cam angles (rad).
+
+    `step` is the index of cam and speed. The angles are not reduced to a turn.
+    """
     at = slice(4 * step + 2 * turn, 4 * step + 2 * turn + 2)
     return Samples(np.concatenate(bag.rows[at], axis=1)), np.concatenate(bag.angles[at])
 
 
 @pytest.mark.parametrize("scene", ["quick", "torsion"])
 def test_the_axes_contain_the_whole_scene(scene):
-    """Each sample of a scene is within the axis of its cam.
+    """Each sample of a scene is within the axes of the turn chart of its cam.
 
     Each axis has at least two numbers.
     """
@@ -59,7 +65,10 @@ def test_the_axes_contain_the_whole_scene(scene):
 
 
 def test_a_curve_shows_the_samples_of_the_turn(bag, picture):
-    """The curves of a turn are its samples over 0 to 360°, with their peaks."""
+    """The curves of the turn chart are the samples of the turn, with their peaks.
+
+    They extend over 0 to 360°.
+    """
     for step, cam in enumerate(("poly345", "poly345", "bezier15", "bezier15")):
         rows, angle = rows_of(bag, step, 0)
         degrees = np.degrees(angle) % 360.0
@@ -78,7 +87,7 @@ def test_a_curve_shows_the_samples_of_the_turn(bag, picture):
 
 
 def test_the_law_is_drawn_over_the_lift(bag, picture):
-    """The law is drawn over the lift as a second, thinner line."""
+    """In the turn chart the law is drawn over the lift as a second, thinner line."""
     for strips in picture.column("turn/lift/follower/0", STRIPS):
         if strips:
             degrees, lift = back(bag, "poly345", "lift", strips[1])
@@ -90,7 +99,7 @@ def test_the_law_is_drawn_over_the_lift(bag, picture):
 
 
 def test_equal_turns_are_sent_once(bag, picture):
-    """A turn that equals the previous turn is not sent again.
+    """A turn whose samples equal the previous turn is not sent to the viewer again.
 
     In contact from rest the second turn equals the first.
     """
@@ -109,7 +118,7 @@ def test_equal_turns_are_sent_once(bag, picture):
 
 
 def test_landings_and_lift_offs_are_marked_and_flights_shaded(bag, picture):
-    """Landings and lift-offs are marked at their cam angles.
+    """In the turn chart landings and lift-offs are marked at their cam angles.
 
     Strokes cover each flight, within half a degree.
     """
@@ -128,23 +137,24 @@ def test_landings_and_lift_offs_are_marked_and_flights_shaded(bag, picture):
 
 
 def test_the_gap_is_lift_minus_law_in_flight(bag, picture):
-    """The gap over time is lift minus law in µm in flight, and 0 in contact."""
+    """The gap in the recording is lift minus law in µm in flight, and 0 in contact."""
     gap = np.where(bag.samples[4] == 0.0, bag.gap, 0.0) * 1e6
     np.testing.assert_allclose(picture.numbers(GAP.entity, "Scalars:scalars"), gap, atol=1e-3)
     assert gap.max() > 1e3
 
 
 def test_the_cursor_is_at_the_cams_angle(bag, picture):
-    """In each frame the cursor is at the cam angle within the turn."""
+    """In each frame the cursor of the turn chart is at the cam angle."""
     place = picture.numbers("turn/cursor", STRIPS)[:, 0, 0]
     sample = bag.sample_of(picture, "turn/cursor")
     np.testing.assert_allclose(place / WIDTH, bag.angle[sample] / (2.0 * np.pi) % 1.0, atol=1e-6)
 
 
 def test_values_beyond_their_axis_are_drawn_at_its_edge():
-    """Values beyond their axis are drawn at its edge, not in the next chart row.
+    """Values beyond an axis of the turn chart are drawn at its edge.
 
-    They occur if an operator drives faster than the scene.
+    Otherwise they would be drawn in the next row. They occur if an operator drives faster than the
+    scene.
     """
     (lift, *_) = plot_rows("one_mass")
     axes = TurnAxes([lift], {"lift": (0.0, 10.0, 5.0)})
@@ -156,15 +166,19 @@ def test_values_beyond_their_axis_are_drawn_at_its_edge():
 # -- chart of bounces: the exact states, one per turn
 
 
-#: Error (m) of the gap if a landing is next to angle 0: at most the travel in one sample period.
+#: Allowed error (m) of the gap at angle 0 if a landing is next to it: the travel of the follower in
+#: one sample period.
 LANDING_ERROR = 2.5e-4
-#: Turns at each speed, so few that rounding errors of irregular motion stay small.
+#: Number of turns at each speed, so few that rounding errors of irregular motion stay small.
 TURNS = 6
 
 
 @pytest.fixture(scope="module", params=[1, 4], ids=["a tick a turn", "four"])
 def bouncing_bag(request, tmp_path_factory, config_dir):
-    """Bag with three speeds from contact to irregular bouncing."""
+    """Bag with three speeds from contact to irregular bouncing.
+
+    The fixture runs each test with one and with four ticks (cam states) per turn.
+    """
     speeds = sorted(np.random.default_rng(7).uniform(380.0, 560.0, 3).round(2).tolist())
     rig, program = "tm21_bouncing", {"turns": TURNS, "ticks_per_turn": request.param}
     scene = scene_data(cams=["tm21"], rig=rig, speeds=speeds, sample_rate=4000, **program)
@@ -173,16 +187,16 @@ def bouncing_bag(request, tmp_path_factory, config_dir):
 
 @pytest.fixture(scope="module")
 def replayed(bouncing_bag, tmp_path_factory):
-    """Recording of the bag with bounces."""
+    """Viewer recording of the bag with bounces."""
     path = tmp_path_factory.mktemp("replayed") / "small.rrd"
     save_recording(bouncing_bag.path, path)
     return Picture(path)
 
 
 def exact(loaded):
-    """Yield speed (rpm) and gap (mm) at the end of each turn, from the exact map.
+    """Yield speed (rpm) and gap (mm) at the end of each turn, from the exact motion.
 
-    Each speed starts from the last state of the previous speed.
+    Each speed starts from the last state of the previous one.
     """
     (law,), state = loaded.laws.values(), ON_THE_CAM
     for speed in loaded.scene.schedule.speeds.si_list:
@@ -192,7 +206,7 @@ def exact(loaded):
 
 
 def placed_from(axes, points):
-    """Return the x and y values from which the points of a chart were placed."""
+    """Return the x and y values that the points of a chart represent."""
     x, y = np.array(points).reshape(-1, 2).T
     across, up = x / axes.width, 1.0 - (y - axes.top) / axes.height
     placed = ((across, *axes.x), (up, *axes.y))
@@ -204,9 +218,10 @@ def axes_of(bag):
 
 
 def test_points_are_the_states_of_the_exact_map(bouncing_bag, replayed):
-    """Each turn has a point at its speed and its exact gap at angle 0.
+    """In the bounce chart each turn has a point at its speed and its gap at angle 0.
 
-    The last turn has no point, because no sample follows it.
+    The gap is that of the exact motion, to a median error of 1e-6 mm. The last turn has no point,
+    because no sample follows it.
     """
     rows = replayed.column(f"{GAPS}/tm21", POSITIONS)
     assert all(len(points) == 1 for points in rows)
@@ -219,7 +234,10 @@ def test_points_are_the_states_of_the_exact_map(bouncing_bag, replayed):
 
 
 def test_a_turn_is_shown_once_it_is_over(bouncing_bag, replayed):
-    """The point of a turn appears within one tick after the cam passes angle 0."""
+    """The point of a turn appears within one tick after the cam passes angle 0.
+
+    A tick is the interval between two cam states.
+    """
     time = replayed.time(f"{GAPS}/tm21")
     scene = bouncing_bag.loaded.scene
     ticks = scene.schedule.ticks_per_turn
@@ -240,7 +258,10 @@ def test_landings_are_those_of_the_samples(bouncing_bag, replayed):
 
 
 def test_only_a_follower_that_rebounds_has_the_chart(picture):
-    """Of the shipped scenes only `bounce`, with rebounds, has the chart of bounces."""
+    """Of the shipped scenes only `bounce` has the chart of bounces.
+
+    Its follower rebounds from the cam.
+    """
     scenes = (config_root() / "scenes").glob("*.yaml")
     assert [path.stem for path in scenes if can_rebound(open_scene(path))] == ["bounce"]
     assert not [entity for entity in picture.entities if entity.startswith(f"/{GAPS}")]

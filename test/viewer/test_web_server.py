@@ -1,4 +1,4 @@
-"""Web page with Rerun's viewer: a recording is served only with a token."""
+"""Tests of the web page with Rerun's viewer, served only with a secret token."""
 
 import itertools
 import os
@@ -53,9 +53,9 @@ COOKIES = {
 
 
 def test_host_origin_and_cookie_must_all_be_right():
-    """A request with a wrong host, origin or cookie is refused.
+    """A request with a wrong host, origin or cookie is refused by the page server.
 
-    The reason is one line, which does not contain the token.
+    The reason is one line, which does not contain the secret token.
     """
     for host, origin, cookie, needed in itertools.product(HOSTS, ORIGINS, COOKIES, (False, True)):
         given = {"host": host, "origin": origin, "cookie": cookie}
@@ -69,9 +69,9 @@ def test_host_origin_and_cookie_must_all_be_right():
 
 
 def test_a_token_in_the_address_takes_precedence_and_is_unique():
-    """A wrong token in the address is refused even with the right cookie.
+    """A wrong token in a page's address is refused even with the right cookie.
 
-    Tokens are long and unique.
+    A token is a secret in the printed address. Tokens are long and unique.
     """
     headers = {"host": OWN}
     assert ACCESS.refusal_reason(headers, "right") == ""
@@ -86,7 +86,7 @@ def test_a_token_in_the_address_takes_precedence_and_is_unique():
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    """Client of a server that serves one recording."""
+    """Client of a page server that serves one recording."""
     path = tmp_path_factory.mktemp("web") / "a run.rrd"
     path.write_bytes(RECORDED)
     with serve_file(path) as address:
@@ -129,7 +129,7 @@ def test_the_cookie_belongs_to_a_host_that_no_other_server_knows(page):
 
 @pytest.mark.skipif(not _has_ipv6_loopback(), reason="this machine has no IPv6 loopback")
 def test_no_other_server_can_take_the_same_port_of_ipv6(page):
-    """No other process can listen at the port of the server on IPv6.
+    """No other process can listen on IPv6 at the port of the page server.
 
     A browser tries both loopback addresses.
     """
@@ -138,7 +138,7 @@ def test_no_other_server_can_take_the_same_port_of_ipv6(page):
 
 
 def test_the_entry_page_leads_to_no_other_host(page):
-    """The page that sets the cookie redirects only to this server, for any path."""
+    """The page that sets the cookie redirects only to its server, for any path."""
     for path in ("/%2Fevil.example", "/%5Cevil.example", "/%22%3E%3Cscript%3E"):
         status, _, body = ask(page.address, f"{path}?{page.url.query}")
         led = re.search(rb'0; url=([^"]*)"', body)[1]
@@ -193,14 +193,17 @@ def test_invalid_paths_are_refused(page, capfd, monkeypatch):
 
 
 def listening_ports(pids):
-    """Return the TCP ports at which these processes listen."""
+    """Return the TCP ports at which the processes with these ids listen."""
     rows = [row for pid in pids for row in sockets(pid, "tcp", "tcp6")]
     return {int(row[1].split(":")[1], 16) for row in rows if row[3] == "0A"}
 
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="reads Linux's own tables")
 def test_every_open_port_requires_the_token(tmp_path):
-    """Each port of a process that serves a file and a live run requires the token."""
+    """Each port of a process that serves a file and a live run requires the token.
+
+    The token is a secret in the printed address.
+    """
     (tmp_path / "a.rrd").write_bytes(RECORDED)
     script = (
         "import sys, time; from pathlib import Path\n"
@@ -227,14 +230,14 @@ def test_every_open_port_requires_the_token(tmp_path):
 
 @pytest.fixture(scope="module")
 def served():
-    """Server of live runs and its client."""
+    """Page server of live runs, and its client."""
     with serve() as pages:
         yield pages, Visitor(pages.address)
 
 
 @pytest.fixture
 def live(served):
-    """Server and client of a run that has not started."""
+    """Page server and its client, before a run has started."""
     for recording in served[0].folder.iterdir():
         recording.unlink()
     return served
@@ -265,7 +268,7 @@ def test_a_live_run_is_sent_while_it_is_written(live):
 
 
 def test_a_page_that_does_not_read_blocks_no_other_page(live):
-    """A page that does not read blocks neither the run nor another page."""
+    """A viewer page that does not read blocks neither the run nor another page."""
     pages, reader = live
     recording = new_recording(pages.folder)
     with recording.open("wb", buffering=0) as node:
@@ -304,13 +307,13 @@ def test_a_long_run_is_sent_part_by_part(live, monkeypatch):
 
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="reads Linux's own tables")
 def test_the_recording_is_closed_after_its_page(live):
-    """The server closes the recording if its page is closed, even without new data."""
+    """The server closes a recording if its page is closed, even without new data."""
     pages, reader = live
     recording = new_recording(pages.folder)
     recording.write_bytes(b"begin")
 
     def is_open():
-        """Return True if this process has the recording open."""
+        """Return True if this process, the server, has the recording file open."""
         links = [link for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
         return any(os.path.realpath(link) == str(recording) for link in links)
 
@@ -324,9 +327,9 @@ def test_the_recording_is_closed_after_its_page(live):
 
 
 def test_the_page_reports_its_rig_time(live):
-    """The page reports its displayed time to the server, which computes the delay.
+    """The viewer's page reports its displayed time to the server.
 
-    The first report ends `until_open`.
+    The server computes the delay of the page from it. The first report ends `until_open`.
     """
     pages, reader = live
     assert b"/shown?ns=" in reader.get(reader.home)
@@ -344,9 +347,9 @@ def test_the_page_reports_its_rig_time(live):
 
 
 def test_a_long_run_keeps_its_first_and_newest_parts(tmp_path, monkeypatch):
-    """Of a long run the first and the newest parts are kept, the others deleted.
+    """Of a long run the page server keeps the first and the newest recording files.
 
-    A new recording deletes the old one.
+    The others are deleted. A new recording deletes the old one.
     """
     monkeypatch.setattr(page_module, "MAX_PART", 10)
     assert page_module.newest_recording(tmp_path) is None
@@ -373,7 +376,7 @@ def test_a_long_run_keeps_its_first_and_newest_parts(tmp_path, monkeypatch):
 
 
 def test_the_delay_is_the_last_written_and_grows_when_overdue(tmp_path):
-    """The delay of a page is the last value written, and grows if reports stop.
+    """The delay of a page is the last written value, and grows without reports.
 
     It is None without a file, with an incomplete file, and without the folder.
     """
@@ -417,7 +420,10 @@ def test_the_delay_is_wall_clock_time_at_any_factor(factor):
 
 
 def test_a_page_without_rig_time_or_ahead_of_the_drive_is_not_late():
-    """The delay is None for a page without a time, and 0 for a page that is ahead."""
+    """The reported delay is None for a page without a time.
+
+    It is 0 for a page that is ahead.
+    """
     page = PageTime(lambda: 0.0)
     page.record_drive(1.0)
     page.take("ns=-1")
@@ -446,7 +452,7 @@ def test_the_request_contains_timeline_and_time():
 
 
 def test_only_a_recording_with_a_start_time_moves_the_cursor():
-    """Only the page of a recording with a start time moves the cursor of its viewer.
+    """Only the page of a recording with a start time moves its viewer's time cursor.
 
     The page of a live run does not.
     """

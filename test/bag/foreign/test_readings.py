@@ -30,7 +30,7 @@ LINE = "angle=/joints.position[cam] lift=/joints.position[follower]"
 
 
 def joints(stamp, values):
-    """Return a JointState with the positions of the joints in the dict `values`."""
+    """Return a ROS JointState whose joint names and positions are those of a dict."""
     kind = TYPES.types["sensor_msgs/msg/JointState"]
     none = np.array([])
     return kind(header(stamp), list(values), np.array(list(values.values()), float), none, none)
@@ -41,9 +41,10 @@ def both(angle=ANGLE, lift=LIFT):
 
 
 def read(path, line=LINE, **topics):
-    """Return the signals, counts by quantity and notes of a bag with these topics.
+    """Write a bag with these topics and return its signals, message counts and notes.
 
-    `line` is the mapping of quantities to topics, as given to --topics.
+    `topics` has the arguments of `write_bag`. `line` assigns quantities to topics, as in --topics.
+    The counts are by quantity.
     """
     bag = write_bag(path / "bench", {f"/{name}": topic for name, topic in topics.items()})
     return counted(read_signals(bag, parse_topics(line)))
@@ -57,9 +58,10 @@ def counted(found):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_message_without_the_joint_or_the_number_is_skipped(tmp_path, seed):
-    """A message without the joint or its position is skipped, counted and noted.
+    """A message without the required joint or its position is skipped and counted.
 
-    The other messages are read, whatever the order of the joints in a message.
+    A note reports the number. The other messages are read, whatever the order of the joints in a
+    message.
     """
     rng = np.random.default_rng(seed)
     rows, kept = [], {"cam": [], "follower": []}
@@ -81,7 +83,7 @@ def test_a_message_without_the_joint_or_the_number_is_skipped(tmp_path, seed):
 
 
 def test_it_is_an_error_if_all_messages_lack_the_joint(tmp_path):
-    """If no message contains the joint, BagError lists the existing joints."""
+    """If no message contains the required joint, BagError lists the existing joints."""
     line = LINE.replace("[cam]", "[cm]")
     with pytest.raises(BagError, match=r"from 0 or one of cam, follower, got 'cm'"):
         read(tmp_path, line, joints=(joints, TIME, both()))
@@ -102,7 +104,7 @@ def test_a_truncated_message_is_named_with_its_time(tmp_path):
 
 @pytest.mark.parametrize("sentinel", [-999.0, 9.99])
 def test_numbers_that_are_no_lift_are_dropped(tmp_path, sentinel):
-    """Values that a gauge reports instead of a lift are dropped.
+    """Values by which a gauge reports an error instead of a lift are dropped.
 
     A note states their number and times.
     """
@@ -164,7 +166,7 @@ def test_readings_of_a_message_with_a_wrong_angle_are_dropped(tmp_path):
 
 @pytest.mark.parametrize("kind", ["Int16", "UInt8", "UInt16", "Int8"])
 def test_a_counter_wraps_at_the_span_of_its_type(tmp_path, kind):
-    """The angle of an integer counter continues when its integer type wraps.
+    """The angle of an integer encoder continues when its integer type wraps.
 
     This applies to counting upwards and downwards.
     """
@@ -242,9 +244,10 @@ def test_a_type_without_a_definition_is_refused_by_name(tmp_path, monkeypatch):
 
 
 def test_a_standard_type_of_another_distribution_is_read_by_its_definition(tmp_path):
-    """A standard type is read by the definition in the bag if distributions differ.
+    """A standard message type is read by the definition in the bag.
 
-    Here the type Range has no field `variance`, which later distributions have.
+    The installed definition may differ. The two may be of different ROS distributions. Here the
+    type Range has no field `variance`, which later distributions have.
     """
     text = "std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range"
     text += "\nfloat32 max_range\nfloat32 range"
@@ -310,7 +313,10 @@ def test_an_hour_without_readings_is_a_pause(tmp_path):
 
 
 def test_times_of_two_clocks_are_printed_as_dates(tmp_path):
-    """Topics of two clocks raise BagError, and times since 1970 are printed as dates."""
+    """A bag whose topics have stamps of two clocks raises BagError.
+
+    In the error times since 1970 are printed as dates.
+    """
 
     def simulated(stamp, value):
         return joint(stamp - BEGIN + NS, value)

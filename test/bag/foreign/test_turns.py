@@ -15,9 +15,9 @@ RATE = 500.0
 
 
 def run(rng, seconds=6.0, rate=RATE):
-    """Return time (s) and true angle (rad) of a cam with two speeds and a ramp.
+    """Return time stamps (s) and true angle (rad) of a cam with two speeds and a ramp.
 
-    The speed varies within the turn, and the times are uneven.
+    The speeds are random. The speed varies slightly within a turn, and the stamps may have jitter.
     """
     time = np.arange(0.0, seconds, 1.0 / rate)
     speeds = TURN * rng.uniform(0.5, 4.0, 2)
@@ -31,9 +31,10 @@ def run(rng, seconds=6.0, rate=RATE):
 
 
 def as_read(angle, way):
-    """Return the readings of a kind of encoder, and its counter or None.
+    """Return the angles (rad) that an encoder of kind `way` reports, and its counter.
 
-    `way` is the kind, for example "one turn" or "int16".
+    `way` is for example "one turn" (wraps at 360°) or "int16" (integer counter). The counter is
+    None for an encoder that is not an integer counter.
     """
     if way == "one turn":
         return np.remainder(angle, TURN), None
@@ -50,7 +51,10 @@ def as_read(angle, way):
 
 
 def spoiled(rng, value, kind):
-    """Return the readings with a few wrong values, and the indices of these."""
+    """Return the readings with up to eight groups of wrong values, and their indices.
+
+    `kind` is "zeros", "random" (single values) or "runs" (up to five equal values in a row).
+    """
     value, wrong = value.copy(), []
     for _ in range(rng.integers(1, 9)):
         first = int(rng.integers(value.size))
@@ -88,9 +92,9 @@ def test_the_turns_are_those_of_the_cam(way, seed):
 @pytest.mark.parametrize("kind", ["zeros", "random", "runs"])
 @pytest.mark.parametrize("seed", range(8))
 def test_wrong_angles_are_dropped_and_the_others_kept(way, kind, seed):
-    """Readings that are wrong by more than 30° are dropped, and correct angles never.
+    """Encoder angles that are wrong by more than 30° are dropped.
 
-    The remaining angles are the true angles plus a constant.
+    Correct angles are never dropped. The remaining angles are the true angles plus a constant.
     """
     rng = np.random.default_rng(100 + seed)
     time, angle = run(rng, seconds=rng.choice([2.0, 20.0]))
@@ -119,7 +123,7 @@ def test_wrong_angles_are_dropped_and_the_others_kept(way, kind, seed):
 @pytest.mark.parametrize("count", [2, 3, 5])
 @pytest.mark.parametrize("seed", range(6))
 def test_angles_averaged_across_the_wrap_are_wrong(way, count, seed):
-    """Means of readings on both sides of the wrap are dropped as wrong angles.
+    """Averages of angles on both sides of an encoder's wrap are dropped as wrong.
 
     The mean of 359° and 1°, for example, is 180°. At least 90 % of such means are found, and no
     other reading is dropped.
@@ -142,9 +146,10 @@ def test_angles_averaged_across_the_wrap_are_wrong(way, count, seed):
 
 @pytest.mark.parametrize(("modulo", "turns"), [(16.0, 16.0), (10_000 / 4096, 10_000 / 4096)])
 def test_a_counter_may_wrap_at_another_number_than_its_type(modulo, turns):
-    """A counter that wraps at another number than that of its type is continued.
+    """A counter may wrap at another value than the limit of its integer type.
 
-    A note states the jump in turns and the time of the first jump.
+    The angle continues there, within five counts. A note states the jump back in turns and the time
+    of the first jump.
     """
     time = np.arange(4000) / 500.0
     count = TURN / 4096
@@ -184,7 +189,10 @@ def test_an_angle_in_degrees_is_not_taken_as_radians(sign, start):
 
 
 def test_a_cam_that_starts_and_stops_has_no_wrong_angle():
-    """No reading is dropped if a cam starts suddenly, stops, or pauses for an hour."""
+    """No reading is dropped if a cam starts suddenly, stops, or pauses for an hour.
+
+    The readings are those of an encoder.
+    """
     parts = [np.zeros(200), 0.3 * np.ones(300), np.zeros(200), 0.3 * np.ones(300), np.zeros(50)]
     angle = np.cumsum(np.concatenate(parts))
     time = np.arange(angle.size) / 100.0
@@ -196,7 +204,7 @@ def test_a_cam_that_starts_and_stops_has_no_wrong_angle():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_counter_that_restarts_at_zero_after_a_pause_continues_forwards(sign):
-    """The angle continues forwards if a counter restarts at zero after a pause.
+    """The angle continues forwards if an encoder restarts at zero after a pause.
 
     At most one turn is added, because the true motion in the pause is unknown. A note states the
     jump and its time.
@@ -227,9 +235,10 @@ def test_a_counter_that_restarts_at_zero_after_a_pause_continues_forwards(sign):
     ],
 )
 def test_an_impossible_motion_is_refused_with_its_time(value, error):
-    """Angles of an impossible motion raise BagError with the time or its reading rate.
+    """Angles of an impossible motion raise BagError.
 
-    The motions have too many wrong angles, a reversal, or too few readings per turn.
+    The motions have too many wrong angles, a reversal, or too few readings per turn. The error has
+    the time of the fault, or the rate of the readings.
     """
     with pytest.raises(BagError, match=error):
         count_turns(Signal(np.arange(400.0), value), "bag")

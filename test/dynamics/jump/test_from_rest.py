@@ -1,4 +1,7 @@
-"""Runs from rest: computations agree, also on a law that rises at angle 0."""
+"""Tests of runs from rest: different computations of the contact force agree.
+
+The tests include laws whose lift has a slope at angle 0.
+"""
 
 import math
 from dataclasses import fields, replace
@@ -30,10 +33,11 @@ def steep(laws):
 
 
 def test_all_runs_from_rest_agree(steep, paper_rig, two_mass):
-    """Four computations of the contact force from rest agree.
+    """Four computations of the contact force of a run from rest agree.
 
-    These are a simulation, the jump speed, the minima of many rigs at once, and a numerical
-    integration (1e-5 of the largest force).
+    A simulation agrees with a numerical integration to 1e-5 of the largest force. Its smallest
+    force agrees with the minimum search for one rig and that for many rigs, to 1 % and 0.1 % of the
+    largest force. The force first becomes negative at the jump speed.
     """
     p = two_mass
     for law in steep:
@@ -59,7 +63,7 @@ TURNS = 6
 
 
 def random_rigs(rng, count):
-    """Return random two-mass followers with at least ten stem periods per turn."""
+    """Return random two-mass followers as arrays, with stems of 1e6 to 6e6 N/m."""
     share = rng.uniform(0.1, 0.9, count)
     mass = rng.uniform(0.5, 2.0, count)
     damping = 10.0 ** rng.uniform(-2.0, 1.3, (2, count))
@@ -71,9 +75,9 @@ def random_rigs(rng, count):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("name", CAMS)
 def test_minima_of_many_rigs_are_those_of_each_rig(laws, name):
-    """The smallest force up to each turn, computed for five rigs at once, is correct.
+    """The smallest contact force up to each turn, computed for five rigs in one call.
 
-    It agrees with the model of one rig to 1 N or 2 %, the error of its grid of angles.
+    It agrees with the computation for a single rig to 2 % or 1 N, the error of its grid of angles.
     """
     rng, law = np.random.default_rng(CAMS.index(name)), laws[name]
     rigs, rpm = random_rigs(rng, 5), float(rng.uniform(250.0, 600.0))
@@ -91,9 +95,10 @@ def test_minima_of_many_rigs_are_those_of_each_rig(laws, name):
 
 # -- number of evaluations that a search for a jump speed needs
 
-#: Limit of evaluations in these tests, lower than that of the package.
+#: Limit of function evaluations of a jump speed search in these tests, lower than the default
+#: limit.
 MAX_TEST_EVALUATIONS = 1e6
-#: Range of each random number, which is the range that a rig file allows.
+#: Range of each parameter of a random rig, which is the range that a rig file allows.
 RANGES = {
     "roller_mass": (1e-9, 1e6),
     "end_mass": (1e-9, 1e6),
@@ -109,10 +114,11 @@ RANGES = {
 @pytest.mark.parametrize("stiffness", [1e9, 1e12, 1e15])
 @pytest.mark.parametrize("duration", [1.7, None])
 def test_a_stiffer_stem_takes_no_more_evaluations(laws, two_mass, monkeypatch, stiffness, duration):
-    """On a very stiff stem the search finds the rigid jump speed in few evaluations.
+    """With a very stiff stem the search finds the jump speed of a rigid follower.
 
-    At 10¹⁵ N/m there are 10⁷ resonances below it. The search proves contact over wide ranges of the
-    speed and does not evaluate each resonance.
+    It needs fewer than 1e6 evaluations, and the result is within 5 rpm. At 10¹⁵ N/m the stem has
+    10⁷ resonances below that speed. The search proves contact over wide ranges of the speed instead
+    of evaluating each resonance.
     """
     monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", MAX_TEST_EVALUATIONS)
     stiff = replace(two_mass, stem_stiffness=stiffness)
@@ -121,7 +127,10 @@ def test_a_stiffer_stem_takes_no_more_evaluations(laws, two_mass, monkeypatch, s
 
 
 def random_rig(two_mass, seed):
-    """Return a rig whose numbers are at the limits, between them, or the paper's."""
+    """Return two masses with random parameters from the whole allowed range.
+
+    Each parameter is at a limit, between the limits, or that of the identified rig.
+    """
     rng = np.random.default_rng(seed)
     numbers = {}
     for name, (low, high) in RANGES.items():
@@ -134,9 +143,9 @@ def random_rig(two_mass, seed):
 @pytest.mark.variants(12)
 @pytest.mark.parametrize("seed", range(312))
 def test_any_rig_has_a_jump_speed_or_an_error(laws, two_mass, monkeypatch, seed):
-    """Within the allowed evaluations each random rig gets a jump speed or an error.
+    """Within 1e6 evaluations each random rig gets a jump speed or an error.
 
-    The error states the allowed values.
+    The error states which values are allowed.
     """
     monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", MAX_TEST_EVALUATIONS)
     rng = np.random.default_rng(seed)
@@ -149,9 +158,9 @@ def test_any_rig_has_a_jump_speed_or_an_error(laws, two_mass, monkeypatch, seed)
 
 
 def test_a_search_with_too_many_evaluations_is_refused(laws, two_mass, monkeypatch):
-    """If a search needs too many evaluations, the error states the speed reached.
+    """A search that needs over 2000 evaluations is refused with the speed reached.
 
-    It also states the limit and remedies.
+    The error also states the limit and remedies.
     """
     monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", 2e3)
     with pytest.raises(

@@ -24,9 +24,10 @@ from ..helpers import lift_off, with_joints
 
 
 def loses_contact(law, parameters, speed, duration):
-    """Return True if the exact model loses contact at this speed (rad/s).
+    """Return True if the exact simulation loses contact at this cam speed (rad/s).
 
-    The run starts from rest and takes `duration` s. Without a duration it is one steady turn.
+    The run starts from rest and takes `duration` s. With the duration None it is one turn of the
+    steady state.
     """
     start = np.zeros(2)
     if duration is None:
@@ -37,9 +38,9 @@ def loses_contact(law, parameters, speed, duration):
 @pytest.mark.parametrize("cam", ["bezier15", "poly345", "cycloidal"])
 @pytest.mark.parametrize("duration", [1.7, None])
 def test_jump_speed_is_that_of_the_exact_model(laws, two_mass, cam, duration):
-    """The exact model keeps contact 0.005 rpm below the jump speed.
+    """The exact simulation keeps contact 0.005 rpm below the computed jump speed.
 
-    It loses contact 0.005 rpm above it. Angle and time of the loss agree.
+    It loses contact 0.005 rpm above it, at the computed angle and time.
     """
     law = laws[cam]
     jump = find_jump(law, two_mass, duration)
@@ -50,9 +51,9 @@ def test_jump_speed_is_that_of_the_exact_model(laws, two_mass, cam, duration):
 
 @pytest.mark.parametrize("slowest", [1.0, 249.0, 340.0])
 def test_a_resonance_that_only_just_loses_contact(cams, two_mass, slowest):
-    """A loss of contact in a range of only 0.4 rpm is found.
+    """A loss of contact that occurs only in a speed range of 0.4 rpm is found.
 
-    The smallest force is −0.1 N. The result does not depend on the first speed of the search.
+    The smallest force in it is −0.1 N. The result does not depend on the first speed of the search.
     """
     # A former search missed this case, because the force is negative only between two of its
     # samples.
@@ -66,9 +67,10 @@ def test_a_resonance_that_only_just_loses_contact(cams, two_mass, slowest):
 
 
 def test_a_resonance_narrower_than_a_millionth(laws, two_mass):
-    """With very low damping the jump speed is that of the first critical resonance.
+    """The jump speed is found if contact is lost only in a very narrow range of speed.
 
-    Contact is lost only in a range of a millionth of the speed, and next at a much higher speed.
+    With little damping, contact is lost at a resonance just above the jump speed (relative 1e-8),
+    and kept again 1e-4 above it.
     """
     law, follower = laws["poly345"], replace(two_mass, stem_damping=0.003, damping=0.003)
     jump_speed = find_jump(law, follower, None).speed
@@ -97,20 +99,20 @@ def test_no_jump_speed(laws, two_mass, changes, duration, message):
 
 # -- jump speeds of many rigs in one call
 
-#: Number of rigs per call.
+#: Number of followers per call.
 COUNT = 12
 
 
 @pytest.fixture(params=["paper_table2", "tm21"])
 def shipped(request):
-    """Shipped rig of two masses, then that of one mass."""
+    """Shipped rig with two masses, then the shipped rig with one mass."""
     return cam_rig.load_rig(request.param)
 
 
 def test_each_row_is_that_of_a_single_call(laws, shipped):
-    """A call for many followers gives exactly the results of single calls.
+    """`jump_speed` for arrays of 12 followers gives the results of 12 single calls.
 
-    Speed, angle and time of the loss are equal in all bits.
+    Speed, angle and time of the loss of contact are equal in all bits.
     """
     rng, law = np.random.default_rng(5), laws["poly345"]
     numbers = {
@@ -130,9 +132,9 @@ def test_each_row_is_that_of_a_single_call(laws, shipped):
 
 
 def test_a_rig_without_a_jump_speed_has_a_reason(laws, shipped):
-    """In a call for many rigs an invalid preload gives NaN and a reason in its row.
+    """In a call for many rigs, a rig with an invalid preload gets NaN and a reason.
 
-    The other rows are complete.
+    The results of the other rigs are complete.
     """
     preload = np.array([30.0, -1.0, np.nan, 30.0])
     result = cam_rig.jump_speed(laws["poly345"], shipped, preload=preload)
@@ -157,7 +159,10 @@ def test_arrays_must_have_one_length(laws, shipped):
 
 
 def test_the_follower_of_a_rig():
-    """A rig with `roller_share` has a follower of two masses, another rig one mass."""
+    """The follower of a rig with `roller_share` has two masses.
+
+    The follower of any other rig has one mass.
+    """
     split, whole = cam_rig.load_rig("paper_table2"), cam_rig.load_rig("tm21")
     assert describe_follower(follower_of(split)) == "two masses"
     assert describe_follower(follower_of(whole)) == "one rigid mass"
@@ -167,9 +172,10 @@ def test_the_follower_of_a_rig():
 
 
 def damped(stem_stiffness, share, ratio):
-    """Return the two masses of the Table 2 rig with another stem.
+    """Return the two masses of the rig `paper_table2` with another stem.
 
-    `share` is the roller's share of the mass, and `ratio` the damping ratio of the stem.
+    `stem_stiffness` is in N/m, `share` is the roller's share of the mass, and `ratio` is the
+    damping ratio of the stem.
     """
     numbers = {"roller_share": share, "stem_stiffness": stem_stiffness, "damping": 0.0}
     whole = TwoMassParameters.from_rig(cam_rig.load_rig("paper_table2").with_follower(**numbers))
@@ -182,7 +188,8 @@ def damped(stem_stiffness, share, ratio):
 def test_an_overdamped_stem(laws, stiffness, share, ratio):
     """With an overdamped stem the smallest steady force is zero at the jump speed.
 
-    The force is computed independently, from the Fourier series of the lift.
+    It is positive at 0.9999 and negative at 1.0001 of this speed. The force is computed
+    independently, from the Fourier series of the lift.
     """
     law, p, count = laws["poly345"], damped(stiffness, share, ratio), 1 << 16
     lift = np.fft.rfft(law.motion_at(np.arange(count) * (TURN / count))[0])
@@ -209,9 +216,10 @@ def test_the_error_of_high_damping_has_the_damping_ratio(laws):
 
 @pytest.mark.parametrize("cam", ["poly345", "trigonometric", "tm21"])
 def test_a_follower_without_preload(laws, follower, cam):
-    """The jump speed without preload is the limit of a very small preload.
+    """The jump speed without preload is the limit for a very small preload, to 1e-9.
 
-    A force of zero in a dwell does not count as a loss of contact.
+    A force of zero in a dwell does not count as a loss of contact. With very high damping the error
+    states that contact is lost at 1 rpm.
     """
     law, free = laws[cam], replace(follower, preload=0.0)
     jump = find_jump(law, free, None)
@@ -224,7 +232,10 @@ def test_a_follower_without_preload(laws, follower, cam):
 
 
 def test_contact_is_lost_at_rest_on_a_law_below_zero(laws, follower):
-    """If the preload is too small for a negative lift, the jump speed is 0."""
+    """If the preload is too small for a law with negative lift, the jump speed is 0.
+
+    Contact is then lost without any rotation.
+    """
     law = laws["poly345"]
     below = Law("below", law.breaks, law.ordinates - 0.5 * peak(law, 0).value)
     assert rigid_jump(below, replace(follower, preload=0.0)) == (0.0, extremes(below, 0)[0].angle)
@@ -238,10 +249,11 @@ def test_contact_is_lost_at_rest_on_a_law_below_zero(laws, follower):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(6))
 def test_rigid_jump_is_the_exhaustive_minimum(laws, follower, seed):
-    """The rigid jump speed equals the lowest result of a million angles.
+    """The jump speed of a rigid follower is the lowest of a million cam angles.
 
-    A parabola through the three lowest angles refines their minimum. The tolerance is 1e-10, or
-    1e-5 at a joint, where no parabola fits.
+    At each angle it is the speed at which the contact force reaches zero there. A parabola through
+    the three lowest values refines the minimum. The relative tolerance is 1e-10, or 1e-5 at a joint
+    of two polynomial pieces, where no parabola fits.
     """
     rng = np.random.default_rng(seed)
     law = laws[("poly345", "tm21", "bezier15", "cycloidal", "trigonometric", "measured")[seed]]
@@ -263,9 +275,9 @@ def test_rigid_jump_is_the_exhaustive_minimum(laws, follower, seed):
 
 
 def first_zeros(law, mass, angles):
-    """Return at each angle the lowest speed (rad/s) at which the force is zero.
+    """Return at each angle the lowest cam speed (rad/s) with a contact force of zero.
 
-    It is the smallest Ω > 0 with m s'' Ω² + c s' Ω + k s + F₀ = 0, or infinite.
+    It is the smallest Ω > 0 with m s'' Ω² + c s' Ω + k s + F₀ = 0, or infinite if no such Ω exists.
     """
     s, slope, curvature = law.motion_at(angles)
     a, b, c = mass.mass * curvature, mass.damping * slope, mass.spring_stiffness * s + mass.preload
@@ -277,9 +289,9 @@ def first_zeros(law, mass, angles):
 @pytest.mark.parametrize("duration", [1.7, None])
 @pytest.mark.parametrize("rig", ["paper_table2", "tm21"])
 def test_a_cam_of_dwells_keeps_contact(rig, duration):
-    """A cam without lift never loses contact, because the force is the preload.
+    """A cam without lift never loses contact, so its jump speed is an error.
 
-    This is an error, because it has no jump speed.
+    The contact force is the preload at every speed. The error states the highest speed, 1e5 rpm.
     """
     flat = Law("flat", np.array([0.0, TURN]), np.zeros((1, 1)))
     with pytest.raises(DynamicsError, match="'flat': the follower keeps contact up to 100000 rpm"):

@@ -1,6 +1,7 @@
-"""Exact solution of linear systems (propagator) against 50-digit arithmetic.
+"""Tests of the exact solution of linear systems against 50-digit arithmetic.
 
-A system x' = A x + f(t) is driven by a polynomial of time f over one piece, a range of time.
+A system x' = A x + f(t) is driven by a polynomial of time f. Its solution over the duration of f is
+called a piece.
 """
 
 import itertools
@@ -23,7 +24,7 @@ from cam_rig.units import TURN
 
 @pytest.fixture
 def exact(many_digits):
-    """Function that returns the exact state at a time, computed once and then stored."""
+    """Function that returns a state in many digits, from the stored reference values."""
 
     def recall(matrix, forcing, duration, start, time):
         inputs = (matrix, forcing, duration, start, time)
@@ -33,9 +34,11 @@ def exact(many_digits):
 
 
 def by_exponential(matrix, forcing, duration, start, time):
-    """Return the state at a time (s) in 60 digits.
+    """Return the exact state at a time (s), computed with 60 digits.
 
-    It is the matrix exponential of the system with the powers tʲ/j! as additional states.
+    It is the matrix exponential of the system with the powers tʲ/j! as additional states. `forcing`
+    has the Bernstein coefficients of the drive over `duration` (s), and `start` is the state at
+    time 0.
     """
     n, degree = matrix.shape[0], forcing.shape[1] - 1
     with mp.workdps(60):
@@ -58,9 +61,9 @@ def by_exponential(matrix, forcing, duration, start, time):
 @pytest.mark.parametrize("degree", [0, 5, 15])
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_random_stable_system(exact, n, degree):
-    """States of random stable systems are exact to 1e-11 of their maximum.
+    """States of random stable linear systems are exact to 1e-11 of their maximum.
 
-    The forcing is a polynomial over a few time constants.
+    The drive is a polynomial over a few time constants.
     """
     rng = np.random.default_rng(10 * n + degree)
     matrix = rng.normal(size=(n, n))
@@ -76,9 +79,10 @@ def test_random_stable_system(exact, n, degree):
     np.testing.assert_allclose(part.end(start), expected[:, -1], rtol=0, atol=1e-11 * size)
 
 
-#: Cases: matrix, seed and number of ordinates of the forcing, start state, and durations (s). Their
-#: durations are much shorter and longer than the time constant of 1 s. Others are an undamped mode
-#: over exactly its period, modes without a spring, which drift, and a matrix with one eigenvector.
+#: Cases: matrix, seed and number of coefficients of the drive, start state, and durations (s). The
+#: durations are much shorter and longer than the time constant of 1 s. Other cases are an undamped
+#: mode over exactly its period, modes without a spring, which drift, and a matrix with one
+#: eigenvector.
 SPECIAL = {
     "quick": ([[-1.0]], 5, 6, [0.7], [1e-3, 0.1, 1.0, 10.0, 1000.0]),
     "quick, degree 15": ([[-1.0]], 15, 16, [0.7], [1e-3, 0.1, 1.0, 10.0, 1000.0]),
@@ -91,7 +95,11 @@ SPECIAL = {
 
 @pytest.mark.parametrize("name", SPECIAL)
 def test_special_matrices(exact, name):
-    """Systems with repeated eigenvalues or without a spring are exact to 1e-12."""
+    """Systems with repeated eigenvalues or without a spring are solved to 1e-12.
+
+    The systems are linear. The end states are compared with 60-digit values, relative to their
+    maximum.
+    """
     matrix, seed, count, start, durations = SPECIAL[name]
     matrix, start = np.array(matrix), np.array(start)
     forcing = np.random.default_rng(seed).normal(size=(start.size, count))
@@ -108,10 +116,11 @@ SPEED = 300.0 * np.pi / 30.0
 
 @dataclass(frozen=True)
 class Vibration(Oscillator):
-    """Eq. 5 of the paper for the vibration r = x − α s, as the package solves it.
+    """Reference of one mass on an elastic stem, in the coordinate of the code.
 
-    α s is the static part of the displacement x. In x the rounding of the lift and a step of 1e-17
-    m at a joint are negligible. In the force they are multiplied by the stiffness of the stem.
+    It is eq. 5 of the paper for the vibration r = x − α s, where α s is the static part of the
+    displacement x. A reference for x would not show errors of the force: rounding of the lift of
+    1e-17 m is negligible in x, but the force multiplies it by the stiffness of the stem.
     """
 
     def phases(self):
@@ -121,7 +130,11 @@ class Vibration(Oscillator):
 
 
 def errors(reference, law, model, speed, turns=1):
-    """Return the largest relative errors of r and ṙ compared with 50 digits."""
+    """Return the largest errors of vibration and vibration velocity against 50 digits.
+
+    They are relative to the largest value. `reference` is the fixture `many_digits`, `model` a
+    `Vibration`, and `speed` is in rad/s.
+    """
     case = Case("edge", "edge", law, model, speed, turns, turns, output_times(speed, turns, 29))
     wanted = reference.solution(case, many_digits_of.solve)
     numbers = [float(x) for x in vars(model).values()]
@@ -136,7 +149,11 @@ def errors(reference, law, model, speed, turns=1):
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "cycloidal", "tm21"])
 @pytest.mark.parametrize("turns", [1, 20])
 def test_stiffest_stem_without_damping(laws, many_digits, cam, turns):
-    """At 1e10 N/m without damping the error is the rounding of the phase."""
+    """With the stiffest stem and no damping the motion is exact to rounding.
+
+    The stem has 1e10 N/m. The relative error is at most four times the rounding error of the
+    vibration's phase, which is 17 500 rad per turn.
+    """
     # The phase Ωt is 17 500 rad per turn. The tolerance is four times its rounding, eps Ωt, because
     # the parts of a turn are added.
     model = Vibration(1.3, 0.0, 4030.0, 1e10)
@@ -149,7 +166,7 @@ def test_stiffest_stem_without_damping(laws, many_digits, cam, turns):
 @pytest.mark.parametrize("off", [0.0, 1e-12, -1e-12, 1e-6, -1e-6])
 @pytest.mark.parametrize("speed", [0.3, 20.0, 3000.0])
 def test_a_critically_damped_stem(laws, many_digits, off, speed):
-    """Motion with critical damping, and with damping close to it, is exact to 1e-11.
+    """A vibration with critical damping, or close to it, is exact to 1e-11.
 
     At critical damping the two decay rates, 64 1/s, coincide.
     """
@@ -161,9 +178,9 @@ def test_a_critically_damped_stem(laws, many_digits, off, speed):
 
 
 def test_critically_damped_flight():
-    """A flight of two masses with a critically damped mode is exact to 1e-12.
+    """A free flight of two masses with a critically damped mode is exact to 1e-12.
 
-    The damping is proportional to the stiffness.
+    The error is relative to the size of the motion. The damping is proportional to the stiffness.
     """
     m1, m2, k1, k2 = 1.0, 2.0, 3000.0, 1000.0
     squares = np.linalg.eigvals(np.array([[k1 / m1, -k1 / m1], [-k1 / m2, (k1 + k2) / m2]]))
@@ -187,10 +204,10 @@ def test_critically_damped_flight():
 
 @pytest.mark.parametrize("turns", [1, 7, 1000])
 def test_a_mass_without_spring_and_damper(laws, turns):
-    """A free mass under a force K s(θ) moves by the double integral of the law.
+    """A mass without spring and damper under a force K s(θ) moves as in a closed form.
 
-    v increases by K ∮s dt per turn, and x(NT) = N x(T) + v(T) T N(N − 1)/2 after N turns. The
-    tolerance is a relative 1e-12.
+    The velocity v increases by K ∮s dt per turn of duration T, and x(NT) = N x(T) + v(T) T N(N −
+    1)/2 after N turns. The relative tolerance is 1e-12.
     """
     law, push = laws["poly345"], 7.0
     free = np.array([[0.0, 1.0], [0.0, 0.0]])

@@ -17,7 +17,7 @@ W = np.geomspace(1.0, 3e4, 40)
 
 
 def rigs(count):
-    """Yield rigs with random parameters over several decades."""
+    """Yield rigs whose random mass, stiffness and damping cover several decades."""
     random = np.random.default_rng(5)
     for _ in range(count):
         mass, spring, stem = 10.0 ** random.uniform((-2, 2, 5), (2, 5, 9))
@@ -35,7 +35,10 @@ def rigs(count):
 
 
 def closed_form(rig, model, w):
-    """Return the transfer functions x/s and F/s at the angular frequencies w (rad/s)."""
+    """Return the transfer functions x/s and F/s at the angular frequencies w (rad/s).
+
+    x is the follower's displacement, F the contact force, and s the lift.
+    """
     follower, s = rig.follower, 1j * w
     m, k, c = follower.mass.si, follower.spring_stiffness.si, follower.damping.si
     if model == "one_mass":
@@ -49,9 +52,9 @@ def closed_form(rig, model, w):
 
 @pytest.mark.parametrize("model", rig_model.MODELS)
 def test_the_frequency_response_is_the_closed_form(model):
-    """All outputs of the frequency response agree with closed forms.
+    """All outputs of the linear model's frequency response agree with closed forms.
 
-    Velocity is jω x and acceleration −ω² x. The tolerance is 1e-10 of lift and response.
+    Velocity is jω x and acceleration −ω² x. The relative tolerance is 1e-10.
     """
     for rig in rigs(20):
         x, velocity, acceleration, force = rig.frequency_response(W, model)
@@ -67,9 +70,9 @@ def test_the_frequency_response_is_the_closed_form(model):
 
 
 def test_the_state_space_converges_to_the_model():
-    """scipy's lsim of the state space converges to the exact model.
+    """A simulation of the linear state-space model converges to the exact model.
 
-    Half the time step must reduce the error by more than 2.5.
+    Half the time step of scipy's lsim must reduce the error by more than 2.5.
     """
     rig, law = cam_rig.load_rig("tm21"), cam_rig.build_law(cam_rig.load_cam("poly345"))
     rig, speed = rig.replace(stem_stiffness="40 N/mm"), 30.0

@@ -40,16 +40,20 @@ from cam_rig.units import TURN
 
 from .test_first_zero import case, forces, noise, random_law, random_rig
 
-#: Number of random combinations of law, rig and speed per inequality.
+#: Number of random combinations of law, rig and cam speed for each inequality.
 CASES = 30
-#: Relative rounding error that is allowed between a sample and its bound.
+#: Relative excess over a bound that is allowed for rounding errors.
 ROUNDING = 1e-9
-#: Fractions of a speed step at which a chord error is sampled.
+#: Positions within a step of the cam speed (0 to 1) at which a chord error is sampled.
 X = np.linspace(0.0, 1.0, 201)[1:-1]
 
 
 def norms(norm, states):
-    """Return the norm N of each free vibration, given states of shape (2, n)."""
+    """Return the norm N of free vibrations, one per column of `states`.
+
+    `states` has displacement and velocity, shape (2, n). N is the norm of inequality (16) of
+    docs/proofs.md, with the constants ρ and δ of `norm`.
+    """
     return np.hypot(norm.rho * states[0], states[1] + norm.delta * states[0])
 
 
@@ -60,7 +64,10 @@ def random_step(rng):
 
 
 def chord_errors(function, low, high):
-    """Return the chord errors of a function of the speed at the fractions `X`."""
+    """Return the chord errors of a function of the cam speed, at the positions `X`.
+
+    A chord error is the difference from the straight line between the speeds `low` and `high`.
+    """
     values = np.array([function(low + x * (high - low)) for x in X])
     first, last = function(low), function(high)
     x = X.reshape(-1, *(1,) * (values.ndim - 1))
@@ -68,7 +75,10 @@ def chord_errors(function, low, high):
 
 
 def test_norm_of_a_free_vibration():
-    """Inequalities (16), (17) and (18) hold, and some cases reach 99 % of each bound."""
+    """(16), (17) and (18) of docs/proofs.md hold for random free vibrations.
+
+    They bound a vibration by its norm N. Some cases reach 99 % of each bound.
+    """
     closest = np.zeros(3)
     for seed in range(4 * CASES):
         rng = np.random.default_rng(seed)
@@ -92,9 +102,10 @@ def test_norm_of_a_free_vibration():
 
 
 def runs(count=CASES):
-    """Yield random cases whose output can be computed to a few digits.
+    """Yield random runs of two masses whose output can be computed to a few digits.
 
-    A case has the seed, law, rig, duration (s), speed (rad/s), mode on the law and motion.
+    An item has the seed, law, rig, duration (s), cam speed (rad/s), vibration mode on the law, and
+    the motion at that speed.
     """
     for seed in range(count):
         law, rig, duration = case(seed)
@@ -106,9 +117,9 @@ def runs(count=CASES):
 
 
 def pieces_of(table, motion, duration, rng):
-    """Yield random polynomial pieces of a run that are within its duration.
+    """Yield random polynomial pieces of the law that are within the duration of a run.
 
-    Each has its index, its turn, and 300 angles (rad) from the start of the piece.
+    An item has the index of the piece, the turn, and 300 angles (rad) from the start of the piece.
     """
     turns = len(motion.turn_starts)
     for _ in range(8):
@@ -121,9 +132,10 @@ def pieces_of(table, motion, duration, rng):
 
 
 def test_output_in_pieces():
-    """Inequalities (15), (19), (20) and (21) hold in random pieces and turns.
+    """(15), (19), (20) and (21) of docs/proofs.md hold in random pieces of the law.
 
-    (15) gives the output itself, the others lower bounds. Some cases must be close to each bound.
+    By (15) the output is that of the exact model, the others are lower bounds of it. Some cases
+    must be close to each bound.
     """
     floors = chords = pairs = 0
     for seed, law, rig, duration, speed, on_law, motion in runs():
@@ -158,7 +170,11 @@ def test_output_in_pieces():
 
 
 def test_output_in_parts_of_pieces():
-    """(22) bounds |V|, |V̈| and |P''| in random pieces, often within a factor 2."""
+    """(22) of docs/proofs.md bounds |V|, |V̈| and |P''| in random pieces of the law.
+
+    V is the free vibration and P the part of the output that the law forces. The bound is often
+    within a factor of 2.
+    """
     close = 0
     for seed, law, rig, duration, speed, on_law, motion in runs():
         table, mode, _ = on_law
@@ -181,7 +197,11 @@ def test_output_in_parts_of_pieces():
 
 
 def excitations(seed):
-    """Return a random generator, mode, norm, two speeds, and jumps of s⁽ᵏ⁾ at a joint."""
+    """Return random inputs of a vibration that is excited at a joint of the law.
+
+    They are the random generator, the mode on the law, its norm, two cam speeds (rad/s), and jumps
+    of the derivatives s⁽ᵏ⁾ of the lift.
+    """
     rng = np.random.default_rng(seed)
     law, rig = random_law(rng), random_rig(rng)
     run = mode_on_law(law_series(law), force_run(law, rig, 1.7).mode)
@@ -192,9 +212,10 @@ def excitations(seed):
 
 
 def excite(run, jumps, speed, order=0):
-    """Return the vibration (X, Ẋ) that jumps excite, or its derivative by the speed.
+    """Return the vibration that jumps of s⁽ᵏ⁾ excite: displacement, velocity.
 
-    `order` is the order of the derivative in Ω. The shape is (2,).
+    The shape is (2,). `speed` is the cam speed Ω in rad/s. With `order` above 0 its derivative of
+    this order by Ω is returned.
     """
     eta, k = run.series.eta, np.arange(jumps.size)
     factor = np.prod([k - i for i in range(order)], axis=0) * speed ** (k - float(order))
@@ -203,16 +224,21 @@ def excite(run, jumps, speed, order=0):
 
 
 def vibration_at(run, jumps, angle, speed):
-    """Return the free vibration at an angle (rad) after the jumps, shape (2,)."""
+    """Return the free vibration after an excitation: displacement, velocity.
+
+    The shape is (2,). It is evaluated `angle` rad of cam rotation after the joint at which `jumps`
+    excite it.
+    """
     flow, (eta, rate) = flow_over(run.mode, angle / speed), excite(run, jumps, speed)
     displacement = flow.eta_eta * eta + flow.eta_rate * rate
     return np.array([displacement, flow.rate_eta * eta + flow.rate_rate * rate])
 
 
 def test_vibration_excited_by_jumps():
-    """(23) bounds the norms N, N' and N'' of a vibration that jumps excite.
+    """Inequality (23) bounds the norm of a vibration that jumps of the law excite.
 
-    It applies to all speeds up to the higher speed of a step. Some cases reach half the bound.
+    It also bounds the norms of its first and second derivatives by the cam speed. It applies to all
+    speeds up to the higher speed of a step. Some cases reach half the bound.
     """
     closest = 0.0
     for seed in range(4 * CASES):
@@ -228,7 +254,10 @@ def test_vibration_excited_by_jumps():
 
 
 def test_vibrations_that_fade():
-    """(24) bounds the chord error of a decaying vibration at any time after its start."""
+    """Inequality (24) bounds the chord error of a decaying vibration after its start.
+
+    A chord error is the difference from the straight line between two cam speeds.
+    """
     closest = 0.0
     for seed in range(4 * CASES):
         rng, run, norm, low, high, jumps = excitations(seed)
@@ -252,9 +281,9 @@ def test_vibrations_that_fade():
 
 
 def test_vibrations_of_earlier_turns():
-    """(25) bounds the vibration left from all earlier turns.
+    """Inequality (25) bounds the sum of the vibrations left from all earlier turns.
 
-    The reference adds the turns one by one.
+    The reference adds the contribution of each turn.
     """
     for seed in range(10 * CASES):
         rng = np.random.default_rng(seed)
@@ -271,7 +300,10 @@ def test_vibrations_of_earlier_turns():
 
 
 def test_curvature_of_the_polynomial_part():
-    """(26) bounds |d²P/dΩ²| in groups of pieces at random angles and speeds."""
+    """Inequality (26) bounds |d²P/dΩ²|, at random angles and cam speeds Ω.
+
+    P is the part of the output that the law forces. The bound is for groups of pieces of the law.
+    """
     closest = 0.0
     for seed in range(CASES):
         rng, run, norm, low, high, _ = excitations(seed)
@@ -291,7 +323,7 @@ def test_curvature_of_the_polynomial_part():
 
 
 def test_harmonics_of_a_law():
-    """(28) bounds the Fourier coefficients |cₖ| of random laws.
+    """Inequality (28) bounds the Fourier coefficients |cₖ| of random motion laws.
 
     The reference is a Gaussian quadrature. High harmonics are bounded in blocks.
     """
@@ -318,7 +350,7 @@ def test_harmonics_of_a_law():
 
 
 def resonant_cases():
-    """Yield a random generator, the norm of a lightly damped mode, and two speeds."""
+    """Yield random generator, norm of a lightly damped mode, and two cam speeds."""
     for seed in range(4 * CASES):
         rng = np.random.default_rng(seed)
         low = 10.0 ** rng.uniform(0.0, 2.0)
@@ -331,9 +363,10 @@ def resonant_cases():
 
 
 def harmonic_error_of(k, norm, low, high):
-    """Return the complex chord error of 1/(ikΩ − λ₁) at the fractions `X`.
+    """Return the complex chord error of 1/(ikΩ − λ₁), at the positions `X`.
 
-    This is the response of the mode to the harmonic k.
+    This is the response of a mode with the eigenvalue λ₁ to the harmonic k of the cam speed Ω. The
+    chord error is the difference from the straight line between the speeds `low` and `high`.
     """
     rate = norm.delta - 1j * norm.rho
     return chord_errors(lambda speed: 1.0 / (1j * k * speed + rate), low, high)
@@ -341,7 +374,11 @@ def harmonic_error_of(k, norm, low, high):
 
 @pytest.mark.parametrize("from_rest", [False, True])
 def test_error_of_one_harmonic(from_rest):
-    """(29), (30) and (31) bound the chord error of the harmonics ±k, also from rest."""
+    """Inequalities (29), (30) and (31) bound the chord error of the harmonics ±k.
+
+    A chord error is the difference from the straight line between two cam speeds. The cases are the
+    steady state and runs from rest.
+    """
     table, closest = law_series(random_law(np.random.default_rng(0))), 0.0
     for rng, norm, low, high in resonant_cases():
         k = max(1, round(norm.rho / low * rng.choice([0.5, 0.9, 1.0, 1.1, 2.0, 5.0])))
@@ -367,9 +404,9 @@ def test_error_of_one_harmonic(from_rest):
 
 
 def test_error_of_blocks_of_harmonics():
-    """(30) bounds the sum of the chord errors of all harmonics in blocks.
+    """Inequality (30) bounds the sum of the chord errors of all harmonics in blocks.
 
-    Each |cₖ| is at the bound of its block.
+    Each Fourier coefficient |cₖ| is at the bound of its block.
     """
     table = law_series(random_law(np.random.default_rng(0)))
     for rng, norm, low, high in resonant_cases():
@@ -393,16 +430,21 @@ def test_error_of_blocks_of_harmonics():
 
 
 def missing_vibration(rate, angle, ends, speeds, speed):
-    """Return e^{λ₁τ/Ω} times the chord between two end values.
+    """Return e^{λ₁τ/Ω} times a value that is linear in the cam speed Ω.
 
-    This is the difference between a run from rest and the steady state.
+    This is the difference between a run from rest and the steady state, τ = `angle` (rad) after the
+    start. `rate` is the eigenvalue λ₁, and `ends` are the linear value at the two `speeds`.
     """
     x = (speed - speeds[0]) / (speeds[1] - speeds[0])
     return np.exp(rate * angle / speed) * (ends[0] + x * (ends[1] - ends[0]))
 
 
 def test_error_of_the_difference_from_steady_state():
-    """(32) bounds the chord error of e^{λ₁τ/Ω} times a chord, τ radians after rest."""
+    """Inequality (32) bounds the chord error of the difference from the steady state.
+
+    The difference is that of a run from rest, τ rad after its start: e^{λ₁τ/Ω} times a value that
+    is linear in the cam speed Ω.
+    """
     closest = 0.0
     for seed, _, _, duration, low, on_law, motion in runs(4 * CASES):
         if duration is None or not harmonic_error.can_use_harmonics(on_law.mode, motion.norm):
@@ -427,9 +469,10 @@ def test_error_of_the_difference_from_steady_state():
 
 
 def random_function(rng):
-    """Return both end values, samples and a curvature bound of a random function.
+    """Return a random function of the position within a speed step, from 0 to 1.
 
-    The samples are at 0, at `X` and at 1.
+    The result has both end values, the samples at 0, at `X` and at 1, and a bound of the second
+    derivative.
     """
     a, b = rng.uniform(0.0, 1.0), rng.choice([1.0, -0.3]) * rng.uniform(0.0, 1.0)
     size, turns, phase = 10.0 ** rng.uniform(-2.0, 0.5), rng.uniform(0.5, 4.0), rng.uniform(0, TURN)
@@ -443,9 +486,11 @@ def random_function(rng):
 
 
 def test_steps_that_are_proven():
-    """(33), (34) and (35) prove only steps without a missed loss of contact.
+    """(33), (34) and (35) accept only speed steps without a missed lift-off.
 
-    In a proven step a random function stays positive, or becomes negative once and stays so.
+    The inequalities are those of docs/proofs.md. A step is a range of the cam speed. In an accepted
+    step a random function, in place of the smallest contact force, stays positive, or becomes
+    negative once and stays so.
     """
     positive, negative_once = 0, 0
     for seed in range(200 * CASES):
@@ -466,9 +511,10 @@ def test_steps_that_are_proven():
 
 
 def test_groups_that_are_proven():
-    """(27), (33), (35) and (36) prove only groups in which P + V stays valid.
+    """(27), (33), (35) and (36) accept only groups without a missed lift-off.
 
-    In a proven group P + V is never negative, or stays negative from one speed on.
+    The inequalities are those of docs/proofs.md, and a group is several pieces of the law. In an
+    accepted group the force P + V is never negative, or stays negative from one cam speed on.
     """
     proven, by_forced = 0, 0
     for seed in range(200 * CASES):
@@ -490,7 +536,12 @@ def test_groups_that_are_proven():
 
 
 def test_parts_that_keep_a_rigid_mass_in_contact():
-    """(37) discards only pieces whose force stays ≥ 0 up to the known jump speed."""
+    """(37) discards only pieces of the law in which a rigid follower keeps contact.
+
+    The inequality is that of docs/proofs.md. A piece is one polynomial of the law. In a discarded
+    piece the force is not negative at any speed up to the known jump speed. Rounding of 1e-12 is
+    allowed.
+    """
     discarded = 0
     for seed in range(100 * CASES):
         rng = np.random.default_rng(seed)

@@ -1,4 +1,7 @@
-"""Search for the first speed of lost contact: no loss is missed, however narrow."""
+"""Tests of the search for the lowest cam speed with a loss of contact.
+
+No loss of contact is missed, however narrow its speed range is.
+"""
 
 import math
 
@@ -23,9 +26,10 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN
 
-#: Durations (s) of the runs from rest. None is the steady state.
+#: Durations (s) of the runs from rest. None means the steady state.
 DURATIONS = (1.7, 0.4, None)
-#: Relative random change of the lift and its derivatives at joints, from those of an eccentric cam.
+#: Random relative change of the derivatives of the lift at joints (angles where two polynomial
+#: pieces meet), from those of an eccentric cam.
 SCATTER = 0.1
 
 
@@ -67,7 +71,10 @@ def random_rig(rng):
 
 
 def case(seed):
-    """Return a random law, a random rig and the duration (s) of a run, or None."""
+    """Return a random law, a random rig of two masses, and the duration (s) of a run.
+
+    The duration None means the steady state.
+    """
     rng = np.random.default_rng(seed)
     law, rig = random_law(rng), random_rig(rng)
     duration = DURATIONS[int(rng.integers(3))]
@@ -75,31 +82,35 @@ def case(seed):
     return law, rig, DURATIONS[0] if is_undamped and duration is None else duration
 
 
-#: Number of speeds of the scan from the lowest speed to the jump speed.
+#: Number of cam speeds of the scan up to the jump speed, the lowest with a loss of contact.
 SPEEDS = 400
-#: Number of the lowest minima of the scan that a minimiser refines.
+#: Number of the scan's lowest minima that a minimisation refines.
 DIPS = 4
-#: Rounding error of a force, relative to the sum of its terms.
+#: Allowed rounding error of a force, relative to the sum of the absolute values of its terms.
 ROUNDING = 1e-11
 
 
 @pytest.fixture(autouse=True)
 def compiled(monkeypatch):
-    """Use compiled code, because each case needs thousands of evaluations."""
+    """Fixture that selects compiled code.
+
+    Each case needs thousands of evaluations.
+    """
     monkeypatch.setenv(VARIABLE, "compiled")
 
 
 def noise(law, rig, speed):
-    """Return the rounding error (N) of a contact force at a speed (rad/s)."""
+    """Return the rounding error (N) of a contact force at a cam speed (rad/s)."""
     on_law = mode_on_law(law_series(law), force_run(law, rig, None).mode)
     sizes, series = on_law.law.max_derivatives, on_law.series.output
     return ROUNDING * max(np.abs(series) * sizes[:-1] * speed ** np.arange(law.degree + 1.0))
 
 
 def require_first(seed):
-    """Check that contact is kept below the jump speed, and lost just above it.
+    """Check that a random case loses contact above its jump speed only.
 
-    The smallest force is evaluated at 400 speeds below it and at the minima between them.
+    The smallest force is evaluated at 400 speeds below the jump speed and at the minima between
+    them. It must be negative at 1 + 1e-7 times the jump speed.
     """
     law, rig, duration = case(seed)
     try:
@@ -131,16 +142,19 @@ def require_first(seed):
     ids=str,
 )
 def test_no_loss_of_contact_is_stepped_over(seeds):
-    """The jump speeds of random cases are the first zero of a fine scan of the force."""
+    """The jump speed of a random case is the lowest zero of the force in a fine scan.
+
+    The jump speed is the lowest cam speed with a loss of contact.
+    """
     for seed in seeds:
         require_first(seed)
 
 
 @pytest.mark.parametrize("seed", [3809, 3873, 4417])
 def test_contact_that_is_lost_at_the_end_of_the_run(seed):
-    """A loss of contact at the end of a run is found, also at a joint.
+    """A loss of contact at the very end of a run is found, also at a joint.
 
-    At a joint the force may jump to a negative value.
+    At a joint two polynomial pieces meet, and the force may jump to a negative value.
     """
     require_first(seed)
 
@@ -159,7 +173,7 @@ def forces(law, rig, speed, duration, angles):
 def test_no_chord_error_exceeds_its_bound(seed):
     """(27) and (29) to (32) of docs/proofs.md bound the force's chord error.
 
-    A chord error is the difference from the straight line between two speeds.
+    A chord error is the difference of the force from the straight line between two cam speeds.
     """
     law, rig, duration = case(seed)
     rng = np.random.default_rng(seed)
@@ -194,7 +208,7 @@ def test_no_chord_error_exceeds_its_bound(seed):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(200, 208))
 def test_plain_and_compiled_find_the_same_bits(seed, monkeypatch):
-    """Plain Python and compiled code reach the same speed and zero, bit by bit."""
+    """Plain Python and compiled code of the speed search give the same bits."""
     law, rig, duration = case(seed)
     run, climbs = force_run(law, rig, duration), []
     for value in ("plain", "compiled"):

@@ -1,4 +1,4 @@
-"""Smallest contact force of the modal method against the exact response."""
+"""Tests of the smallest contact force by modes, against the exact response."""
 
 from dataclasses import asdict, replace
 
@@ -39,7 +39,10 @@ def test_exactly_critical_damping(laws, two_mass):
 
 
 def test_no_steady_state_at_undamped_resonance(laws, two_mass):
-    """Without damping, a speed with a harmonic at the natural frequency is refused."""
+    """Without damping, a speed with a harmonic at the natural frequency is refused.
+
+    There is no steady state.
+    """
     parameters = replace(two_mass, stem_damping=0.0, damping=0.0)
     run = force_run(laws["poly345"], parameters, None)
     speed = np.sqrt(parameters.stiffness / parameters.end_mass) / 30.0
@@ -50,14 +53,14 @@ def test_no_steady_state_at_undamped_resonance(laws, two_mass):
 
 # -- smallest force on laws of many pieces, against an exhaustive search
 
-#: Number of polynomial pieces of a law, and factor of the paper's damping for its rig.
+#: Cases: number of polynomial pieces of a law, and factor of the paper's damping.
 CASES = [(1, 1.0), (2, 0.3), (7, 0.0), (7, 400.0), (30, 1.0), (90, 228.8), (360, 1.0), (1440, 3.0)]
 
 
 def random_law(rng, count):
-    """Return a random spline of degree 3, 5 or 7 with uneven knots as a law.
+    """Return a random spline of degree 3, 5 or 7 with uneven knots as a motion law.
 
-    With `count` 1 it is a single Bézier curve.
+    `count` is the number of its polynomial pieces. With `count` 1 it is a single Bézier curve.
     """
     if count == 1:
         ordinates = 0.02 * rng.random(10)
@@ -75,9 +78,9 @@ def random_law(rng, count):
 
 
 def random_rig(rng, damping):
-    """Return the paper's two masses with a random factor of 1 to 1.5 on each number.
+    """Return two masses with 1 to 1.5 times the parameters of the identified rig.
 
-    `damping` is a further factor of both dampers.
+    The factors are random. `damping` is a further factor of both dampers.
     """
     numbers = {name: x * rng.uniform(1.0, 1.5) for name, x in asdict(TWO).items()}
     rig = TwoMassParameters(**numbers)
@@ -88,10 +91,10 @@ def random_rig(rng, damping):
 @pytest.mark.parametrize("from_rest", [True, False])
 @pytest.mark.parametrize(("count", "damping"), CASES)
 def test_least_force_is_the_exhaustive_minimum(count, damping, from_rest):
-    """The smallest force is that of the exact model to 1e-11 of the largest.
+    """The smallest contact force of a run is that of the exact model.
 
-    The exact model has 40 000 samples and a minimisation next to the lowest sample. The floors,
-    which are lower bounds per group of pieces, are not above the samples.
+    The tolerance is 1e-11 of the largest force. The reference is the lowest of 40 000 samples and a
+    minimisation next to it. The lower bounds per group of pieces are not above the samples either.
     """
     if not from_rest and damping == 0.0:
         return  # no steady state
@@ -127,7 +130,7 @@ def test_least_force_is_the_exhaustive_minimum(count, damping, from_rest):
 
 @pytest.mark.parametrize("count", [1, 8, 60, 360])
 def test_first_lift_off_is_that_of_a_simulation(count):
-    """`first_lift_off` returns the time of the first event of a simulation, or None."""
+    """`first_lift_off` returns the time of a simulation's first event, or None."""
     rng = np.random.default_rng(count)
     law, rig = random_law(rng, count), random_rig(rng, 1.0)
     lift_offs = 0
@@ -145,7 +148,10 @@ def test_first_lift_off_is_that_of_a_simulation(count):
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("seed", [133, 232, 257])
 def test_no_lift_off_at_the_end_of_a_part(seed):
-    """Below the jump speed no lift-off is reported at the end of a part of a run."""
+    """Below the jump speed no lift-off is reported within a run of 0.5 s.
+
+    The random cases are those in which a former search restarted at the end of a part of the run.
+    """
     # A former search restarted after the end of a part, because this end was one float before the
     # requested time.
     rng = np.random.default_rng(seed)
@@ -158,9 +164,10 @@ def test_no_lift_off_at_the_end_of_a_part(seed):
 
 
 def test_pieces_together_are_pieces_alone():
-    """`pieces` computes many pieces with the results of `piece` for each, to 1e-13.
+    """`pieces` solves many linear systems in one call, with the results of `piece`.
 
-    The durations are mixed, with slow and fast modes.
+    Both return the exact solution over one polynomial of the drive. The tolerance is 1e-13. The
+    durations are mixed, with slow and fast modes.
     """
     rng = np.random.default_rng(5)
     for matrix in (

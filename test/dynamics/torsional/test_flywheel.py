@@ -20,18 +20,21 @@ SPEED = 300.0 * np.pi / 30.0
 
 @pytest.fixture(scope="module")
 def shaft(config_dir):
-    """Parameters of the shipped rig with a flywheel."""
+    """Shaft parameters of the shipped rig with a flywheel."""
     return MODELS["torsional"].parameters(load_rig(config_dir / "rigs" / "paper_flywheel.yaml"))
 
 
 def integral(motion, value):
-    """Return the time integral of `value(times)` over a motion, by Gauss-Legendre."""
+    """Return the integral of the function `value` of time (s) over a torsional motion.
+
+    It uses the Gauss-Legendre rule.
+    """
     times, weights = gauss(motion.path.edges, 48)
     return float(weights @ value(times))
 
 
 def momentum(motion, time):
-    """Return the angular momentum (N·m·s) of flywheel and cam."""
+    """Return the sum of the angular momenta (N·m·s) of flywheel and cam at a time (s)."""
     p, times = motion.parameters, np.array([time])
     cam = p.cam_inertia * motion.at(times)[3, 0]
     return cam + p.flywheel_inertia * (SPEED + motion.lead(times)[1, 0])
@@ -39,9 +42,10 @@ def momentum(motion, time):
 
 @pytest.mark.variants(3)
 def test_balance_of_angular_momentum(law, shaft):
-    """The angular momentum changes by motor torque minus follower torque F s'.
+    """The angular momentum of shaft and cam changes by the integral of the torques.
 
-    The tolerance is 1e-12 of the total.
+    The torque is motor torque minus follower torque F s', with the contact force F. The tolerance
+    is 1e-12 of the integral of |F s'|.
     """
     p = dataclasses.replace(shaft, motor_torque=2.0)
     start = TorsionalState(2e-4, -0.1, 0.7, SPEED, 0.01, -0.3)
@@ -107,9 +111,10 @@ def test_the_steady_state_returns_after_a_turn(laws, seed):
 
 @pytest.mark.parametrize("cam", ["poly345", "tm21"])
 def test_a_heavy_flywheel_has_constant_speed(laws, shaft, cam):
-    """For a flywheel inertia I_v → ∞ the twist converges to that at constant speed.
+    """With an infinite flywheel the twist of the shaft is that at constant speed.
 
-    The difference decreases as 1/I_v down to rounding. Constant speed is the assumption of eq. 10.
+    The difference decreases as 1/I_v with the flywheel inertia I_v, down to rounding. Constant
+    speed is the assumption of eq. 10 of the paper.
     """
     law, times = laws[cam], np.linspace(0.0, TURN / SPEED, 400)
     limit = steady_motion(law, dataclasses.replace(shaft, flywheel_inertia=None), SPEED).at(times)
@@ -123,9 +128,10 @@ def test_a_heavy_flywheel_has_constant_speed(laws, shaft, cam):
 
 
 def by_energy(law, p, motion, times):
-    """Return the cam speed (rad/s) of an undamped rigid shaft from its energy.
+    """Return the cam speed (rad/s) at some times (s) from the conservation of energy.
 
-    ½(I + I_v + m s'²) θ̇² + ½ k s² + F₀ s = E, with E at the first time.
+    The shaft is rigid and undamped: ½(I + I_v + m s'²) θ̇² + ½ k s² + F₀ s = E, with E at the first
+    time.
     """
     angle, speed = motion.at(times)[2:4]
     f, s, s1 = p.follower, law(angle), law(angle, 1)
@@ -140,9 +146,10 @@ def by_energy(law, p, motion, times):
     ("inertia", "stiffness", "error"), [(0.2, 1e7, 2e-5), (0.02, 1e7, 2e-5), (1e-5, 5e3, 1e-3)]
 )
 def test_the_speed_of_one_body_follows_from_energy(laws, shaft, inertia, stiffness, error):
-    """The speed of a rigid shaft, or one with almost no flywheel, follows from energy.
+    """Without elasticity the cam speed follows from the conservation of energy.
 
-    Cam and flywheel are then one body whose energy is constant.
+    The shaft is nearly rigid, or has almost no flywheel. Cam and flywheel are then one body whose
+    energy is constant. The relative tolerance is 2e-5 or 1e-3.
     """
     follower = dataclasses.replace(shaft.follower, damping=0.0)
     p = TorsionalParameters(follower, 0.02, stiffness, 1e-9, inertia)
@@ -154,7 +161,11 @@ def test_the_speed_of_one_body_follows_from_energy(laws, shaft, inertia, stiffne
 
 
 def test_a_run_may_start_at_any_angle(laws, shaft):
-    """A run that starts within a turn starts in the steady state at its angle."""
+    """A torsional run that starts within a turn starts in the steady state.
+
+    This is the steady state at its cam angle. The lift agrees with that of a run from angle 0 to
+    1e-12 m.
+    """
     whole = Interval(0, 200 * MS, 0.0, SPEED)
     rows = run_in_ticks(laws["poly345"], "torsional", shaft, whole, [0, 200 * MS], 24_000)[0]
     part = Interval(90 * MS, 200 * MS, SPEED * 0.09, SPEED)
@@ -163,9 +174,9 @@ def test_a_run_may_start_at_any_angle(laws, shaft):
 
 
 def test_a_ramp_follows_the_drive_and_a_new_speed_is_steady(laws, shaft):
-    """On a ramp the drive prescribes the motion of the flywheel.
+    """On a speed ramp the drive prescribes the motion of the flywheel.
 
-    After the ramp, and after a change of speed, the motion is steady again.
+    After the ramp, and after a change of speed, the motion of the shaft is steady again.
     """
     law, advance = laws["poly345"], MODELS["torsional"].advance
     ramp = Interval(0, 100 * MS, 0.0, 0.0, 10.0 * SPEED)

@@ -1,4 +1,7 @@
-"""Torsional vibration: equation of motion, periodic states, limits, 40 digits."""
+"""Tests of the torsional model: equation of motion, periodic states, limit cases.
+
+References have 40 digits.
+"""
 
 import dataclasses
 import math
@@ -28,15 +31,15 @@ REST = TorsionalState(0.0, 0.0, 0.0, SLOW)
 
 @pytest.fixture(scope="module")
 def damped(follower):
-    """Soft, damped shaft of a flywheel at constant speed."""
+    """Parameters of a soft, damped shaft behind a flywheel at constant speed."""
     return TorsionalParameters(follower, 0.02, 8e3, 0.4)
 
 
 def test_windows_end_at_joints(laws, damped):
-    """The pieces of a torsional motion end when the twisted cam is at a joint.
+    """The pieces of a torsional solution end when the twisted cam is at a joint.
 
-    There the acceleration jumps by (I + m s'²) Δθ̈_c = −m Δs'' θ̇_c² s'. All other quantities are
-    continuous.
+    A joint is an angle at which two polynomial pieces meet. There the acceleration jumps by (I + m
+    s'²) Δθ̈_c = −m Δs'' θ̇_c² s'. All other quantities are continuous.
     """
     law, f = laws["tm21"], damped.follower
     motion = solve(law, damped, REST, 0.0, TURN / SLOW)
@@ -57,7 +60,11 @@ def test_windows_end_at_joints(laws, damped):
 @pytest.mark.variants(6)
 @pytest.mark.parametrize(("ramp", "inertia"), [(0.0, None), (80.0, None), (0.0, 0.05)])
 def test_rows_satisfy_the_equation(law, damped, ramp, inertia):
-    """The rates are derivatives, and θ̈_c satisfies eq. 10, also on a ramp."""
+    """The samples of a torsional motion satisfy eq. 10 of the paper, also on a ramp.
+
+    Twist rate and cam speed are derivatives of the angles (central differences, 1e-7), and the
+    cam's acceleration balances the torques to 1e-10 N·m.
+    """
     damped = dataclasses.replace(damped, flywheel_inertia=inertia)
     motion = solve(law, damped, REST, 2.0, 0.2, ramp)
     times, h = np.linspace(2.001, 2.199, 333), 1e-6
@@ -76,7 +83,7 @@ def test_rows_satisfy_the_equation(law, damped, ramp, inertia):
 
 
 def test_times_in_any_order(laws, damped):
-    """Shuffled times, single times and sorted times give the same values."""
+    """The torsional motion has the same values for single times and in any order."""
     motion = solve(laws["tm21"], damped, REST, 5.0, 0.3)
     times, order = 5.0 + 1e-4 * np.arange(3000), np.random.default_rng(1).permutation(3000)
     rows = motion.at(times)
@@ -89,7 +96,10 @@ def test_times_in_any_order(laws, damped):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("speed", [SLOW, -SLOW, 3.0])
 def test_periodic_state_returns(law, damped, speed):
-    """The periodic state returns after one turn, to 1e-11 of the peak twist."""
+    """The periodic state of the torsional model returns after a turn, to 1e-11.
+
+    The tolerance is relative to the peak twist.
+    """
     _, state = steady_state(law, damped, speed)
     motion = solve(law, damped, state, 0.0, TURN / abs(speed))
     peak = np.abs(motion.at(1e-3 * motion.stop_time * np.arange(1000))[0]).max()
@@ -99,9 +109,9 @@ def test_periodic_state_returns(law, damped, speed):
 
 
 def test_resonance_has_no_periodic_state(laws, follower):
-    """An undamped shaft with a whole number of periods per turn is an error.
+    """A whole number of undamped shaft periods per turn raises an error.
 
-    A speed of 0 is an error, too.
+    Such a shaft has no periodic state. A speed of 0 is an error, too.
     """
     base = laws["poly345"]
     undamped = dataclasses.replace(follower, damping=0.0)
@@ -130,7 +140,7 @@ def test_a_stiff_shaft_equals_the_kinetostatic_model(laws, ramp):
 
 # -- ramps θ_v = θ₀ + ω t + α t²/2 of the flywheel, with the law at the twisted angle
 
-#: Shaft without damping, as in the reference.
+#: Parameters of a shaft without damping, the same as in the reference model `TWIST`.
 SHAFT = TorsionalParameters(FOLLOWER, 0.02, 5e3)
 TWIST = Twist(0.02, 5e3, 1.3, 8.642, 4030.0, 12.753)
 
@@ -141,7 +151,7 @@ TWIST = Twist(0.02, 5e3, 1.3, 8.642, 4030.0, 12.753)
     ("speed", "ramp", "duration"), [(0.0, 60.0, 0.5), (20.0, 100.0, 0.3), (45.0, -120.0, 0.37)]
 )
 def test_a_ramp_against_forty_digits(laws, many_digits, name, speed, ramp, duration):
-    """The twist on a ramp is exact to 1e-12 of its peak."""
+    """The twist on a speed ramp agrees with 40-digit arithmetic, to 1e-12 of its peak."""
     times = np.linspace(0.0, duration, 24)[1:]
     law = laws[name]
     inputs = (law.breaks, law.ordinates, speed, ramp, times, list(vars(TWIST).values()))

@@ -1,4 +1,7 @@
-"""Fixtures: the rig of the paper's jump speeds, and runs of the paper's scripts."""
+"""Fixtures: the rig of the paper's jump speeds, and runs of the example scripts.
+
+The paper is the article on Bézier cams that docs/glossary.md lists under Sources.
+"""
 
 import pytest
 
@@ -12,19 +15,25 @@ __all__ = ["no_faulty_figure"]
 
 @pytest.fixture(scope="session")
 def table2(config_dir):
-    """Rig that was identified from the jump speeds of the paper's Table 2."""
+    """Rig identified from the jump speeds in Table 2 of the paper.
+
+    The paper is listed in docs/glossary.md.
+    """
     return load_rig(config_dir / "rigs" / "paper_table2.yaml")
 
 
 @pytest.fixture(scope="session")
 def two_mass(table2):
-    """Two-mass parameters of the rig of Table 2."""
+    """Parameters of the two masses of the rig identified from the paper's Table 2."""
     return TwoMassParameters.from_rig(table2)
 
 
 @pytest.fixture
 def printed_by(tmp_path, capsys):
-    """Function that runs a script, checks its figure file, and returns its output."""
+    """Function that runs an example script and returns its output.
+
+    The script must write its figure file.
+    """
 
     def run(script):
         script.main(["--out", str(tmp_path)])

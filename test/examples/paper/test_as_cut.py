@@ -1,6 +1,7 @@
-"""Cam as it was cut for a point: the law of a roller on it, and its jump speed.
+"""Tests of a cam that is cut for a point follower but used with a roller.
 
-The TM21's contour is cut as the path of a point, but a roller follows it.
+The contour is the path of a point with the law s. A roller on it has another lift, the law of the
+cam as cut, and another jump speed (the lowest speed with a loss of contact).
 """
 
 from itertools import pairwise
@@ -32,13 +33,13 @@ def random_law(seed, lift=0.02):
 
 @pytest.fixture(scope="module")
 def followed_by(laws):
-    """Pairs of a law and the law of a roller on a cam that was cut for a point."""
+    """Pairs of a law, and the law of a roller on a cam that was cut for a point."""
     made = [*(laws[name] for name in ("bezier15", "poly345", "cycloidal")), random_law(3)]
     return [(law, followed_law(law, BASE, ROLLER)) for law in made]
 
 
 def test_a_roller_put_on_the_contour_has_the_lift(followed_by):
-    """A roller lowered onto the points of the cut contour has the computed lift.
+    """A roller on the points of a contour cut for a point has the computed lift.
 
     The tolerance is 1e-11 m.
     """
@@ -52,9 +53,9 @@ def test_a_roller_put_on_the_contour_has_the_lift(followed_by):
 
 
 def test_fifty_digits():
-    """Lift and three derivatives agree with mpmath, which solves for the contact.
+    """Lift and derivatives of the roller on a cut cam agree with 50-digit values.
 
-    The tolerances are 1e-15 m to 1e-9 m/rad³.
+    The reference solves for the contact with mpmath. The tolerances are 1e-15 m to 1e-9 m/rad³.
     """
     law, found = random_law(5), followed_law(random_law(5), BASE, ROLLER)
     ordinates = [mp.mpf(float(y)) for y in law.ordinates[:, 0]]
@@ -81,10 +82,10 @@ def test_fifty_digits():
 
 
 def test_lift_is_kept_and_never_below(followed_by):
-    """The roller's lift is at least the law s, and equal to s at its extremes.
+    """The lift of a roller on a cam cut for a point is at least the point's lift s.
 
-    The acceleration there is s''/(1 − R_r s''/(ρ (ρ + R_r))), with the roller radius R_r and the
-    distance ρ from the axis.
+    Both are equal at the extremes of s. The roller's acceleration there is s''/(1 − R_r s''/(ρ (ρ +
+    R_r))), with the roller radius R_r and the distance ρ from the axis.
     """
     at = np.array([np.pi])
     for law, found in followed_by:
@@ -99,10 +100,10 @@ def test_lift_is_kept_and_never_below(followed_by):
 
 
 def test_limits_and_refusals(laws):
-    """With a roller of radius 0 the lift is s.
+    """A roller on a cam cut for a point has the expected lift in two limit cases.
 
-    On a large cam it exceeds s by R_r s'²/(2 ρ (ρ + R_r)), to the first order. A law whose contour
-    is hollower than the roller is refused.
+    With a radius of 0 the lift is the law s of the point. On a large cam it exceeds s by R_r s'²/(2
+    ρ (ρ + R_r)), to the first order. A law whose contour is hollower than the roller is refused.
     """
     law = laws["bezier15"]
     assert np.abs(followed_law(law, BASE, 0.0)(ANGLES) - law(ANGLES)).max() < 1e-15
@@ -120,13 +121,19 @@ def test_limits_and_refusals(laws):
 
 @pytest.fixture(scope="module")
 def bezier():
-    """Result for the cam Bézier 15 as cut, with the radii of its file."""
+    """Result of the study for the Bézier 15 cam as it is cut.
+
+    The radii are those of its cam file.
+    """
     (found,) = study(["bezier15"])
     return found
 
 
 def test_the_jump_speed_by_the_exact_model(bezier, two_mass):
-    """The exact model loses contact just above the jump speed as cut, not just below."""
+    """The jump speed of the cut Bézier 15 cam is that of the exact simulation.
+
+    The simulation loses contact at 1 + 1e-5 times this speed, and not at 1 − 1e-5 times.
+    """
     for factor, leaves in ((1.0 + 1e-5, True), (1.0 - 1e-5, False)):
         speed = factor * bezier.cut.jump * RPM
         run = first_lift_off(bezier.cut.law, two_mass, speed, np.zeros(2), 1.7)
@@ -134,16 +141,17 @@ def test_the_jump_speed_by_the_exact_model(bezier, two_mass):
 
 
 def test_numbers_of_the_report(bezier):
-    """The row of Bézier 15 has the numbers that the report prints."""
+    """The result of Bézier 15 as cut has the numbers of the report on the paper."""
     row = ["65", "10", "0.866", "-39.12", "-37.41", "569.05", "584.16", "-0.027", "+0.023"]
     assert table([bezier], "").for_report.text_rows == [["Bézier degree 15", *row, "–", "–"]]
 
 
 @pytest.mark.slow
 def test_jump_speeds_and_landings_of_the_other_cams():
-    """Jump speeds and lowest speeds with landings of the other cams are as reported.
+    """Jump speeds of the other cams are those of the report on the paper.
 
-    They are those of s and of the cam as cut.
+    The table has the jump speeds (rpm) of the law s and of the cam as cut for a point, and the
+    lowest speeds with landings.
     """
     rows = table(study(script.CAMS[1:]), "").for_report.text_rows
     assert [row[6:8] + row[-2:] for row in rows] == [

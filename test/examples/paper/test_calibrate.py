@@ -9,7 +9,7 @@ from examples.paper.identify import Geometry, levels, study, with_geometry
 
 
 def test_calibration_repeats_the_rig_file(printed_by):
-    """The calibration script gives the constants of the rig file.
+    """The calibration script gives the radiation constants of the rig file.
 
     It does not write the file by default.
     """
@@ -21,12 +21,16 @@ def test_calibration_repeats_the_rig_file(printed_by):
     assert found.corner_frequency == pytest.approx(rig.radiation.corner_frequency.si, rel=1e-4)
 
 
-#: Geometry in config/cams/tm21.yaml (mm and degrees), with its residual in dB.
+#: Geometry of the cam in config/cams/tm21.yaml (mm and degrees), with the r.m.s. difference (dB) of
+#: its sound level and the number of trials of the search.
 SHIPPED = Geometry(lift=5.682, event=114.54, nose=78.60, rms=0.93, trials=1104)
 
 
 def test_the_shipped_geometry_has_its_residual(printed_by, monkeypatch):
-    """A cam of these numbers is the shipped TM21, 0.93 dB from the published curve."""
+    """A cam with the numbers in `SHIPPED` is the shipped TM21 cam.
+
+    Its sound level differs from the published curve by 0.93 dB r.m.s.
+    """
     cam = cam_rig.load_cam("tm21")
     made = with_geometry(cam, 1e-3 * SHIPPED.lift, SHIPPED.event, SHIPPED.nose)
     angles = np.linspace(0.0, 2.0 * np.pi, 721)
@@ -43,7 +47,10 @@ def test_the_shipped_geometry_has_its_residual(printed_by, monkeypatch):
 @pytest.mark.long
 @pytest.mark.slow
 def test_the_search_ends_at_the_shipped_geometry():
-    """The search with seed 1 gives the numbers of the cam file."""
+    """The search for the TM21's geometry gives the numbers of the cam file.
+
+    The seed of the search is 1.
+    """
     found = study(1)
     assert (found.lift, found.event, found.nose) == (5.682, 114.54, 78.60)
     assert round(found.rms, 2) == SHIPPED.rms

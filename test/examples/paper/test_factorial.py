@@ -1,4 +1,8 @@
-"""Factorial study of slopes and continuity: its laws, effects and sums of squares."""
+"""Tests of the factorial study of slopes and continuity of motion laws.
+
+The study separates the effects of event angle (slopes) and of continuity on jump speed, vibration
+and noise.
+"""
 
 import math
 
@@ -28,7 +32,7 @@ def no_faulty_figure():
 
 @pytest.fixture(scope="module")
 def found():
-    """Factorial study with fewer angles, spans and speeds."""
+    """Result of the factorial study with fewer event angles, spans, speeds and cams."""
     with pytest.MonkeyPatch.context() as patch:
         for key, levels in {
             "EVENTS": (105.0, 135.0),
@@ -44,7 +48,10 @@ def found():
 
 @pytest.mark.parametrize("rise", RISES)
 def test_up_and_down(rise):
-    """A law rises and falls by the lift over the event angle, with dwells between."""
+    """A law of the study rises and falls by the lift over the event angle.
+
+    Between rise and fall there are dwells.
+    """
     law = up_and_down(rise, math.radians(100.0), 0.05)
     at = np.radians([0.0, 39.9, 140.1, 180.0, 219.9, 320.1])
     assert law(at) == pytest.approx([0.0, 0.0, 0.05, 0.05, 0.05, 0.0], abs=1e-12)
@@ -53,7 +60,7 @@ def test_up_and_down(rise):
 
 
 def test_no_dwell_is_left_at_180():
-    """With an event angle of 180° no dwell is left.
+    """With an event angle of 180° for rise and fall no dwell is left.
 
     Simple harmonic motion then becomes a smooth eccentric.
     """
@@ -63,9 +70,9 @@ def test_no_dwell_is_left_at_180():
 
 
 def test_squeezed(laws):
-    """`squeezed` compresses a turn into 240° and adds a dwell.
+    """`squeezed` compresses the motion of a whole turn into 240°, followed by a dwell.
 
-    Its slopes are steeper by 360/240.
+    Its slopes are steeper by 360/240, its accelerations by the square of this.
     """
     law = script.squeezed(laws["bezier15"], math.radians(240.0))
     angle = np.linspace(0.0, TURN, 99, endpoint=False)
@@ -77,9 +84,10 @@ def test_squeezed(laws):
 
 
 def test_cells_that_leave(found):
-    """A combination is excluded if the follower jumps below the study's highest speed.
+    """A combination of law and angle is excluded if the follower lifts off in it.
 
-    The remaining laws and angles form a complete table.
+    The limit is a jump speed below 400 rpm, the highest speed of the study. The remaining laws and
+    angles form a complete table.
     """
     design = found.same_acceleration
     jumps = np.array([[m.jump for m in row] for row in design.cells])
@@ -93,7 +101,7 @@ def test_cells_that_leave(found):
 
 
 def test_the_script(found, printed_by, monkeypatch):
-    """The script prints tables and summary, and draws the figure."""
+    """The script of the factorial study prints tables and draws the figure."""
     monkeypatch.setattr(script, "study", lambda _: found)
     printed = printed_by(script)
     assert "bezier15 jumps later than 2 of 2 cams" in printed
@@ -102,7 +110,10 @@ def test_the_script(found, printed_by, monkeypatch):
 
 @pytest.mark.slow
 def test_numbers_of_the_report():
-    """Shares of slopes and continuity, and jump speeds, are those of the report."""
+    """Shares of slopes and continuity, and jump speeds, are those of the report.
+
+    The report is that on the paper.
+    """
     found = study()
     by_caption = {table.caption: table.for_report.text_rows for table in script.tables(found)}
     advantage = next(rows for key, rows in by_caption.items() if key.startswith("Advantage"))
@@ -128,7 +139,7 @@ def test_numbers_of_the_report():
 
 
 def test_up_and_down_with_another_high_dwell():
-    """The high dwell has the given angle, and the low dwell the rest of the turn."""
+    """A law with a given high dwell has the low dwell in the rest of the turn."""
     event, high = math.radians(100.0), math.radians(20.0)
     law = up_and_down("poly345", event, 0.05, high)
     middle = 0.5 * (2.0 * math.pi - 2.0 * event - high) + event
@@ -148,9 +159,9 @@ TABLES = arrays(np.float64, (3, 4), elements=st.floats(-100.0, 100.0))
 
 @given(TABLES)
 def test_shares_add_up(values):
-    """The shares of rows, columns and interaction add up to the total variation.
+    """The shares of rows, columns and interaction add up to the variation of a table.
 
-    The shares of the transposed table are exchanged.
+    If rows and columns are exchanged, their shares are exchanged, too.
     """
     found, turned = shares_of(values, range(3)), shares_of(values.T, range(4))
     assert found.total == pytest.approx(((values - values.mean()) ** 2).sum(), abs=1e-9)
@@ -160,7 +171,7 @@ def test_shares_add_up(values):
 
 
 def test_known_tables():
-    """Tables with known effects give the known shares."""
+    """For tables with known effects of rows and columns, the shares are these effects."""
     rows, columns = np.array([-2.0, 0.0, 2.0]), np.array([-1.0, 1.0])
     added = shares_of(5.0 + rows[:, None] + columns, range(3))
     assert (added.law, added.angle, added.total) == pytest.approx((16 / 22, 6 / 22, 22.0))
@@ -172,9 +183,9 @@ def test_known_tables():
 
 @given(arrays(np.float64, (2, 2, 2), elements=st.floats(-100.0, 100.0)))
 def test_shares_of_two_levels_are_of_all(values):
-    """With factors of two levels, the shares of all effects add up to 1.
+    """With two levels per factor, the shares of all effects add up to 1.
 
-    A table with two factors gives the same shares as `shares_of`.
+    Interactions are included. For a table with two factors they equal those of `shares_of`.
     """
     shares = two_levels(values)
     total = ((values - values.mean()) ** 2).sum()

@@ -1,4 +1,8 @@
-"""Speed fluctuation of a flywheel: handbook formula, limit of eq. 10, and preload."""
+"""Tests of the speed fluctuation with a flywheel: formula, limit, preload.
+
+The formula is that of handbooks. The limit is a flywheel of infinite inertia, as in eq. 10 of the
+paper.
+"""
 
 import math
 from dataclasses import replace
@@ -17,7 +21,7 @@ SPEED = 300.0 * RPM
 
 @pytest.fixture(scope="module")
 def found():
-    """Speed fluctuation of the 3-4-5 cam for all flywheel inertias."""
+    """Speed fluctuations of the 3-4-5 cam for all flywheel inertias of the study."""
     return study(["poly345"])
 
 
@@ -26,7 +30,10 @@ def turns(found):
 
 
 def test_the_last_row_is_equation_10(found, laws, table2):
-    """An infinite flywheel has no fluctuation, and the twist of the vibration study."""
+    """With an infinite flywheel the cam has no fluctuation, as in eq. 10 of the paper.
+
+    The twist of the shaft is then that of the torsional model, to 1e-5, relative.
+    """
     last = turns(found)[-1]
     assert last.fluctuation == 0.0 == last.formula
     twist = np.ptp(steady_twist(laws["poly345"], shaft_of(table2), SPEED)[1])
@@ -37,7 +44,7 @@ def test_the_last_row_is_equation_10(found, laws, table2):
 def test_the_handbook_formula_holds_on_a_rigid_shaft(laws, table2, cam):
     """On a rigid shaft a heavy flywheel fluctuates by ΔE/(I ω²), as in handbooks.
 
-    The tolerance is a relative 2e-3.
+    ΔE is the surplus of energy in a turn and I the inertia. The relative tolerance is 2e-3.
     """
     shaft = replace(shaft_of(table2), shaft_stiffness=1e6, shaft_damping=5.0)
     turn = flywheel_turn(laws[cam], shaft, 50.0, SPEED)
@@ -59,14 +66,17 @@ def test_surplus_without_damping_is_kinetic_and_potential(laws, table2):
 
 
 def test_the_preload_twists_the_shaft(found):
-    """At 300 rpm the twist is 0.1432° with preload and 0.1115° without (eq. 10)."""
+    """At 300 rpm the twist of the shaft is 0.1432° with preload and 0.1115° without.
+
+    The model is that of eq. 10 of the paper.
+    """
     with_it = math.degrees(turns(found)[-1].twist)
     without = math.degrees(found.without_preload["poly345"])
     assert (round(with_it, 4), round(without, 4)) == (0.1432, 0.1115)
 
 
 def test_the_script(found, printed_by, monkeypatch):
-    """The script prints one row per inertia and per cam, and draws the figure."""
+    """The script on flywheels prints a row per inertia and cam, and draws the figure."""
     over_inertia, over_cams = tables(found)
     assert [row[0] for row in over_inertia.rows][-2:] == ["20", "∞"]
     assert len(over_inertia.rows) == len(INERTIAS) and SHOWN in INERTIAS

@@ -1,7 +1,8 @@
-"""Misprints of the sources: each printed text violates an identity.
+"""Tests of misprints in the sources (the paper, two theses, a worked example).
 
-Each function returns the error of the identity with the printed text, the error with the correct
-text, and the largest error of a correct text.
+Each function computes an identity that a formula must satisfy. It returns the error of the identity
+with the printed formula, the error with the corrected formula, and the largest error that a correct
+formula may have.
 """
 
 from math import comb
@@ -33,7 +34,7 @@ def largest(error):
 
 
 def eq_2():
-    """Return the errors of eq. 2, the polynomial of Bézier 15.
+    """Return the errors of eq. 2 of the paper, the polynomial of the Bézier 15 law.
 
     Identity: its coefficients are the ordinates times the binomials.
     """
@@ -54,7 +55,7 @@ def eq_2():
 
 
 def eq_20():
-    """Return the errors (dB) of eq. 20, the sound level of Bézier 15.
+    """Return the errors (dB) of eq. 20 of the paper, the sound level of Bézier 15.
 
     Identity: Bézier 15 and TM21 are equally loud at 335 rpm, as the paper states.
     """
@@ -64,7 +65,7 @@ def eq_20():
 
 
 def ordinates_of_bezier_15():
-    """Return the errors of the printed ordinates of Bézier 15.
+    """Return the errors of the ordinates of Bézier 15 that the paper prints.
 
     Identity: they are symmetric, because in eq. 2 the coefficients of u⁴ and u¹¹ are equal, and so
     are those of u⁵ and u¹⁰.
@@ -78,9 +79,9 @@ def ordinates_of_bezier_15():
 
 
 def table_1():
-    """Return the errors (rpm) of the mass in Table 1, 13 or 1.3 kg.
+    """Return the errors (rpm) of the mass in Table 1 of the paper, 13 or 1.3 kg.
 
-    Identity: at least one computed jump speed reaches the lowest printed one.
+    Identity: the highest computed jump speed reaches the lowest speed printed in Table 2.
     """
     laws = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 
@@ -99,7 +100,7 @@ def table_1():
 
 
 def eq_3_6():
-    """Return the errors of eq. 3.6, a half rise of degree 8.
+    """Return the errors of eq. 3.6 of the laws thesis, a half-rise of degree 8.
 
     Identity: the curve ends with the constant velocity 2 h/β, so the slope is 2.
     """
@@ -115,13 +116,13 @@ def eq_3_6():
 
 
 def shape(name):
-    """Return a unit rise as a curve over u from 0 to 1."""
+    """Return a rise of unit lift, by its name, as a curve over u from 0 to 1."""
     breaks, pieces = unit_rise(name)
     return BPoly(np.array(pieces).T, breaks)
 
 
 def eq_3_7():
-    """Return the errors of eq. 3.7, the half rise 2u − 2u³ + u⁴.
+    """Return the errors of eq. 3.7 of the laws thesis, the half-rise 2u − 2u³ + u⁴.
 
     Identity: the printed second and third derivatives are those of the law.
     """
@@ -136,7 +137,7 @@ def eq_3_7():
 
 
 def eq_2_1():
-    """Return the errors of eq. 2.1 and 2.10, sums of B-spline basis functions.
+    """Return the errors of eq. 2.1 and 2.10 of the profile thesis, on B-splines.
 
     Identities: the basis functions add up to one at a knot too, and without a₀ a law that starts at
     1 would start at 0.
@@ -157,9 +158,10 @@ def eq_2_1():
 
 
 def eq_2_13():
-    """Return the errors of eq. 2.13, the derivative of a B-spline.
+    """Return the errors of eq. 2.13 of the profile thesis.
 
-    Identity: its ordinates give the derivative. The knots at the ends are n-fold as in the thesis.
+    The equation is the derivative of a B-spline. Identity: its ordinates give the derivative. The
+    knots at the ends are n-fold as in the thesis.
     """
     degree, random = 3, np.random.default_rng(1)
     inner = np.sort(random.uniform(0.1, 0.9, 4))
@@ -177,7 +179,7 @@ def eq_2_13():
 
 
 def distance(angle):
-    """Return the follower's distance (m) from the axis at cam angles (rad)."""
+    """Return a test follower's distance (m) from the axis at cam angles (rad)."""
     return 0.05 + 0.01 * np.sin(angle) + 0.003 * np.cos(2.0 * angle)
 
 
@@ -194,9 +196,10 @@ FACE = np.array([-np.sin(TILT), np.cos(TILT)])  # normal of the inclined face, b
 
 
 def eq_2_17():
-    """Return the errors (m) of eq. 2.17, the contact on an inclined face.
+    """Return the errors (m) of eq. 2.17 of the profile thesis.
 
-    Identity: the contact lies on the face, which passes through (ε, d).
+    The equation is the contact point on an inclined face. Identity: the contact lies on the face,
+    which passes through (ε, d).
     """
     along = slope(THETA) * np.cos(TILT)
     across = distance(THETA) * np.cos(TILT) - OFFSET * np.sin(TILT)
@@ -211,9 +214,10 @@ def eq_2_17():
 
 
 def eq_2_33():
-    """Return the errors (m/rad) of eq. 2.33, the tangent of the pitch curve.
+    """Return the errors (m/rad) of eq. 2.33 of the profile thesis.
 
-    Identity: the tangent is the derivative of eq. 2.30 and 2.31.
+    The equation is the tangent of the pitch curve. Identity: the tangent is the derivative of eq.
+    2.30 and 2.31.
     """
     pivot, arm = 0.12, 0.1
 
@@ -236,9 +240,10 @@ def eq_2_33():
 
 
 def eq_2_39():
-    """Return the errors (m/rad²) of eq. 2.39, a second derivative of the contour.
+    """Return the errors (m/rad²) of eq. 2.39 of the profile thesis.
 
-    Identity: in the rotating base, d/dθ of (x, y) is (x' + y, y' − x).
+    The equation is a second derivative of the contour. Identity: in the rotating base, d/dθ of (x,
+    y) is (x' + y, y' − x).
     """
     printed = -(distance(THETA) + second(THETA)) * np.cos(TILT) - OFFSET * np.sin(TILT)
     right = -((distance(THETA) + second(THETA)) * np.cos(TILT) - OFFSET * np.sin(TILT))
@@ -258,7 +263,7 @@ def eq_2_39():
 def part_a():
     """Return the errors of part a of the worked example, S = a θ/β + b at θ = π/2.
 
-    The identity is true for any a and b.
+    The equation is an identity, true for any a and b.
     """
     a, b, at, beta = 2.0, 3.0, np.pi / 2, np.pi / 2
     value = a * at / beta + b
@@ -278,7 +283,7 @@ def part_b():
     return error(-1), error(1), 1e-15
 
 
-#: Checks in the order of `MISPRINTS`.
+#: Checks in the order of the printed list `MISPRINTS`.
 CHECKS = (
     *(eq_2, eq_20, ordinates_of_bezier_15, table_1, eq_3_6, eq_3_7),
     *(eq_2_1, eq_2_13, eq_2_17, eq_2_33, eq_2_39, part_a, part_b),
@@ -287,7 +292,10 @@ CHECKS = (
 
 @pytest.mark.parametrize("check", CHECKS)
 def test_printed_text_is_wrong_and_correct_text_is_right(check):
-    """The printed text violates the identity by far more than the correct text."""
+    """A printed formula violates its identity by far more than the corrected formula.
+
+    The corrected formula satisfies it within rounding or the error of a difference.
+    """
     printed, right, tolerance = check()
     assert right <= tolerance
     assert printed > 1e3 * right

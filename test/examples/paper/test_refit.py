@@ -1,4 +1,4 @@
-"""Refit of the four numbers of the two-mass rig that the paper does not print."""
+"""Tests of the refit of the four numbers of the rig that the paper does not print."""
 
 from dataclasses import replace
 
@@ -16,9 +16,9 @@ FOUR = ("bezier15", "poly345", "poly4567", "cycloidal")
 
 
 def test_every_start_of_a_refit_is_reported(cams, laws, two_mass, monkeypatch):
-    """A refit reports the result of every start value, the best first.
+    """A refit reports the result from every start value, the best first.
 
-    Four parameters fitted to four speeds may have several solutions.
+    Four parameters fitted to four jump speeds may have several solutions.
     """
     monkeypatch.setattr(jump_refit, "STARTS", 2)
     monkeypatch.setattr(jump_refit, "MAX_STEPS", 2)
@@ -35,7 +35,7 @@ def test_every_start_of_a_refit_is_reported(cams, laws, two_mass, monkeypatch):
 
 
 def test_with_event(cams):
-    """A changed rise and fall angle leaves the lift unchanged.
+    """`with_event` changes the angle of rise and fall of a cam, and keeps its lift.
 
     Both halves of a divided rise get equal angles. A cam that moves over a whole turn is unchanged.
     """
@@ -48,7 +48,7 @@ def test_with_event(cams):
 
 
 def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
-    """A refit to jump speeds of known parameters finds these from another start."""
+    """A refit to jump speeds of known parameters finds them from another start value."""
     monkeypatch.setattr(jump_refit, "STARTS", 1)
     monkeypatch.setattr(jump_refit, "MAX_STEPS", 6)
     speeds = {cam: find_jump(laws[cam], two_mass, 0.4).rpm for cam in FOUR}
@@ -60,7 +60,7 @@ def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
 
 
 def test_the_script_prints_its_tables(tmp_path, monkeypatch, capsys):
-    """A short search prints the original rig first, and the jump speeds of five cams."""
+    """A short refit prints the original rig first, and the jump speeds of five cams."""
     monkeypatch.setattr(jump_refit, "STARTS", 1)
     monkeypatch.setattr(jump_refit, "MAX_STEPS", 1)
     found = study(0.2, lambda _text: None)

@@ -1,4 +1,4 @@
-"""Report on the paper: every section with figures and tables, and its numbers."""
+"""Tests of the report on the paper: every section with figures and tables."""
 
 import re
 from concurrent.futures import Future
@@ -9,7 +9,8 @@ from examples.paper import as_cut, factorial, flywheel, readings, report, sectio
 
 from ...cli.test_report import numbered, sentences, too_long, untypeset
 
-#: Names of cams and rises that are not words. Text must have titles instead, except after "rig".
+#: Names of cams and rises that are not words. The report must have their titles instead, except
+#: after "rig".
 NAMES = r"(?<!rig )\b(tm21|bezier\d+|poly\d+|bezier_segments|simple_harmonic)\b"
 
 #: Replacement of a picture, which would take a second or two to draw.
@@ -17,7 +18,7 @@ PICTURE = "data:image/svg+xml;base64,AAAA"
 
 
 class Here:
-    """Executor that runs each task at once in this process."""
+    """Replacement of the process pool that runs each task at once in this process."""
 
     def __enter__(self):
         return self
@@ -33,12 +34,12 @@ class Here:
 
 @pytest.fixture
 def no_faulty_figure():
-    """Disable the check of figures, which the tests of the scripts do."""
+    """Disable the check of figures, because the tests of the scripts check them."""
 
 
 @pytest.fixture
 def fewer(monkeypatch):
-    """Reduce each long study to a few cases, and draw no figure."""
+    """Reduce each long study of the report to a few cases without figures."""
     pictures = property(lambda content: {key: [PICTURE] * 2 for key in content.figures})
     monkeypatch.setattr("cam_rig.report.document.Content.figure_uris", pictures)
     monkeypatch.setattr("examples.paper.designs.REQUESTS", ())
@@ -67,15 +68,15 @@ def test_the_page(tmp_path, capsys):
 @pytest.mark.long
 @pytest.mark.slow
 def test_the_whole_page(tmp_path):
-    """The page of all speeds, readings and laws has all its figures."""
+    """The report with all speeds, readings of Table 2 and laws has all 19 figures."""
     check_page(tmp_path, figures=19)
 
 
 def check_page(tmp_path, figures):
-    """Check a page: every section, figures in order, tables 1 to 3, and origins.
+    """Check a report page: sections, figures, tables 1 to 3, origins of numbers.
 
-    It starts with the statements of the paper and the results of the rig. No sentence has over 30
-    words.
+    `figures` is the expected number of figures. The page starts with the statements of the paper
+    and the results of the rig. It loads nothing from outside, and no sentence has over 30 words.
     """
     out = tmp_path / "out" / "paper.html"
     report.main(["--out", str(out)])
@@ -104,7 +105,7 @@ def check_page(tmp_path, figures):
 
 @pytest.mark.slow
 def test_numbers_of_the_summary():
-    """The results in the summary are those that the documentation states."""
+    """The results in the report's summary are those that the documentation states."""
     paper = shared.Paper(factorial.study)
     rows = {question: here for question, _, here in shared.summary_table(paper).rows}
     assert list(rows.values()) == [
@@ -120,7 +121,7 @@ def test_numbers_of_the_summary():
 
 
 def test_table_1():
-    """Table 1 has the paper's parameters and those of both rigs."""
+    """Table 1 of the report has the paper's parameters and those of both rigs."""
     rows = sections.table_1(shared.Paper(factorial.study)).for_report.text_rows
     assert rows == [
         ["return spring [N/m]", "4030", "4030", "4030"],
@@ -132,7 +133,7 @@ def test_table_1():
 
 
 def test_another_kind_of_page(tmp_path, capsys):
-    """A file with another suffix than .html or .md is refused before the run."""
+    """A report file with another suffix than .html or .md is refused before the run."""
     with pytest.raises(SystemExit):
         report.main(["--out", str(tmp_path / "a.pdf")])
     assert "unknown kind of page; allowed: .html, .md" in capsys.readouterr().err

@@ -1,4 +1,7 @@
-"""Stem of n masses: two masses, closed forms, and the continuous bar as its limit."""
+"""Tests of a stem of n masses, and of its limit, a continuous bar.
+
+They compare with two masses and closed forms.
+"""
 
 import math
 from dataclasses import replace
@@ -20,9 +23,10 @@ from examples.paper.stem import BAR, Stem, stem_jump, stem_turn
 def chain_response(law, stem, speed):
     """Return the linear response of a chain of masses in contact, and its outputs.
 
-    The outputs are contact force (N) and head displacement (m). The state is displacement and
-    velocity of each node behind the foot, relative to its static position under the lift, from the
-    foot on. So the rounding of the lift is not multiplied by the stiffness of the stem.
+    The outputs are contact force (N) and displacement of the head (m), the end of the stem that
+    carries the mass. The state is displacement and velocity of each node from the foot on, relative
+    to its static position under the lift, so that the rounding of the lift is not multiplied by the
+    stiffness.
     """
     f, n = stem.follower, int(stem.elements)
     masses = np.full(n, stem.mass / n)
@@ -54,7 +58,10 @@ def chain_response(law, stem, speed):
 
 
 def exact(law, stem, speed, count):
-    """Return contact force and head displacement of a steady turn, shape (2, count)."""
+    """Return contact force (N) and head displacement (m) of a steady turn.
+
+    The shape is (2, count).
+    """
     model, outputs = chain_response(law, stem, speed)
     return sample(model, model.periodic(), 0.0, 0.0, TURN / speed / count, count, outputs)
 
@@ -63,7 +70,10 @@ SPEED = 300.0 * RPM
 
 
 def some_follower(seed):
-    """Return a random damped follower, as stiff as its speeds can be resolved."""
+    """Return a random damped follower of two masses.
+
+    Its stiffness is limited so that harmonics resolve its vibration.
+    """
     rng = np.random.default_rng(seed)
     return TwoMassParameters(
         *rng.uniform(0.2, 1.5, 2), 10.0 ** rng.uniform(5.5, 7.0), rng.uniform(1e3, 1e4),
@@ -72,7 +82,7 @@ def some_follower(seed):
 
 
 def test_masses_and_static_stiffness_are_kept(two_mass):
-    """Any number of masses keeps the total mass and the static stiffness of the stem."""
+    """Any number of stem masses keeps the total mass and the static stiffness."""
     for elements in (1.0, 2.0, 7.0, BAR):
         stem = Stem(two_mass, elements)
         total = stem.foot_mass + stem.mass + stem.head_mass
@@ -95,7 +105,10 @@ def test_one_element_is_the_two_mass_follower(law, seed):
 
 @pytest.mark.parametrize("elements", [1.0, 2.0, 5.0])
 def test_natural_frequencies_are_those_of_the_matrix(laws, two_mass, elements):
-    """The frequencies are the imaginary eigenvalues of the undamped chain's matrix."""
+    """The natural frequencies of a stem are those of the undamped chain's matrix.
+
+    These are the imaginary parts of its eigenvalues.
+    """
     undamped = Stem(replace(two_mass, stem_damping=0.0, damping=0.0), elements)
     model = chain_response(laws["poly345"], undamped, SPEED)[0]
     rates = np.sort(np.abs(np.linalg.eigvals(model.matrix).imag))[::2]
@@ -103,7 +116,7 @@ def test_natural_frequencies_are_those_of_the_matrix(laws, two_mass, elements):
 
 
 def test_a_fixed_free_bar(two_mass):
-    """Without head and spring the stem has the frequencies of a fixed-free bar.
+    """Without head mass and spring the stem has the frequencies of a fixed-free bar.
 
     Those of the bar are (i + ½) π √(k/m), those of the chain √(4 n² k/m) sin((i + ½) π/2n).
     """
@@ -117,9 +130,9 @@ def test_a_fixed_free_bar(two_mass):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_masses_tend_to_the_bar_as_one_over_n_squared(seed):
-    """With twice the masses, the error of a chain against the bar is a quarter.
+    """With twice the masses, a stem's error against a continuous bar is a quarter.
 
-    This is true for frequencies and transfer functions.
+    This is true for natural frequencies and transfer functions.
     """
     p, rates = some_follower(seed), 1j * np.array([300.0, 900.0, 2500.0])
     limit, bar = Stem(p, BAR).frequencies(3), Stem(p, BAR).transfer(rates)
@@ -136,9 +149,9 @@ def test_masses_tend_to_the_bar_as_one_over_n_squared(seed):
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("elements", [1.0, 3.0, 8.0])
 def test_the_series_is_the_exact_solver(laws, seed, elements):
-    """The turn computed by harmonics agrees with the exact turn.
+    """The steady turn of a stem, computed by harmonics, agrees with the exact solver.
 
-    The tolerances are 1e-5 of the force and 1e-6 of the displacement.
+    The tolerances are 1e-5 of the largest force and 1e-6 of the largest displacement.
     """
     law, stem = laws[("poly4567", "bezier15")[seed % 2]], Stem(some_follower(seed), elements)
     turn = stem_turn(law, stem, SPEED)
@@ -154,13 +167,13 @@ def test_the_series_is_the_exact_solver(laws, seed, elements):
 
 @pytest.fixture(scope="module")
 def found(laws, table2):
-    """Result of the 3-4-5 cam on the identified stem."""
+    """Result of the stem study for the 3-4-5 cam on the identified rig."""
     return script.study_stem(table2, {"poly345": laws["poly345"]})
 
 
 @pytest.fixture(scope="module")
 def rows(found):
-    """Table of stems with an increasing number of masses."""
+    """Table of the stem study, with one row per number of masses."""
     return found.over_elements.frame
 
 
@@ -168,7 +181,7 @@ def rows(found):
 def test_one_element_jumps_as_two_masses(laws, two_mass, table2, cam):
     """A stem of one element has the jump speed of two masses in `cam-rig jump`.
 
-    That command uses a separate search with a proof.
+    That command uses a separate search with a proof. The relative tolerance is 2e-5.
     """
     expected = find_jump(laws[cam], two_mass, None).rpm
     assert stem_jump(laws[cam], Stem(two_mass, 1.0), table2) == pytest.approx(expected, rel=2e-5)
@@ -176,7 +189,7 @@ def test_one_element_jumps_as_two_masses(laws, two_mass, table2, cam):
 
 @pytest.mark.parametrize("elements", [2.0, 5.0])
 def test_the_exact_solver_loses_contact_there(laws, two_mass, table2, elements):
-    """At the jump speed the smallest force of the exact solver changes its sign."""
+    """At the jump speed of a stem the smallest exact force changes its sign."""
     law, stem = laws["cycloidal"], Stem(two_mass, elements)
     jump = stem_jump(law, stem, table2) * RPM
     below, above = (exact(law, stem, jump * (1.0 + s), 8000)[0].min() for s in (-1e-4, 1e-4))
@@ -184,9 +197,9 @@ def test_the_exact_solver_loses_contact_there(laws, two_mass, table2, elements):
 
 
 def test_the_sound_of_a_stiff_stem_is_that_of_a_rigid_follower(laws, table2, two_mass):
-    """The sound level of a very stiff stem is that of a rigid follower.
+    """The sound level of a very stiff stem is that of a rigid follower, to 5e-4 dB.
 
-    The exact level follows from eq. 9. The tolerance is 5e-4 dB.
+    The exact level of the rigid follower follows from eq. 9.
     """
     law, follower = laws["poly4567"], FollowerParameters.from_rig(table2)
     radiation = RadiationParameters.from_rig(table2)
@@ -198,7 +211,7 @@ def test_the_sound_of_a_stiff_stem_is_that_of_a_rigid_follower(laws, table2, two
 
 
 def test_numbers_of_the_report(found, rows):
-    """The values of the 3-4-5 cam on the identified stem are those of the report."""
+    """The report's numbers for the 3-4-5 cam on the identified stem are reproduced."""
     assert rows["first natural frequency [Hz]"].iloc[[0, -1]].round(1).tolist() == [202.6, 221.9]
     jumps = [414.5, 369.9, 374.2, 376.4, 377.2, 377.6]
     assert rows["jump speed [rpm]"].astype(float).round(1).tolist() == jumps
@@ -208,9 +221,10 @@ def test_numbers_of_the_report(found, rows):
 
 
 def test_where_two_masses_are_not_sufficient(found, laws, two_mass):
-    """At the reported speed two masses differ from the bar by a tenth of the preload.
+    """From the reported speed on, two masses are not sufficient to represent the stem.
 
-    The difference is that of the smallest force. Below the speed it is smaller.
+    Their smallest force differs there from that of a continuous bar by more than a tenth of the
+    preload. At 5 and 10 rpm below, the difference is smaller.
     """
     rpm = float(found.over_cams.frame["force off from [rpm]"][0])
 
@@ -222,9 +236,10 @@ def test_where_two_masses_are_not_sufficient(found, laws, two_mass):
 
 
 def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(found, two_mass):
-    """A bar with the first natural frequency of two masses jumps nearly as they do.
+    """A softer bar with the first frequency of two masses jumps nearly as they do.
 
-    So most of the error of two masses is that of this frequency.
+    Its jump speed is ten times closer to theirs than that of the bar with the same stiffness. So
+    most of the error of two masses is that of this frequency.
     """
     stiffness = script.matched_stiffness(two_mass)
     bar = Stem(replace(two_mass, stem_stiffness=stiffness), BAR).frequencies(1)
@@ -236,7 +251,7 @@ def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(found, two_mass)
 
 
 def test_the_script(found, printed_by, monkeypatch):
-    """The script prints both tables and the summary. The bar is the last row."""
+    """The stem script prints both tables and the summary. The bar is the last row."""
     monkeypatch.setattr(script, "study", lambda: [found])
     printed = printed_by(script)
     assert "two masses off by at most +9.78 % (Polynomial 3-4-5), level by 0.54 dB" in printed

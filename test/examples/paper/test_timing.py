@@ -1,6 +1,7 @@
-"""Timing of events by the ordinates of a curve: derivatives and closed forms.
+"""Tests of how the ordinates of a law shift the angles of its events.
 
-An event is the angle at which the lift passes a given value.
+Ordinates are the coefficients of the curve. An event here is the cam angle at which the lift passes
+a given value, as in valve timing.
 """
 
 import numpy as np
@@ -12,12 +13,15 @@ from examples.paper.timing import REACHED, Curve, control_table, study
 
 @pytest.fixture(scope="module")
 def curves():
-    """The Bézier curve of the paper, and a B-spline with the same events."""
+    """The Bézier curve of the paper, and a B-spline with the same events.
+
+    An event is the angle at which the lift passes a given value.
+    """
     return study()
 
 
 def changed(curve, change):
-    """Return the curve with ordinates changed by `change`, in multiples of the lift."""
+    """Return a curve with changed ordinates. `change` is in multiples of the lift."""
     ordinates = (curve.ordinates + change).tolist()
     segment = curve.cam.segments[0].model_dump(exclude_none=True)
     segment["ordinates"] = ordinates
@@ -26,9 +30,10 @@ def changed(curve, change):
 
 @pytest.mark.parametrize("which", [0, 1])
 def test_shifts_are_derivatives(curves, which):
-    """The shifts of events per ordinate agree with differences of changed cams.
+    """The computed shift of each event per ordinate agrees with differences.
 
-    The changes are positive, so that the lowest point stays.
+    An event is the angle at which the lift passes a given value. The differences are those of two
+    changed cams. The tolerance is 1e-5 of the largest shift.
     """
     curve, step = curves[which], 1e-5
     for j in range(1, curve.ordinates.size - 1):  # the ends would step at the joint
@@ -40,9 +45,10 @@ def test_shifts_are_derivatives(curves, which):
 
 @pytest.mark.parametrize("which", [0, 1])
 def test_all_together_lift_the_law(curves, which):
-    """All ordinates together move an event by −h/s'.
+    """If all ordinates rise together, an event moves by −h/s' per unit.
 
-    The basis functions add up to one, so the lift changes by h everywhere.
+    An event is the angle at which the lift passes a given value. The basis functions add up to one,
+    so the lift changes by h everywhere.
     """
     curve = curves[which]
     total = curve.shifts.sum(axis=1)
@@ -50,18 +56,20 @@ def test_all_together_lift_the_law(curves, which):
 
 
 def test_reach_of_the_first(curves):
-    """The first ordinate has an effect up to u = 1 − r^(1/15), where (1 − u)^15 = r.
+    """The first ordinate of the Bézier 15 curve has an effect up to u = 1 − r^(1/15).
 
-    The reach is sampled every 0.005°.
+    There its basis function (1 − u)^15 falls to the threshold r. The computed end of the effect is
+    sampled every 0.005°.
     """
     exact = 360.0 * (1.0 - REACHED ** (1.0 / 15.0))
     assert curves[0].reaches[[0, -1]] == pytest.approx([exact, exact], abs=0.005)
 
 
 def test_the_b_spline_has_lift_and_events_of_the_curve(curves):
-    """The B-spline has the curve's lift and six events, and is at rest at its ends.
+    """The B-spline has the lift and the six events of the Bézier curve.
 
-    The laws differ by less than 1e-3 of the lift.
+    An event is the angle at which the lift passes a given value. The B-spline is at rest at its
+    ends, and the laws differ by less than 1e-3 of the lift.
     """
     curve, spline = curves
     assert spline.angles == pytest.approx(curve.angles, abs=1e-11)
@@ -73,9 +81,10 @@ def test_the_b_spline_has_lift_and_events_of_the_curve(curves):
 
 @pytest.mark.parametrize("which", [0, 1])
 def test_one_event_alone(curves, which):
-    """The computed change of ordinates moves a single event by 1°.
+    """The computed change of ordinates moves a single event by 1°, and no other event.
 
-    A thousandth of the change moves it by 0.001° and all others by less than 2e-5°.
+    An event is the angle at which the lift passes a given value. A thousandth of the change moves
+    it by 0.001° and all others by less than 2e-5°.
     """
     curve = curves[which]
     for k, (largest, _) in enumerate(curve.alone):
@@ -87,7 +96,7 @@ def test_one_event_alone(curves, which):
 
 
 def test_numbers_of_the_report(curves):
-    """The table of the control over events has the numbers of the report."""
+    """The report's table on the control of events by ordinates is reproduced."""
     rows = [row[1:] for row in control_table(curves).for_report.text_rows]
     assert rows == [
         ["8", "234", "256", "3.5", "99.50", "330", "26.83", "314", "1.30", "307"],
@@ -100,7 +109,10 @@ def test_numbers_of_the_report(curves):
 
 
 def test_the_script(printed_by):
-    """The script prints tables with every event of the cams of Table 2, and a summary."""
+    """The script prints the events of each cam of the paper's Table 2, and a summary.
+
+    An event is the angle at which the lift passes a given value.
+    """
     printed = printed_by(script)
     assert "the 1 % event alone by 1° takes ordinates changed by 99.5 % of the lift" in printed
     assert "43.663" in printed

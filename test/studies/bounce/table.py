@@ -1,8 +1,8 @@
 """Independent reference for bounce maps: a ball on a harmonically moving table.
 
-The tests compare the package with these results, which share no code with it. The table moves as s
-= A (1 − cos θ). Landings are roots computed in mpmath's multi-digit arithmetic. Derivatives are
-differences in 60 digits.
+A bounce map is the motion of a follower at each speed, turn after turn. The tests compare cam_rig
+with these results, which share no code with it. The table moves as s = A (1 − cos θ). Landings are
+roots computed in mpmath's multi-digit arithmetic. Derivatives are differences in 60 digits.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def ball(restitution: float, damping: float = 0.0, spring: float = NO_SPRING) ->
 
 
 def by_speed(follower: FollowerParameters) -> Sweep:
-    """Return a sweep of this follower whose swept number is the speed (rad/s)."""
+    """Return a sweep in which this follower's cam speed (rad/s) is varied."""
     return Sweep(OperatingPoint(follower, 1.0))
 
 
@@ -50,7 +50,7 @@ def speed_at(ratio: float) -> float:
 
 
 def window(restitution: float, turns: int = 1) -> tuple[float, float]:
-    """Return the limits of A ω²/g between which a landing per `turns` turns is stable.
+    """Return the range of A ω²/g in which a landing every `turns` turns is stable.
 
     The lower limit is a fold and the upper limit a period doubling. In a flight of n turns of
     period T the ball takes off at the relative speed g n T/2, so at the landing ṡ = (g n T/2) (1 −
@@ -138,7 +138,7 @@ class TwoInManyDigits:
         return [mp.re(value) for value in shapes * modes][: len(state)]
 
     def gap(self, state, start, t):
-        """Return the function of time that is zero at the next event.
+        """Return the function of time whose next zero is the next lift-off or landing.
 
         In flight it is the gap (m) between roller and table. In contact it is the force (N) on the
         table.
@@ -155,7 +155,7 @@ class TwoInManyDigits:
         """Return gap, stem stretch and their rates one turn later, in m and m/s.
 
         `numbers` has the same four values at angle 0. `events` has the pairs (time in s, kind) of
-        the turn. The times are approximate and are refined to roots here.
+        the turn's lift-offs and landings. The times are approximate and are refined to roots here.
         """
         gap, gap_rate, w, rate = numbers  # table at angle 0: s = 0 and ṡ = 0
         flies = gap != 0 or gap_rate != 0

@@ -1,7 +1,7 @@
-"""Branches of periodic motions over the speed: both sides of each bifurcation.
+"""Tests of branches: periodic motions followed over the cam speed.
 
-A bifurcation is a fold, a period doubling (flip), or a graze, where a landing of zero speed
-appears.
+A branch ends or changes at a bifurcation. It is a fold, a period doubling (flip), or a graze, where
+a landing of zero speed appears.
 """
 
 import numpy as np
@@ -22,25 +22,28 @@ from cam_rig.units import RPM
 
 from .table import by_speed
 
-#: Relative speed difference from a bifurcation, at which the motion on either side is checked.
+#: Relative difference from a bifurcation's speed at which the motion on either side is checked.
 BESIDE = 1e-6
 
 
 @pytest.fixture(scope="module")
 def follower():
-    """The paper's follower with restitution 0.7."""
+    """Follower of one mass with the restitution 0.7."""
     return FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8, 0.7)
 
 
 @pytest.fixture(scope="module")
 def family(laws, follower):
-    """Family of motions on the TM21's cam that repeat after one turn, over the speed."""
+    """Family of motions on the TM21's cam that repeat after one turn, by cam speed."""
     return Family(laws["tm21"], by_speed(follower), 1)
 
 
 @pytest.fixture(scope="module")
 def four(family, follower):
-    """Branch of the motions with four landings per turn, from 410 to 520 rpm."""
+    """Branch (family of periodic motions over speed) with four landings per turn.
+
+    It extends from 410 to 520 rpm.
+    """
     state = StroboscopicMap(family.law, follower, 450.0 * RPM).run(200).states[-1]
     start = family.at(450.0 * RPM, tuple(state))
     return branch_through(family.law, family.sweep, start, 410.0 * RPM, 520.0 * RPM)
@@ -56,10 +59,10 @@ def nearest(branch, rpm, stable=None):
 
 
 def test_every_motion_repeats(four, family, follower):
-    """Simulating one turn from the state of a motion returns to that state.
+    """Each motion of a branch repeats: a simulated turn returns to its start state.
 
-    The motions are those of a branch. The error is below 1e-9 of the state's scale, and the turn
-    has the four landings that the motion states.
+    A branch is a family of periodic motions over speed. The error is below 1e-9 of the state's
+    scale, and the turn has the four landings that the motion states.
     """
     for motion in four.motions[::10]:
         turn_map = StroboscopicMap(family.law, follower, motion.point.speed)
@@ -69,10 +72,10 @@ def test_every_motion_repeats(four, family, follower):
 
 
 def test_a_period_doubling_is_located_to_a_millionth(four, family, follower):
-    """The motion is stable 1e-6 below a period doubling and unstable 1e-6 above it.
+    """A periodic motion is stable 1e-6 below a period doubling, and unstable above it.
 
-    The critical multiplier above it is −1 within 1e-4. At 0.1 % higher speed a stable motion of
-    twice the period exists, whose two states differ.
+    The critical multiplier (growth of a small change per period) at 1e-6 above it is −1 within
+    1e-4. At 0.1 % higher speed a stable motion of twice the period exists, whose two states differ.
     """
     (flip,) = of_kind(four, FLIP)
     near, speed = nearest(four, flip.point.rpm), flip.point.rpm * RPM
@@ -88,9 +91,10 @@ def test_a_period_doubling_is_located_to_a_millionth(four, family, follower):
 
 
 def test_a_fold_is_located_to_a_millionth(four, family):
-    """Two motions exist 1e-6 above the fold speed, and no motion 1e-6 below it.
+    """Two periodic motions exist 1e-6 above the speed of a fold.
 
-    One of the two is stable and the other unstable.
+    No motion exists 1e-6 below it. The difference of the speed is relative. One of the two motions
+    is stable, the other unstable.
     """
     (fold,) = of_kind(four, FOLD)
     speed = fold.point.rpm * RPM * (1.0 + BESIDE)
@@ -102,9 +106,10 @@ def test_a_fold_is_located_to_a_millionth(four, family):
 
 
 def test_a_graze_adds_a_landing(four, family, follower):
-    """Just beyond a graze the motion gets one more landing, whose speed is near zero.
+    """Just beyond a graze a periodic motion has one more landing, of near zero speed.
 
-    The speed of the new landing must be below 2 % of the smallest landing speed before the graze.
+    A graze is a bifurcation at which a landing appears. The speed of the new landing must be below
+    2 % of the smallest landing speed before the graze.
     """
     (graze,) = of_kind(four, GRAZE)
     last = nearest(four, graze.point.rpm)
@@ -117,7 +122,8 @@ def test_a_graze_adds_a_landing(four, family, follower):
 def test_a_motion_on_a_branch_starts_no_other_branch(four, family):
     """Two start states on the same branch do not give two copies of this branch.
 
-    A third start state, from which no periodic motion is found, adds no branch.
+    A branch is a family of periodic motions over speed. A third start state, from which no periodic
+    motion is found, adds no branch.
     """
     seen = [(m.point.speed, m.state, 1) for m in (four.motions[60], four.motions[120])]
     seen.append((380.0 * RPM, (0.5, 3.0), 1))

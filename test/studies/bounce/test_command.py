@@ -1,4 +1,7 @@
-"""Command `cam-rig bounce`: tables, stored rows, resumption and error messages."""
+"""Tests of `cam-rig bounce`: tables, stored rows, resumption and error messages.
+
+The command computes a bounce map, the motion of a follower at each speed of a sweep.
+"""
 
 import csv
 import io
@@ -23,9 +26,10 @@ def rows_of(*words):
 
 
 def test_rows_from_above_with_branches():
-    """`--from above --continuation` reports a row per speed and the bifurcations.
+    """The options --from above and --continuation report motions and bifurcations.
 
-    The fold of the TM21's cam is at 418.8029 rpm within 1e-3 rpm, and some motions are unstable.
+    There is a row for each speed. The fold of the TM21's cam is at 418.8029 rpm within 1e-3 rpm,
+    and some motions are unstable.
     """
     found = data_of("tm21", "--rpm", "414:450:4", "--from", "above", "--continuation", *SHORT)
     assert [row["rpm"] for row in found["speeds"]] == list(range(414, 451, 4))
@@ -35,9 +39,9 @@ def test_rows_from_above_with_branches():
 
 
 def test_a_sweep_over_mass_is_stored(tmp_path):
-    """A sweep over the mass prints one row per value and stores it in --out.
+    """A sweep over the mass prints one row per value and stores the rows in --out.
 
-    For two masses the printed Lyapunov exponent in contact equals the column `exponent_2`.
+    For two masses in contact the printed Lyapunov exponent equals the column `exponent_2`.
     """
     words = ("--rpm", "450", "--parameter", "mass", "--values", "1:1.4:0.2", "--out", str(tmp_path))
     rows = rows_of("tm21", *words, "--jobs", "1")
@@ -71,15 +75,15 @@ RPM = [310.0, 390.0, 420.0, 450.0]
 
 @pytest.fixture
 def tm21(laws, rig):
-    """Law of the cam TM21, and the rig."""
+    """Law of the cam TM21, and the shipped rig."""
     return laws["tm21"], rig
 
 
 def test_stored_rows_equal_computed_rows(tm21, tmp_path):
-    """A bounce map that is stored in a folder has the digits of one kept in memory.
+    """Stored rows of a bounce map equal those kept in memory, in all digits.
 
-    This applies also after a resume. The Parquet files have the column names and units of the
-    table.
+    A bounce map has the motion of the follower at each speed. This applies also after a resume. The
+    Parquet files have the column names and units of the table.
     """
     rows = cam_rig.bounce_map(*tm21, rpm=RPM, out=tmp_path, **HOW)
     assert rows.data() == cam_rig.bounce_map(*tm21, rpm=RPM, **HOW).data()
@@ -92,7 +96,7 @@ def test_stored_rows_equal_computed_rows(tm21, tmp_path):
 
 
 def test_rows_of_two_masses_are_stored(law, paper_rig, tmp_path):
-    """A stored map of the two-mass model equals the computed map in all digits.
+    """A stored bounce map of two masses equals the computed map in all digits.
 
     It has four state numbers per turn: gap, stretch of the stem, and their rates.
     """
@@ -111,7 +115,7 @@ def test_rows_of_two_masses_are_stored(law, paper_rig, tmp_path):
 def test_resume_computes_only_missing_rows(tm21, tmp_path, monkeypatch):
     """After an interruption, `resume=True` computes only rows that are not stored.
 
-    The complete map equals that of an uninterrupted computation.
+    The complete bounce map equals that of an uninterrupted computation.
     """
     compute, computed, speeds = module.compute_batch, list[int](), np.linspace(310.0, 460.0, 9)
 
@@ -145,10 +149,10 @@ def test_resume_computes_only_missing_rows(tm21, tmp_path, monkeypatch):
     ],
 )
 def test_invalid_stored_maps_are_refused(laws, rig, tmp_path, how, words):
-    """A folder with rows of another study is refused, and the changed input is named.
+    """A folder with the bounce map of another study is refused with the changed input.
 
-    `out` is refused for `start="below"`, where each row needs the previous row. `resume` is refused
-    without a folder.
+    The folder `out` is refused for `start="below"`, where each row needs the previous row. `resume`
+    is refused without a folder.
     """
     how = {"law": "tm21", "rpm": RPM[:2], "out": tmp_path} | HOW | how
     cam_rig.bounce_map(laws["tm21"], rig, rpm=RPM[:2], out=tmp_path, **HOW)

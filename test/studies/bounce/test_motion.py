@@ -64,9 +64,9 @@ def test_each_kind_of_motion_has_its_property(laws, seed):
     ],
 )
 def test_a_period_that_rounding_decides_is_not_reported(laws, rig, name, restitution, speed):
-    """A motion is undetermined if its period changes with one ulp of a parameter.
+    """A motion is undetermined if its period changes with a parameter's last digit.
 
-    The spring stiffness differs by one ulp, the smallest step of a float, between the two runs.
+    The spring stiffness of the two runs differs by the smallest step of a float.
     """
     follower = bouncing(rig, restitution)
     periods, motions = [], []
@@ -101,12 +101,15 @@ def test_restitution_of_the_caller_replaces_that_of_the_rig(rig):
 
 @pytest.fixture(scope="module")
 def two(laws, rig):
-    """Basins of attraction at 420 rpm, where two different motions exist."""
+    """Basins of attraction at 420 rpm, where two different motions exist.
+
+    They are the final motions of an 8 × 8 grid of start states.
+    """
     return basins(laws["tm21"], rig, rpm=420, restitution=0.7, grid=8)
 
 
 def test_two_motions_at_one_speed(two):
-    """At 420 rpm one motion is irregular and one periodic.
+    """At 420 rpm one of the two possible motions is irregular and one periodic.
 
     Each start state of the grid ends in one of them. The shares of the motions are the fractions of
     the start states and are in descending order.
@@ -124,7 +127,7 @@ def test_two_motions_at_one_speed(two):
 
 @pytest.mark.parametrize("position", [(0, 0), (3, 5), (7, 2), (4, 4)])
 def test_a_start_ends_in_the_reported_motion(two, position):
-    """A direct run of 240 turns from a start state ends in the reported motion.
+    """A simulation of 240 turns from a start state ends in the motion reported for it.
 
     A periodic motion is compared by its landings and its state (relative 1e-6). An irregular motion
     must have varying landing speeds.
@@ -152,7 +155,7 @@ def test_a_portrait_shows_one_period(two):
 
 
 def test_data_has_one_row_per_start(two):
-    """The JSON data have one row per start state, with the name of its final motion."""
+    """The JSON data of the basins have one row per start state, with its final motion."""
     data = two.data()
     assert len(data["starts"]) == two.ends.size
     assert data["starts"][1]["gap"] == pytest.approx(two.gap[1])

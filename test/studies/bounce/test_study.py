@@ -17,7 +17,10 @@ from cam_rig.units import RPM
 
 @pytest.fixture(scope="module")
 def tm21(laws, rig):
-    """Bounce map of the TM21's cam at eight speeds, restitution 0.7, from rest."""
+    """Bounce map of the TM21's cam at eight speeds, restitution 0.7, from rest.
+
+    It has the motion of the follower at each speed, turn after turn.
+    """
     speeds = [310, 380, 390, 400, 420, 450, 500, 550]
     return cam_rig.bounce_map(
         laws["tm21"], rig, rpm=speeds, restitution=0.7, turns=60, transient_turns=300
@@ -25,11 +28,11 @@ def tm21(laws, rig):
 
 
 def test_exponents(tm21):
-    """The Lyapunov exponent of a row agrees with its kind of motion.
+    """The Lyapunov exponent of each speed agrees with its kind of motion.
 
     It is −∞ if the follower comes to rest on the cam, and positive if the motion is irregular. For
     a periodic motion it is the logarithm of the largest multiplier, divided by the period in turns
-    (absolute tolerance 1e-7).
+    (absolute tolerance 1e-7). A multiplier is the growth of a small change per period.
     """
     for row in tm21.rows:
         if row.comes_to_rest:
@@ -44,9 +47,10 @@ def test_exponents(tm21):
 
 
 def test_the_level_is_that_of_a_simulation(tm21, rig):
-    """The sound level of a row equals that of `simulate` with the same restitution.
+    """The sound level in a bounce map equals that of a `simulate` run.
 
-    The tolerance is 0.02 dB. At this speed the follower comes to rest in each turn.
+    Both have the same restitution. The tolerance is 0.02 dB. At this speed the follower comes to
+    rest in each turn.
     """
     row = tm21.rows[1]
     bouncing = rig.with_follower(restitution=0.7)
@@ -57,7 +61,7 @@ def test_the_level_is_that_of_a_simulation(tm21, rig):
 
 
 def test_an_executor_gives_the_same_rows(tm21, rig):
-    """Rows computed by a thread pool equal the rows computed without an executor."""
+    """A bounce map computed by a thread pool equals one computed without an executor."""
     rpm, how = (
         np.array([390.0, 450.0, 310.0]),
         {"restitution": 0.7, "turns": 60, "transient_turns": 300},
@@ -69,7 +73,7 @@ def test_an_executor_gives_the_same_rows(tm21, rig):
 
 
 def test_data_of_a_map(tm21):
-    """The JSON data of a map have the documented keys.
+    """The JSON data of a bounce map have the documented keys.
 
     An exponent of −∞ is stored as null, and the list `turns` has one entry per simulated turn.
     """
@@ -84,7 +88,10 @@ def test_data_of_a_map(tm21):
 
 
 def test_the_first_lift_off_is_the_jump_speed(tm21, rig):
-    """The first lift-off in a map is at the rigid jump speed (relative 1e-12)."""
+    """The first lift-off in a bounce map is at the jump speed of a rigid follower.
+
+    The relative tolerance is 1e-12.
+    """
     expected = cam_rig.jump_speed(tm21.law, rig).rpm
     assert tm21.jump_rpm == pytest.approx(expected, rel=1e-12)
 
@@ -102,7 +109,7 @@ def test_a_follower_that_never_lands_is_undetermined(tm21, rig):
 
 
 def test_a_map_at_the_speed_of_a_fold(tm21, rig):
-    """The map gives a row, not an error, at the speed of a fold.
+    """At the speed of a fold the bounce map reports a motion, not an error.
 
     Two periodic motions merge at a fold, so the solver of periodic motions is singular there.
     """

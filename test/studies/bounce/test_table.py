@@ -50,7 +50,8 @@ def test_the_period_doubles_at_its_closed_form(restitution):
 def test_the_window_starts_at_its_closed_form(restitution):
     """A motion with one landing per turn starts to exist at the known speed.
 
-    The condition is A ω²/g = π (1 − r)/(1 + r), a fold. The speed agrees within a relative 1e-10.
+    The condition is A ω²/g = π (1 − r)/(1 + r), where two motions merge (a fold). The speed agrees
+    within a relative 1e-10.
     """
     fold_ratio, _ = window(restitution)
     speed, state = one_landing(restitution, 1.05 * fold_ratio)
@@ -66,7 +67,7 @@ def test_the_window_starts_at_its_closed_form(restitution):
 
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
 def test_multipliers_are_those_of_the_closed_form(restitution):
-    """The derivative of the map of one turn has the known trace and determinant.
+    """The derivative of the motion over one turn has the known trace and determinant.
 
     The trace is (1 + r)² (1 + s̈/g) − 2 r within 1e-10, and the determinant r² within a relative
     1e-11.
@@ -90,7 +91,10 @@ def test_multipliers_are_those_of_the_closed_form(restitution):
     [(RESTITUTION, [0.3, 0.62, 0.9]), (PRELOAD, [6.0, 20.0, 50.0]), (MASS, [0.8, 1.0, 1.7])],
 )
 def test_a_swept_row_equals_the_row_of_such_a_rig(laws, rig, parameter, values):
-    """A row of a sweep over a rig parameter equals the row of a rig with this value."""
+    """A row of a sweep over a rig parameter equals the row of a rig with this value.
+
+    The parameters are restitution, preload and mass. The rows describe the motion at 450 rpm.
+    """
     fixed = {} if parameter == RESTITUTION else {"restitution": 0.7}
     how = {"turns": 20, "transient_turns": 80}
     result = cam_rig.bounce_map(
@@ -114,9 +118,9 @@ def test_a_swept_row_equals_the_row_of_such_a_rig(laws, rig, parameter, values):
     "restitution", [0.2, *(pytest.param(e, marks=pytest.mark.long) for e in (0.6, 0.9))]
 )
 def test_windows_over_preload_and_mass(parameter, restitution):
-    """Over preload P and mass m, fold and doubling are at the closed forms.
+    """In sweeps over preload P and mass m, fold and doubling are at the closed forms.
 
-    They are at the same values of A ω² m/P as over the speed, within a relative 1e-10.
+    They are at the same values of A ω² m/P as in a sweep over the speed, within a relative 1e-10.
     """
     fold_ratio, doubling = window(restitution)
     speed, state = one_landing(restitution, 0.5 * (fold_ratio + doubling))
@@ -136,10 +140,10 @@ def test_windows_over_preload_and_mass(parameter, restitution):
 
 
 def test_contact_is_lost_at_the_closed_form():
-    """In a sweep, contact is first lost at the preload P = m A ω² (relative 1e-10).
+    """In a sweep over the preload, contact is lost from P = m A ω² downward.
 
-    The restitution has no effect on the first loss, so its sweep returns NaN. So does a preload
-    that keeps contact at every mass.
+    The relative tolerance is 1e-10. The restitution has no effect on the first loss, so its sweep
+    returns NaN. So does a preload that keeps contact at every mass.
     """
     base = OperatingPoint(ball(0.5), 30.0)
     values = np.linspace(0.5, 20.0, 40).tolist()
@@ -167,9 +171,9 @@ def test_bifurcations_of_a_map_over_preload(laws, rig):
 
 
 def test_a_branch_ends_at_the_limit_of_the_swept_number():
-    """A branch that reaches the restitution 0, the lowest valid value, ends there.
+    """A branch over the restitution ends at 0, its lowest valid value.
 
-    The end is not reported as a bifurcation.
+    A branch is a family of periodic motions. The end is not reported as a bifurcation.
     """
     restitution = 0.05
     fold_ratio, _ = window(0.0)

@@ -1,6 +1,7 @@
-"""Bounce maps of two masses: derivative, Lyapunov exponents and kinds of motion.
+"""Tests of bounce maps of two masses: derivatives, exponents, kinds of motion.
 
-The roller mass and the end mass are connected by an elastic stem.
+The exponents are Lyapunov exponents. The roller mass and the end mass are connected by an elastic
+stem.
 """
 
 import csv
@@ -33,10 +34,10 @@ SOFT = TwoMassParameters(0.4, 0.6, 2000.0, 5.0, 0.8, 0.3, 9.81, 0.6)
 
 
 def events_of(turn_map, numbers):
-    """Return the (time in s, kind) of each event in a simulation of one turn.
+    """Return (time in s, kind) of each lift-off and landing in a simulated turn.
 
-    `numbers` is the state at the start of the turn. The model of cam_rig is used. A landing that
-    is followed at once by a lift-off has the kind LEAVES.
+    `numbers` is the state at the start of the turn. The model of cam_rig is used. A landing that is
+    followed at once by a lift-off has the kind LEAVES.
     """
     trajectory = Separation(turn_map.law, turn_map.parameters, turn_map.speed)
     follower = turn_map.follower(tuple(numbers))
@@ -71,7 +72,7 @@ def events_of(turn_map, numbers):
     ],
 )
 def test_derivatives_and_exponents_in_many_digits(changed, speed, turns, kinds):
-    """The derivative of a turn agrees with central differences in 60 digits.
+    """The derivative of the motion over one turn agrees with differences in 60 digits.
 
     The tolerance is 1e-10 of the largest entry. The cases start in flight and in contact. The
     Lyapunov exponents agree within 1e-9 per turn with a QR decomposition of these differences.
@@ -106,7 +107,7 @@ def test_derivatives_and_exponents_in_many_digits(changed, speed, turns, kinds):
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(80))
 def test_a_turn_of_the_map_equals_the_models_run(laws, seed):
-    """One turn of the map has the landings and the end state of a direct simulation.
+    """A turn of the bounce map has the landings and the end state of a simulation.
 
     The rig is random. The states agree within a relative 1e-9, because both add rounding errors in
     a different order.
@@ -147,9 +148,10 @@ def test_classes_and_exponents(law, paper_rig, two_mass):
     "last", [598.0, pytest.param(565.0, marks=[pytest.mark.long, pytest.mark.slow])]
 )
 def test_a_branch_of_two_masses(laws, last):
-    """Each motion of a branch repeats after one turn, within 1e-9 of its scale.
+    """Each motion on a branch of two masses repeats after one turn.
 
-    The product of its multipliers is the known contraction by damping and landings. No motion
+    The tolerance is 1e-9 of its scale. A branch is a family of periodic motions over speed. The
+    product of the motion's multipliers is the known contraction by damping and landings. No motion
     exists 1e-6 below the speed of a fold.
     """
     p = TwoMassParameters(1.04, 0.26, 1e5, 4030.0, 50.0, 8.642, 12.753, 0.85)
@@ -193,7 +195,7 @@ def test_two_masses_over_a_number(law, paper_rig):
 
 
 def test_rows_from_above_start_in_the_state_above(law, paper_rig):
-    """With `start="above"` a row starts in the end state of the next higher speed.
+    """With `start="above"` each speed starts in the end state of the speed above.
 
     The state includes the stretch of the stem and its rate.
     """
@@ -213,24 +215,27 @@ def test_rows_from_above_start_in_the_state_above(law, paper_rig):
 
 
 TABLE = Path(__file__).with_name("siconos.csv")
-#: Number of turns that Siconos simulated at each speed.
+#: Number of turns that the program Siconos, the reference, simulated at each speed.
 TURNS = 130
-#: Number of turns at the end from which the motion was classified.
+#: Number of turns at the end of a run from which its kind of motion was determined.
 KEPT = 30
-#: Largest allowed difference of gaps, mm. A landing of the first-order scheme is up to one time
-#: step late, which limits its accuracy to about this value.
+#: Largest allowed difference from Siconos' gaps, mm. A landing of its first-order scheme is up to
+#: one time step late, which limits its accuracy to about this value.
 STEPS_APART = 0.025
 
 
 @pytest.fixture(scope="module")
 def stepped():
-    """Rows of the stored Siconos table, one per speed, in rising order."""
+    """Stored results of the program Siconos, one row per speed, in rising order."""
     return list(csv.DictReader(TABLE.read_text(encoding="utf-8").splitlines()))
 
 
 @pytest.fixture(scope="module")
 def exact(stepped, laws, rig):
-    """Rows of `bounce_map` at the same speeds, computed from roots and closed forms."""
+    """Rows of `bounce_map` at the speeds of the Siconos table.
+
+    They are computed from roots and closed forms instead of time steps.
+    """
     rpm, how = (
         [float(row["rpm"]) for row in stepped],
         {"turns": KEPT, "transient_turns": TURNS - KEPT},
@@ -239,7 +244,7 @@ def exact(stepped, laws, rig):
 
 
 def test_motions_are_those_of_time_stepping(stepped, exact):
-    """The kind of motion and the period equal those from Siconos at each of 50 speeds."""
+    """Kind of motion and period equal those from Siconos' time stepping at 50 speeds."""
     assert len(stepped) == 50
     found = [(row.rpm, row.motion, str(row.period or "")) for row in exact]
     assert found == [(float(row["rpm"]), row["motion"], row["period"]) for row in stepped]
@@ -249,7 +254,8 @@ def test_motions_are_those_of_time_stepping(stepped, exact):
 def test_gaps_at_the_section_are_those_of_time_stepping(stepped, exact):
     """The smallest and largest gap at angle 0 equal those of Siconos within 0.025 mm.
 
-    Irregular motions are sensitive to errors, so there the two ranges only have to overlap.
+    Siconos simulates by time steps. Irregular motions are sensitive to errors, so there the two
+    ranges only have to overlap.
     """
     for row, exact_row in zip(stepped, exact, strict=True):
         gaps = 1e3 * exact_row.states[:, 0]

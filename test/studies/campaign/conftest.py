@@ -25,16 +25,17 @@ SMALL = {
 def study():
     """Function that returns a small campaign on the 3-4-5 cam.
 
-    Its keywords replace entries of SMALL, for example `plan` or `vary`.
+    A campaign is a batch of simulations with varied inputs. Keyword arguments replace entries of
+    SMALL, for example `plan` or `vary`.
     """
     return lambda **parts: campaign_from(SMALL | parts, Library((config_root(),)))
 
 
 @pytest.fixture(scope="session")
 def measured(study):
-    """Function that measures all points of a grid and returns (campaign, rows).
+    """Function that computes measures at all points of a small campaign.
 
-    Without `vary` the grid has one point with the nominal preload.
+    It returns (campaign, rows). Without `vary` there is one point with the nominal preload.
     """
 
     def measure(*measures, vary=None, **parts):
@@ -46,7 +47,7 @@ def measured(study):
 
 
 def run(dataset, resume=False):
-    """Compute the missing points of a dataset, and return a warning of damaged files."""
+    """Compute the missing points of a campaign, and return a warning of damaged files."""
     with dataset.open(resume) as damaged:
         compute_missing(dataset, measure_batch, SerialExecutor(), 1)
     return damaged

@@ -1,4 +1,7 @@
-"""Command `cam-rig campaign`: tables, files, figures, errors and resumption."""
+"""Tests of `cam-rig campaign`: tables, files, figures, errors and resumption.
+
+A campaign is a batch of simulations with varied inputs, described by a study file.
+"""
 
 import json
 import signal
@@ -28,7 +31,10 @@ shipped = partial(cli.load, "campaigns")
 
 @pytest.fixture
 def study(tmp_path):
-    """Function that writes a shipped study with changed entries and returns its path."""
+    """Function that writes a shipped campaign file with changed entries.
+
+    It returns the path.
+    """
 
     def write(name="tolerance_poly345", **parts):
         path = tmp_path / "campaigns" / "study.yaml"
@@ -43,7 +49,7 @@ def study(tmp_path):
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("name", ["jump_map", "tolerance_poly345", "noise_map"])
 def test_shipped_studies_run_and_draw(study, tmp_path, name):
-    """Each shipped study, with few points, writes Parquet, JSON, CSV and a figure."""
+    """Each shipped campaign, with few points, writes Parquet, JSON, CSV and a figure."""
     data, out = shipped(name), tmp_path / "rows"
     for variation in data["vary"].values():
         if "count" in variation:
@@ -123,9 +129,9 @@ BAD = (
 
 
 def test_bad_studies_are_refused_in_one_line(study, tmp_path):
-    """An invalid study ends with exit code 2 and one line with the key or value.
+    """An invalid campaign file ends with exit code 2 and one line.
 
-    No output folder is created.
+    The line has the wrong key or value. No output folder is created.
     """
     for parts, words in BAD:
         result = call(study(**parts), "--out", tmp_path / "rows")
@@ -157,10 +163,10 @@ def test_a_campaign_without_a_valid_point_fails_with_the_reason(study, tmp_path)
 
 @pytest.mark.long
 def test_a_cam_and_a_rig_by_their_paths(study, tmp_path):
-    """A study that names cam and rig by file path gives the same rows as by name.
+    """A campaign that names cam and rig by file path gives the same rows as by name.
 
-    A relative path is relative to the study's folder. The error for a missing cam lists both paths
-    searched.
+    A relative path is relative to the campaign file's folder. The error for a missing cam lists
+    both paths searched.
     """
     folder_of_study = tmp_path / "campaigns" / "mine"
     folder_of_study.mkdir(parents=True)
@@ -184,7 +190,7 @@ def test_a_cam_and_a_rig_by_their_paths(study, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_resume_completes_an_interrupted_campaign(study, tmp_path, number):
-    """A campaign that a signal stopped and `--resume` completed has the same rows.
+    """A campaign that is stopped by a signal and then resumed has the same rows.
 
     They are compared with those of an uninterrupted run. After SIGINT and SIGTERM the last line
     states the command that continues it.
@@ -251,9 +257,9 @@ def test_a_lost_scheduler_ends_the_run_with_one_line(study, tmp_path):
 
 
 def test_a_folder_with_rows_is_not_overwritten(study, tmp_path):
-    """A folder with rows is accepted only with --resume and an unchanged study.
+    """A campaign folder with rows is accepted only with --resume.
 
-    The error states which number of the plan differs.
+    The study must be unchanged. The error states which number of the plan differs.
     """
     path, out = study(plan={"kind": "sobol", "points": 2}), tmp_path / "rows"
     dataset = CampaignDataset(out, open_campaign(path))
@@ -269,7 +275,10 @@ def test_a_folder_with_rows_is_not_overwritten(study, tmp_path):
 
 @pytest.fixture
 def batches(study, tmp_path):
-    """Dataset of 1000 points, and a function that writes rows with random jump speeds."""
+    """Dataset of a campaign of 1000 points, and a function that adds rows to it.
+
+    The function writes random jump speeds for a range of points.
+    """
     plan = {"kind": "sobol", "points": 1000}
     path = study(plan=plan, measures=["jump_speed_rigid"], limits=[])
     dataset = CampaignDataset(tmp_path / "rows", open_campaign(path))
@@ -305,7 +314,10 @@ def test_the_log_line_has_rate_time_left_and_size(batches, monkeypatch):
 
 
 def test_the_final_size_is_extrapolated(batches):
-    """The final size of the files is estimated from the first batches within 20 %."""
+    """The final size of a campaign's files is estimated from the first batches.
+
+    A batch is a group of points. The error is below 20 %.
+    """
     dataset, write = batches
     with dataset.open(False):
         for first, last in ((0, 1), (1, 101), (101, 201)):

@@ -1,4 +1,7 @@
-"""Files of a campaign: readable at any time, one writer, detection of damage."""
+"""Tests of a campaign's files: readable at any time, one writer, damage detected.
+
+A campaign is a batch of simulations with varied inputs, one row per point.
+"""
 
 import os
 import random
@@ -30,12 +33,12 @@ MASS = {"rig.follower.mass": {"values": [-1, 1, 1.3, 2, 3], "unit": "kg"}}
 
 @pytest.fixture
 def dataset(study, tmp_path):
-    """Data set of a small campaign over the mass, without computed points."""
+    """Small campaign over the mass, without computed points."""
     return CampaignDataset(tmp_path / "rows", study(vary=MASS, plan={"kind": "grid"}))
 
 
 def test_duckdb_and_pandas_read_it(dataset):
-    """duckdb and pandas read a dataset as one row per point with all columns.
+    """The libraries duckdb and pandas read a campaign as one row per point.
 
     A failed point has status, reason and an empty measure. The schema of the Parquet files has the
     units and the versions.
@@ -121,7 +124,7 @@ BATCHES = (1, 4, 9, 16)
 
 @pytest.fixture(scope="module")
 def whole(study, tmp_path_factory):
-    """Complete dataset of four files, in which some points have failed."""
+    """Complete campaign of four files, in which some points have failed."""
     plan = {"kind": "sobol", "points": BATCHES[-1], "seed": 5}
     campaign = study(vary={"rig.follower.mass": {"normal": 60, "unit": "%"}}, plan=plan)
     dataset = CampaignDataset(tmp_path_factory.mktemp("whole"), campaign)
@@ -138,7 +141,7 @@ def copied(whole, folder):
 
 
 def numbers(dataset):
-    """Return all columns and failure reasons of a dataset as text, for comparison."""
+    """Return all columns and failure reasons of a dataset as one text, for comparison."""
     columns = {name: dataset.column(name).tolist() for name in dataset.schema.names}
     return repr((columns, dataset.reasons()))
 
@@ -179,7 +182,7 @@ def zero(files, draw):
 def as_another(files, draw):
     """Rename a file to the point range of another file, which it replaces.
 
-    The digest in the name stays that of the content.
+    The checksum in the name stays that of the content.
     """
     first, second = draw.sample(files, 2)
     first.replace(second.with_name(second.name[:29] + first.name[29:]))
@@ -214,7 +217,7 @@ def test_points_in_two_files_are_counted_once(whole, tmp_path):
 
 
 def test_a_file_without_a_digest_is_refused(whole, tmp_path):
-    """A file from an earlier version, which has no digest in its name, is refused."""
+    """A file from an earlier version, which has no checksum in its name, is refused."""
     dataset = copied(whole, tmp_path / "old")
     first = dataset.batches()[0][2]
     first.rename(first.with_name("points-0000000000-0000000001.parquet"))
@@ -263,7 +266,7 @@ PARTS = {
 class Killing(Progress):
     """Progress callback that kills a process as soon as the first points are written.
 
-    `process` is a function that returns the process ID.
+    `process` is a function that returns the id of the process to kill.
     """
 
     def __init__(self, process):
@@ -277,7 +280,7 @@ class Killing(Progress):
 
 @pytest.fixture(scope="module")
 def alone(study, tmp_path_factory):
-    """Dataset computed in this process without a pool, one batch after another."""
+    """Campaign computed in this process without a pool, one batch after another."""
     dataset = CampaignDataset(tmp_path_factory.mktemp("alone"), study(**PARTS))
     run(dataset)
     return dataset
@@ -297,7 +300,7 @@ def test_a_point_is_the_same_after_any_other(alone):
 
 @pytest.mark.long
 def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
-    """A Dask cluster that loses a worker computes each point once.
+    """A Dask cluster that loses a worker still computes each point of a campaign once.
 
     The rows have the digits of a run in one process.
     """
@@ -317,9 +320,9 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
 
 
 def test_a_killed_process_ends_the_run_and_resume_completes_it(alone, tmp_path):
-    """If a worker process is killed, RunError is raised and finished batches stay.
+    """If a worker process is killed, RunError is raised and written batches are kept.
 
-    A resume completes the dataset with the same digits.
+    A resume completes the campaign with the same digits.
     """
     dataset = CampaignDataset(tmp_path, alone.campaign)
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
@@ -333,11 +336,10 @@ def test_a_killed_process_ends_the_run_and_resume_completes_it(alone, tmp_path):
 
 
 def test_the_size_of_batches_follows_their_duration():
-    """The next batch size is chosen so that a batch takes BATCH_S seconds.
+    """The size of the next batch of points is chosen so that it takes BATCH_S seconds.
 
-    It grows at most four-fold per step. A point that takes longer than BATCH_S is a batch of its
-    own, unless a plan of 1e8 points would need too many files. Then the batches grow in spite of
-    it.
+    It grows at most four-fold per step. A point that takes longer than BATCH_S is a separate batch,
+    unless a plan of 1e8 points would need too many files. Then the batches grow in spite of it.
     """
 
     def after(seconds, count, total=10**4, workers=2):

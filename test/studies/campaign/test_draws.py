@@ -1,6 +1,6 @@
-"""Random inputs of a campaign, and errors added to a manufactured cam profile.
+"""Tests of a campaign's random inputs, and of errors added to a cam profile.
 
-The inputs of a point depend only on its index in the plan.
+The inputs of a point depend only on its index in the plan. The errors are those of manufacture.
 """
 
 import math
@@ -21,9 +21,10 @@ KINDS = ("latin_hypercube", "sobol", "shares")
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_point_is_the_same_in_any_batch(kind):
-    """The inputs of a point do not depend on the batch in which it is drawn.
+    """A campaign's inputs at a point do not depend on the batch of the point.
 
-    They lie strictly inside the unit cube and change with the seed.
+    A point is one simulation of the campaign. The inputs lie strictly inside the unit cube and
+    change with the seed.
     """
     first, second = (unit_points(kind, seed, 64, 2, 0, 64) for seed in (1, 2))
     assert not (first == second).any()
@@ -50,7 +51,10 @@ def test_a_latin_hypercube_meets_each_stratum_once():
 
 
 def test_the_sobol_sequence_is_scipys():
-    """The Sobol points are scipy's, moved to the middle of their interval of 2^-30."""
+    """The Sobol points of a campaign are scipy's, moved to the middle of their cell.
+
+    A cell is an interval of 2^-30.
+    """
     ours = unit_points("sobol", 9, 128, 4, 0, 128)
     theirs = qmc.Sobol(4, scramble=True, rng=9).random_base2(7)
     assert np.abs(ours - theirs).max() < 2.0**-30
@@ -58,9 +62,10 @@ def test_the_sobol_sequence_is_scipys():
 
 
 def test_shares_are_saltellis_rows():
-    """The plan `shares` has the rows of Saltelli's scheme for sensitivity indices.
+    """The plan `shares` has the points of Saltelli's scheme for sensitivity indices.
 
-    A block of d + 2 points is a, then a with the i-th number of b for each of the d inputs, then b.
+    Each block has d + 2 points for d inputs: a, then a with the i-th number of b for each input i,
+    then b.
     """
     rows = unit_points("shares", 1, 8 * 5, 3, 0, 8 * 5).reshape(8, 5, 3)
     a, b = rows[:, 0], rows[:, -1]
@@ -72,7 +77,10 @@ def test_shares_are_saltellis_rows():
 
 
 def test_a_grid_has_every_combination_once():
-    """A grid has every combination of the listed values once, the last input fastest."""
+    """A grid of a campaign has every combination of the listed values once.
+
+    The last input varies fastest.
+    """
     indices = grid_indices([2, 3, 4], 0, 24)
     assert len({tuple(row) for row in indices.tolist()}) == 24
     assert indices[:5].tolist() == [[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 3], [0, 1, 0]]
@@ -100,7 +108,7 @@ DISTRIBUTIONS = (
 
 
 def test_numbers_follow_their_distribution(study):
-    """The drawn inputs follow the requested distributions.
+    """The drawn inputs of a campaign follow the requested distributions.
 
     The Kolmogorov-Smirnov distance of 4096 Sobol points is below 1e-3, less than random points
     reach.
@@ -122,7 +130,7 @@ def test_a_list_is_drawn_evenly_and_a_unit_is_taken_to_si(study):
 
 
 def test_zero_spread_is_the_base_exactly(study):
-    """A spread of zero gives exactly the number of the base scene."""
+    """An input with a spread of zero has exactly the number of the base files."""
     for variation in ({"normal": 0, "unit": "%"}, {"uniform": 0, "unit": "N"}):
         assert set(column(study, variation, points=64).tolist()) == {30.6}
 
@@ -130,8 +138,8 @@ def test_zero_spread_is_the_base_exactly(study):
 def test_correlated_inputs_keep_their_distributions(study):
     """Correlated inputs keep their distributions and have the given correlation.
 
-    Spearman's coefficient is that of a Gaussian copula within 0.005. The rows do not depend on the
-    batch.
+    Spearman's coefficient is that of a Gaussian copula within 0.005. The drawn values do not depend
+    on the batch.
     """
     vary = {PRELOAD: {"uniform": 10, "unit": "%"}, MASS: {"normal": 2, "unit": "%"}}
     pair = {"inputs": [PRELOAD, MASS], "coefficient": 0.8}
@@ -145,7 +153,10 @@ def test_correlated_inputs_keep_their_distributions(study):
 
 
 def test_contradicting_correlations_are_refused(study):
-    """Correlations whose matrix is not positive definite are refused."""
+    """Correlations of inputs whose matrix is not positive definite are refused.
+
+    They contradict each other.
+    """
     paths = [PRELOAD, MASS, "rig.follower.spring_stiffness"]
     pairs = [
         {"inputs": [paths[i], paths[j]], "coefficient": r}
@@ -182,7 +193,7 @@ ANGLES = np.linspace(0.0, TURN, 20011)[:-1]
 
 @pytest.mark.parametrize("degrees", [3.0, 7.77, 100.0, 360.0])
 def test_a_wave_is_within_the_documented_bounds(law, degrees):
-    """A law with added waviness equals law plus sine within the documented bounds.
+    """A cam law with added waviness equals law plus sine within the documented bounds.
 
     The bounds are fractions of the wave's amplitude: 4.5e-7 for the lift and 3.9e-5 k² for its
     second derivative, with k waves per turn. Near the end of the turn, where the wave is closed,
@@ -205,8 +216,8 @@ def test_a_wave_is_within_the_documented_bounds(law, degrees):
 def test_a_wave_closes_without_a_step(law, degrees):
     """A wave whose length does not divide 360° is blended at the end of the turn.
 
-    The lift and its first two derivatives have no step there beyond rounding, and the wave does not
-    exceed its amplitude.
+    The wave is an error of the cam's profile. The lift and its first two derivatives have no step
+    there beyond rounding, and the wave does not exceed its amplitude.
     """
     errors = ProfileErrors(waviness=1e-5, wavelength=math.radians(degrees), waviness_phase=1.0)
     wavy = errors.add_to(law)
@@ -218,9 +229,10 @@ def test_a_wave_closes_without_a_step(law, degrees):
 
 
 def test_size_and_eccentricity_are_added(law):
-    """Errors of size (a constant) and eccentricity (one sine per turn) are added.
+    """Errors of size and eccentricity are added to a cam's law.
 
-    The size is added exactly. Errors of zero do not change the law.
+    The size is a constant, which is added exactly. The eccentricity is one sine per turn. Errors of
+    zero do not change the law.
     """
     errors = ProfileErrors(size=2e-5, eccentricity=3e-5, eccentricity_phase=0.7)
     sum_ = errors.add_to(law)(ANGLES)

@@ -1,4 +1,4 @@
-"""Measures of one point of a campaign: values, steady motion and failed points."""
+"""Tests of the measures at a campaign's points: values, steady motion, failures."""
 
 import math
 
@@ -21,7 +21,10 @@ LAW = cam_rig.build_law(CAM)
 
 
 def test_measures_are_those_of_the_commands(measured):
-    """Measures at the base equal `jump_speed`, `sound_level` and a closed form."""
+    """Measures of the unchanged inputs equal those of other functions of cam_rig.
+
+    These are `jump_speed` and `sound_level`, and a closed form of the peak force.
+    """
     names = ["jump_speed", "jump_speed_steady", "sound_level@300rpm"]
     names.append("peak_contact_force_rigid@300rpm")
     measures = measured(*names)[1].measures[0]
@@ -36,7 +39,7 @@ def test_measures_are_those_of_the_commands(measured):
 
 
 def test_every_measure_has_a_number(measured):
-    """Every available measure of the two-mass model is finite on the paper's rig."""
+    """Every measure that exists for the two-mass model is finite on the paper's rig."""
     quantities = campaign_quantities("two_mass")
     _, rows = measured(
         *(f"{name}@300rpm" if quantity.where else name for name, quantity in quantities.items())
@@ -60,7 +63,10 @@ def test_a_missing_jump_speed_is_zero_or_infinite(measured):
 
 
 def test_an_invalid_point_is_a_row_with_its_reason(measured):
-    """A point with an invalid input has a reason and NaN. Other points have values."""
+    """A point of a campaign with an invalid input has a reason and NaN values.
+
+    Other points have values.
+    """
     mass = {"rig.follower.mass": {"values": [-1, 1.3], "unit": "kg"}}
     _, rows = measured("jump_speed", vary=mass)
     assert "follower.mass" in rows.reasons[0]
@@ -72,7 +78,10 @@ def test_an_invalid_point_is_a_row_with_its_reason(measured):
 
 
 def test_a_measure_that_fails_leaves_the_others(measured):
-    """A measure that fails is NaN with a reason. The other measures keep their values."""
+    """If one measure of a campaign's point fails, its value is NaN with a reason.
+
+    The other measures of the point keep their values.
+    """
     base = {"cam": "poly345", "rig": "tm21"}
     _, rows = measured("twist@300rpm", "jump_speed_rigid", base=base)
     assert rows.reasons[0].startswith("twist@300rpm: ")
@@ -83,10 +92,10 @@ def test_a_measure_that_fails_leaves_the_others(measured):
 @pytest.mark.parametrize("model", ["two_mass", "elastic_stem"])
 @pytest.mark.parametrize("cam", ["poly345", "cycloidal", "bezier15"])
 def test_forces_in_contact_are_those_of_the_steady_state(measured, model, cam):
-    """The extreme contact forces without lift-off equal those of a 30-turn simulation.
+    """The extreme contact forces of a campaign equal those of a 30-turn simulation.
 
-    They agree within 1e-5 of the largest force, the error of sampling at 200 kHz. They enclose the
-    sampled extremes within 1e-6.
+    The follower stays in contact. They agree within 1e-5 of the largest force, the error of
+    sampling at 200 kHz. They enclose the sampled extremes within 1e-6.
     """
     names = [f"{name}_contact_force@290rpm" for name in ("least", "peak")]
     found = measured(*names, base=BASE | {"model": model, "cam": cam})[1].measures[0]
@@ -100,7 +109,7 @@ def test_forces_in_contact_are_those_of_the_steady_state(measured, model, cam):
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "two_mass", "elastic_stem"])
 def test_forces_do_not_depend_on_the_turns_of_the_scene(measured, model):
-    """Steady force, torque and level do not depend on the turns of the scene."""
+    """Steady force, torque and level of a campaign do not depend on the scene's turns."""
     campaign, _ = measured("peak_contact_force@300rpm", base=BASE | {"model": model})
     point = make_point(campaign, np.array([30.6]))
     rows = []
@@ -116,7 +125,7 @@ def test_forces_do_not_depend_on_the_turns_of_the_scene(measured, model):
 
 
 def test_a_motion_with_lift_offs_is_steady_or_reported_as_unsettled(measured, results, tmp_path):
-    """A motion with lift-offs is simulated until it is steady.
+    """A motion with lift-offs is simulated until steady, or reported as unsettled.
 
     If it is not steady after MAX_FORCE_TURNS turns, the point has the status `unsettled`, and its
     reason and the table's note give the number of turns. The force stays a finite number.
@@ -151,9 +160,9 @@ def test_one_rigid_mass_is_the_same_by_either_name(measured):
 
 
 def test_steady_vibration_is_that_of_the_whole_turn(measured):
-    """The steady residual vibration includes what is left from earlier turns.
+    """The measure of steady vibration includes what is left from earlier turns.
 
-    It is more than twice the vibration after a single event from rest.
+    It is more than twice the vibration after a single motion from dwell to dwell, started at rest.
     """
     _, rows = measured("residual_vibration_steady@300rpm")
     design = cam_rig.design(CAM, RIG, minimise="residual_vibration@300rpm", pieces=4)
@@ -163,7 +172,7 @@ def test_steady_vibration_is_that_of_the_whole_turn(measured):
 
 
 def test_steady_vibration_is_read_in_the_low_dwell_of_the_cam_without_errors(measured):
-    """Steady vibration is evaluated in the low dwell of the nominal cam.
+    """The measure of steady vibration is evaluated in the nominal cam's low dwell.
 
     An eccentricity of 1e-12 m removes the dwell from the actual profile but must not change the
     value.

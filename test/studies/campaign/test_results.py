@@ -1,6 +1,7 @@
-"""Evaluation of campaigns: quantiles, yields, variance shares and derivatives.
+"""Tests of campaign results: quantiles, yields, variance shares and derivatives.
 
-A share is the fraction of an output's variance that an input causes (Sobol index).
+A share is the fraction of an output's variance that an input causes (Sobol index). A yield is the
+fraction of points within a limit.
 """
 
 import math
@@ -68,9 +69,9 @@ def test_an_interval_contains_its_quantile(probability):
 
 @pytest.mark.parametrize(("probability", "needed"), [(0.01, 368), (0.05, 72), (0.5, 6)])
 def test_a_quantile_needs_a_least_number_of_draws(probability, needed):
-    """A quantile with too few draws for a 95 % interval is NaN.
+    """A quantile of too few random points for a 95 % interval is NaN.
 
-    The smallest number n satisfies (1 − p)^n < 2.5 %, for example 368 draws for p = 0.01.
+    The smallest number n satisfies (1 − p)^n < 2.5 %, for example 368 points for p = 0.01.
     """
     assert math.isnan(quantile(np.zeros(0), probability).value)
     for p in (probability, 1.0 - probability):
@@ -81,7 +82,7 @@ def test_a_quantile_needs_a_least_number_of_draws(probability, needed):
 
 
 def test_wide_shares_report_the_points_needed():
-    """For shares with wide intervals the number of points needed for ±0.1 is reported.
+    """For variance shares with wide intervals the points needed for ±0.1 are reported.
 
     The width falls with the square root of the number, so ±0.4 at 32 points needs 512 points.
     """
@@ -120,7 +121,10 @@ def test_the_interval_of_a_yield_is_clopper_and_pearsons():
 
 
 def test_yields_count_failed_points_as_broken(results, tmp_path):
-    """In a yield, a point that could not be computed counts as violating the limit."""
+    """In a yield, a point that could not be computed counts as outside the limit.
+
+    The yield is the fraction of a campaign's points within a limit.
+    """
     vary, limits = {MASS: {"values": [-1, 1, 1.3, 30], "unit": "kg"}}, ["jump_speed_rigid>=300rpm"]
     found = results(tmp_path, vary=vary, plan={"kind": "grid"}, limits=limits)
     assert found.failed == 1
@@ -129,7 +133,7 @@ def test_yields_count_failed_points_as_broken(results, tmp_path):
 
 
 def test_shares_of_a_campaign(results, tmp_path):
-    """A campaign attributes the variance of the jump speed to the mass.
+    """A campaign's variance shares attribute the jump speed's variance to the mass.
 
     The mass varies by 10 % and the preload by 1 %.
     """
@@ -141,9 +145,9 @@ def test_shares_of_a_campaign(results, tmp_path):
 
 
 def test_tables_omit_quantiles_that_need_more_points(results, tmp_path):
-    """The tables omit quantiles for which there are too few points.
+    """The tables of a campaign omit quantiles for which there are too few points.
 
-    They state the number of points needed. With 8 draws only the median is given.
+    They state the number of points needed. With 8 points only the median is given.
     """
     result = results(tmp_path)
     with pytest.raises(ConfigError, match="whose plan is shares"):
@@ -164,7 +168,7 @@ PAIR = [{"inputs": [MASS, PRELOAD], "coefficient": 0.5}]
 def test_a_tornado_has_warnings(results, tmp_path):
     """A tornado chart warns of fewer than 60 points and of correlated inputs.
 
-    The chart compares the tenths of the points with the lowest and the highest input.
+    The chart compares the tenths of the points with the lowest and the highest value of an input.
     """
     vary = {path: {"uniform": 5, "unit": "%"} for path in (MASS, PRELOAD)}
     few = ["too few points (16) for tenths: needs 60", "correlated inputs: no bar is of"]
@@ -199,7 +203,10 @@ NO_DERIVATIVE = "profile.waviness.wavelength"
 
 
 def exact_speed(point, duration):
-    """Return the jump speed (rad/s) from `touch_of`, more precise than `jump_speed`."""
+    """Return the jump speed (rad/s) from `touch_of`.
+
+    It is more precise than `jump_speed`.
+    """
     return touch_of(point.law, TwoMassParameters.from_rig(point.rig), duration).speed
 
 
@@ -208,7 +215,7 @@ def exact_speed(point, duration):
     [(1.7, 4), *(pytest.param(time, 1, marks=pytest.mark.long) for time in (1.7, None))],
 )
 def test_derivatives_are_the_central_differences(study, duration, every):
-    """The derivatives of the jump speed equal extrapolated central differences.
+    """The derivatives of the jump speed by the inputs equal central differences.
 
     They agree within a relative 1e-6 (Richardson extrapolation). The derivative with respect to a
     wavelength is None.
@@ -252,7 +259,7 @@ def test_a_rig_without_restitution_has_the_same_derivatives(study):
 def test_the_touch_is_at_the_lift_off():
     """`touch_of` and `jump_speed` give the same speed, angle and turn on shipped cams.
 
-    The touch is the instant at which the contact force just reaches zero at the jump speed. The
+    `touch_of` finds the instant at which the contact force just reaches zero at the jump speed. The
     speeds agree within a relative 1e-5 and the angles within 1°.
     """
     rig = cam_rig.load_rig("paper_table2")

@@ -14,16 +14,16 @@ from cam_rig.studies.compare.comparison import compare_steps
 from cam_rig.studies.compare.pairs import pair_measured
 from cam_rig.units import TURN
 
-#: Encoder counts per turn.
+#: Number of counts of the bench's encoder per turn.
 COUNTS = 1024
-#: Readings per second of each instrument.
+#: Number of readings per second of each instrument of the bench.
 RATE = 1000.0
-#: Cam angle minus encoder angle, in °.
+#: Cam angle minus encoder angle of the bench, in °.
 OFFSET_DEG = 3.0
 
 
 def with_follower(loaded, **factors):
-    """Return the scene with some follower parameters multiplied by the given factors."""
+    """Return a loaded scene with some follower parameters multiplied by factors."""
     follower = loaded.rig.follower
     changed = {name: getattr(follower, name).si * factor for name, factor in factors.items()}
     return replace(loaded, rig=loaded.rig.with_follower(**changed))
@@ -76,6 +76,10 @@ def measured(
 
 
 def compared(run, loaded, offset=None):
-    """Return the pairs of measured and model signals of a run, and one row per speed."""
+    """Compare a measured run with the scene's model at each speed.
+
+    Return the paired measured and model signals, and one result row per speed. `offset` is the cam
+    angle minus the encoder angle in rad, or None to find it.
+    """
     pairs = pair_measured(run, loaded, loaded.scene.cams[0], offset)
     return pairs, compare_steps(pairs.steps(), loaded.laws)

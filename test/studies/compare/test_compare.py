@@ -1,4 +1,7 @@
-"""Command `cam-rig compare` for bags of the rig and of a test bench."""
+"""Tests of `cam-rig compare` for bags of the rig and of a test bench.
+
+The command compares a measured run with the simulation of a scene.
+"""
 
 import csv
 import re
@@ -45,12 +48,12 @@ def bench(tmp_path, make_loaded_scene):
 
 @pytest.fixture(scope="module")
 def golden():
-    """Comparison of the stored reference run with its scene."""
+    """Comparison of the golden bag, the reference recording, with its scene `quick`."""
     return cam_rig.compare(GOLDEN, "quick")
 
 
 def test_a_bag_of_the_rig_agrees_with_its_scene(golden):
-    """A bag that the rig recorded agrees with the simulation of its scene to rounding.
+    """The golden bag agrees with the simulation of its scene to rounding.
 
     This applies to lift, force, lift-offs and sound level of each cam at each speed.
     """
@@ -159,7 +162,10 @@ def test_one_of_two_rigs_is_compared_by_namespace(tmp_path):
 
 
 def test_readings_and_skipped_messages_are_counted_for_each_quantity(bench):
-    """JSON and notes have the number of readings and skipped messages per quantity."""
+    """The results of a comparison count readings and skipped messages per quantity.
+
+    They are in the JSON and in the notes.
+    """
     bag, loaded = bench
     found = data_of("compare", bag, loaded.scene_file, "--topics", LINE)
     counts = {row["quantity"]: row for row in found["readings"]}

@@ -1,6 +1,7 @@
-"""Comparison of a measured with a model signal: noise and systematic deviation.
+"""Tests of the difference between a measured and a model signal.
 
-The scatter between turns at the same angle is noise. The mean over the turns is systematic.
+The scatter between turns at the same angle is noise. The mean over the turns is a systematic
+deviation.
 """
 
 from itertools import pairwise
@@ -27,10 +28,11 @@ def pair(difference, model=None):
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", ["even", "in proportion"])
 def test_noise_and_deviation_are_measured_together(seed, kind):
-    """Noise and systematic deviation of a difference are both measured.
+    """Noise and systematic deviation of a measured signal are separated.
 
-    The noise is constant or proportional to the force, and is found within 10 %. The deviation is a
-    sine, whose RMS is found within 15 %. Noise alone counts as agreement.
+    The deviation is that from the model. The noise is constant or proportional to the force, and is
+    found within 10 %. The deviation is a sine, whose RMS is found within 15 %. Noise alone counts
+    as agreement.
     """
     rng = np.random.default_rng(seed)
     size = 1.0 if kind == "even" else np.abs(np.cos(ANGLE))
@@ -43,9 +45,9 @@ def test_noise_and_deviation_are_measured_together(seed, kind):
 
 
 def test_the_largest_difference_is_of_the_mean_over_the_turns():
-    """The largest difference is that of the mean over the turns, with sign and angle.
+    """The reported largest difference is that of the mean over the turns.
 
-    A bump of −3 N at 200° is found under noise of 1 N.
+    It has sign and angle. A bump of −3 N at 200° is found under noise of 1 N.
     """
     rng = np.random.default_rng(7)
     away = np.remainder(np.degrees(ANGLE) - 200.0 + 180.0, 360.0) - 180.0
@@ -55,7 +57,7 @@ def test_the_largest_difference_is_of_the_mean_over_the_turns():
 
 
 def test_only_a_model_whose_turns_differ_is_marked():
-    """A model signal is marked `varies_by_turn` if its turns differ.
+    """A model signal is marked `varies_by_turn` only if its turns differ.
 
     Here the force is lost at a different angle in each turn. It is not marked if the angle is
     always the same.
@@ -72,9 +74,10 @@ def test_only_a_model_whose_turns_differ_is_marked():
 
 
 def test_an_exactly_driven_model_has_no_noise():
-    """If the exact angle drives the model, a difference above rounding is systematic.
+    """If the recorded exact angle drives the model, a difference is never noise.
 
-    A single differing sample of 1e-6 is reported with its angle. One of 1e-12 is accepted.
+    A single differing sample of 1e-6 is reported with its angle. One of 1e-12 is rounding and
+    accepted.
     """
     difference = np.zeros_like(TIME)
     difference[777] = 1e-6
@@ -90,10 +93,10 @@ def law_of_dwell():
 
 @pytest.mark.parametrize("noise", [0.0, 0.5])
 def test_events_are_found_at_the_loss_of_force(noise):
-    """Lift-offs are found where the force falls to zero, also under noise.
+    """Lift-offs in a measured signal are found where the force falls to zero.
 
     The measured lift-off is 2° after that of the model. It is found within 0.6°, because readings
-    are 0.9° apart.
+    are 0.9° apart. The cases are without and with noise.
     """
     rng = np.random.default_rng(3)
     inside = np.remainder(np.degrees(ANGLE), 360.0)
@@ -113,7 +116,7 @@ def test_events_are_found_at_the_loss_of_force(noise):
 def test_noise_of_a_small_force_on_a_dwell_is_no_flight():
     """A small force with noise on a dwell is not taken for a loss of contact.
 
-    12 N under noise of 3 N are below 4 standard deviations in every other reading.
+    The force is 12 N with noise of 3 N, so that every other reading is below 4 standard deviations.
     """
     rng = np.random.default_rng(3)
     model = 12.0 + 90.0 * np.clip(np.sin(ANGLE), 0.0, None)
@@ -133,7 +136,7 @@ def counts(angle):
 
 
 def test_a_constant_speed_is_measured_over_all_turns():
-    """A constant speed is found from encoder counts within a relative 2e-5.
+    """A constant cam speed is found from encoder counts within a relative 2e-5.
 
     The angle error within a turn is below 0.05 counts, after subtracting the mean of half a count.
     """
@@ -175,7 +178,7 @@ def test_a_speed_that_varies_within_the_turn_is_followed():
 
 
 def test_short_gaps_do_not_change_the_motion():
-    """Randomly lost readings do not change the measured motion.
+    """Randomly lost encoder readings do not change the speed that is found.
 
     A gap of half a second ends the stretch of constant speed and starts another.
     """
@@ -190,7 +193,10 @@ def test_short_gaps_do_not_change_the_motion():
 
 
 def test_a_ramp_is_no_steady_speed():
-    """A speed ramp is excluded. The constant speeds before and after it are found."""
+    """A speed ramp of a measured run is excluded from the comparison.
+
+    The constant speeds before and after it are found.
+    """
     time = np.arange(16_000) / 2000.0
     speed = np.interp(time, [0.0, 3.0, 5.0, 8.0], np.array([200.0, 200.0, 400.0, 400.0]) * RPM)
     found = steady_stretches(Signal(time, counts(np.cumsum(speed) / 2000.0)), 4.0)

@@ -1,4 +1,7 @@
-"""Alignment of bench readings with the model, for each kind of instrument error."""
+"""Tests of the alignment of a bench's readings with the model.
+
+Each kind of instrument error has a test.
+"""
 
 import json
 from dataclasses import replace
@@ -78,10 +81,11 @@ def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds):
 
 
 def test_turns_that_differ_are_no_noise(scene):
-    """A difference between turns that repeats does not count as noise.
+    """Measured turns that differ from each other in a repeated pattern are not noise.
 
-    A warning reports it. The doubled encoder angle makes every other turn contain the other half of
-    the lift, which is such a difference.
+    A warning reports them. The doubled encoder angle makes every other turn contain the other half
+    of the lift, which is such a difference. A lift that turns 1 % slower than the angle is reported
+    too.
     """
     loaded = scene()
     run = measured(loaded)
@@ -97,9 +101,9 @@ def test_turns_that_differ_are_no_noise(scene):
 
 
 def test_a_heavier_follower_differs_by_more_than_the_noise(scene):
-    """A heavier follower on the bench shows the force difference Δm ω² s''.
+    """A heavier follower on the bench is detected by the force difference Δm ω² s''.
 
-    It is compared at its largest, within 1.5 standard deviations of the noise. The lift still
+    It is compared at its largest value, within 1.5 standard deviations of the noise. The lift still
     agrees, because in contact it does not depend on the mass.
     """
     loaded = scene(speeds=(200, 350))
@@ -118,9 +122,10 @@ def test_a_heavier_follower_differs_by_more_than_the_noise(scene):
 
 
 def test_the_events_of_a_heavier_follower_are_shifted(scene):
-    """A heavier follower lands later, and angle offset and clock are still found.
+    """A heavier follower on the bench lands later, as detected above the jump speed.
 
-    Offset and clock follow from the lower speeds, at which the follower stays in contact.
+    Angle offset and clock are still found, because they follow from the lower speeds, at which the
+    follower stays in contact.
     """
     loaded = scene("tm21", (250, 300, 400, 450))
     pairs, rows = compared(measured(with_follower(loaded, mass=1.1), slow=200e-6), loaded)
@@ -130,7 +135,7 @@ def test_the_events_of_a_heavier_follower_are_shifted(scene):
 
 
 def test_backlash_of_the_gauge_is_identified(scene):
-    """A backlash of 0.2 mm in the lift gauge is identified within 1 µm.
+    """A backlash of 0.2 mm in the bench's lift gauge is identified within 1 µm.
 
     The angle offset is unaffected. The lift differs from the model by half the backlash.
     """
@@ -166,7 +171,7 @@ def test_the_frequency_of_a_ringing_load_cell_is_identified(scene):
 
 
 def test_late_stamps_are_distinguished_from_an_offset(scene):
-    """Sensor stamps that are 2 ms late are distinguished from the angle offset.
+    """Sensor stamps that are 2 ms late are distinguished from an angle offset.
 
     2 ms are 2.4° at 200 rpm and 4.8° at 400 rpm, while the offset is 3° at each speed.
     """
@@ -181,10 +186,10 @@ def test_late_stamps_are_distinguished_from_an_offset(scene):
 
 @pytest.mark.slow
 def test_a_coarse_encoder_causes_no_clock_correction(scene):
-    """The error of a coarse encoder near a ramp is not taken for a clock error.
+    """The error of a coarse encoder near a speed ramp is not taken for a clock error.
 
-    With 256 counts per turn the angle is known to half a count. Drift and delay must stay exactly
-    0.
+    With 256 counts per turn the angle is known to half a count. Drift and delay of the clock must
+    stay exactly 0.
     """
     loaded = scene("cycloidal", (235.5, 223.7, 135.9), turns=6, transient_turns=0, ramp=0.81)
     for seed in range(3):
@@ -193,9 +198,10 @@ def test_a_coarse_encoder_causes_no_clock_correction(scene):
 
 
 def test_a_given_offset_is_kept_and_an_assumed_offset_is_reported(scene):
-    """A given angle offset is kept, and without measured lifts it is assumed to be 0.
+    """A given angle offset is used, and one that cannot be found is assumed to be 0.
 
-    A warning reports the assumption. The force then differs, because the true offset is 3°.
+    Without measured lifts it cannot be found. A warning reports the assumption. The force then
+    differs, because the true offset is 3°.
     """
     loaded = scene()
     run = measured(loaded)
@@ -227,16 +233,16 @@ def test_a_wrong_unit_and_a_pulling_force_are_reported(scene):
 
 
 def thinned(run, kept):
-    """Return the run with only the lift and force readings that `kept` selects."""
+    """Return a measured run with only the lift and force readings that `kept` selects."""
     signals = run.lift, run.force
     lift, force = (replace(one, time=one.time[kept], value=one.value[kept]) for one in signals)
     return replace(run, lift=lift, force=force)
 
 
 def test_slow_sensors_identify_the_offset(scene):
-    """The angle offset is found within 0.15° from five to seven readings per turn.
+    """The angle offset is found from sensors with five to seven readings per turn.
 
-    The readings of all turns are combined.
+    The error is below 0.15°. The readings of all turns are combined.
     """
     loaded = scene("tm21", turns=16)
     pairs, rows = compared(thinned(measured(loaded), slice(None, None, 40)), loaded)
@@ -245,7 +251,7 @@ def test_slow_sensors_identify_the_offset(scene):
 
 
 def test_readings_without_errors_agree_with_the_model(scene):
-    """Readings without errors agree with the model within 1e-9 m and 1e-3 N.
+    """Bench readings without errors agree with the model within 1e-9 m and 1e-3 N.
 
     These are the errors of the model's sampling. The angle offset is exact within 1e-6°.
     """
@@ -258,9 +264,10 @@ def test_readings_without_errors_agree_with_the_model(scene):
 
 
 def test_lost_readings_are_left_out(scene):
-    """Times without sensor readings are excluded, and the other samples agree.
+    """Times without sensor readings are excluded from the comparison.
 
-    Lost encoder readings divide the run into two stretches of steady speed.
+    The other samples agree. Lost encoder readings divide the run into two stretches of steady
+    speed.
     """
     loaded = scene()
     run = measured(loaded)
@@ -280,7 +287,7 @@ def test_lost_readings_are_left_out(scene):
 
 @pytest.mark.parametrize("is_still", [False, True])
 def test_an_hour_of_pause_is_not_time_left_out(scene, is_still):
-    """A pause of an hour does not count as excluded time.
+    """A pause of an hour in a measured run does not count as excluded time.
 
     In the pause there are no readings, or the readings of a stopped cam.
     """
@@ -307,7 +314,10 @@ def test_an_hour_of_pause_is_not_time_left_out(scene, is_still):
 
 
 def test_a_cam_that_never_turns_steadily_is_refused(scene):
-    """A run without a steady speed is refused, and the error states what is steady."""
+    """A measured run without a steady cam speed is refused.
+
+    The error states which speeds count as steady.
+    """
     loaded = scene()
     time = np.arange(1500) / 1000.0
     run = replace(measured(loaded), angle=Signal(time, 40.0 * time**2, "/encoder"))
@@ -315,7 +325,8 @@ def test_a_cam_that_never_turns_steadily_is_refused(scene):
         compared(run, loaded)
 
 
-#: Functions that make a signal implausible. Their arguments are time, value and a random generator.
+#: Functions that make a measured signal implausible. Their arguments are time, value and a random
+#: generator.
 FAULTS = (
     lambda t, v, rng: np.stack([t, v])[:, rng.random(t.size) > rng.uniform(0.1, 0.95)],
     lambda t, v, _: (t[:5], v[:5]),
@@ -347,9 +358,10 @@ def test_any_readings_are_compared_in_finite_numbers(scene, seed):
 
 
 def test_another_restitution_shifts_the_events(scene):
-    """A higher restitution of the bench delays the landings above the jump speed.
+    """A higher restitution of the bench's follower delays its landings.
 
-    The samples next to them, less than 10 %, are excluded from the force difference.
+    This is detected above the jump speed. The samples next to the landings, less than 10 %, are
+    excluded from the force difference.
     """
     loaded = scene(speeds=(300, 450, 470), model="one_mass")
     machine = replace(loaded, rig=loaded.rig.with_follower(restitution=0.4))
@@ -365,9 +377,10 @@ def test_another_restitution_shifts_the_events(scene):
 
 
 def recorded(loaded):
-    """Return the ticks, the cam states and the pressures of a scene's simulation.
+    """Simulate a scene and return its ticks, its cam states and its sound pressures.
 
-    The pressures are in a dict whose keys are the end times (ns) of the ticks.
+    A tick is the interval between two cam states. The pressures are in a dict whose keys are the
+    end times (ns) of the ticks.
     """
     pressures = {tick.stop_ns: tick.pressure for tick in simulate(loaded)}
     return list(simulate_ticks(loaded)), list(cam_states(loaded.scene)), pressures
@@ -375,7 +388,7 @@ def recorded(loaded):
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
 def test_a_simulated_run_agrees_with_its_scene(make_loaded_scene, model):
-    """A simulated run equals its scene exactly in samples, events and sound levels."""
+    """A simulated run equals its scene exactly in samples, lift-offs and sound levels."""
     cams = ["poly345", "cycloidal"]
     loaded = make_loaded_scene(cams=cams, model=model, rig="paper_table2", speeds=[200, 450])
     pairs = RecordedPairs(loaded)
@@ -415,9 +428,10 @@ def test_a_heavier_follower_needs_the_inertial_force_in_addition(make_loaded_sce
 
 
 def test_lost_messages_are_left_out_and_the_others_agree(make_loaded_scene):
-    """Ticks whose samples or cam states were lost are excluded, and all others agree.
+    """Ticks whose samples or cam states were lost are excluded from the comparison.
 
-    Cam states are lost at one speed and at a change of speed.
+    A tick is the interval between two cam states. All other ticks agree. Cam states are lost at one
+    speed and at a change of speed.
     """
     loaded = make_loaded_scene(
         cams=["poly345"], speeds=[200, 300], turns=8, ticks_per_turn=4, rig="paper_table2"

@@ -1,4 +1,4 @@
-"""Contact load, Hertz pressure and sliding, and the command `cam-rig contact`.
+"""Tests of contact load, Hertz pressure and sliding, and of `cam-rig contact`.
 
 The references are closed forms, energy balances and the theory of elasticity.
 """
@@ -50,7 +50,7 @@ SPRUNG = (
 
 
 def case_of(name, base=None, **changes):
-    """Return the contact of a shipped cam with changed numbers or base radius.
+    """Return the contact of a shipped cam with changed contact numbers or base radius.
 
     `base` is in mm. Each keyword has a (value, unit) pair.
     """
@@ -77,9 +77,10 @@ def test_the_relative_velocity_is_tangential(name):
 
 @pytest.mark.parametrize("name", SPRUNG)
 def test_power_in_is_power_out(name):
-    """The torque of the normal contact force on the cam equals F s' (eq. 8).
+    """The torque of the normal contact force on the cam equals F s'.
 
-    This is the balance of power between shaft and follower, to rounding.
+    This is eq. 8 of the paper. This is the balance of power between shaft and follower, to
+    rounding.
     """
     case = case_of(name)
     motion, touch = case.at(ANGLES)
@@ -159,9 +160,9 @@ def test_the_largest_pressure_is_not_exceeded_at_any_sample(name):
 
 
 def test_no_pressure_where_the_cam_would_have_to_pull():
-    """Above the jump speed, where a cam would have to pull, contact is lost.
+    """Contact is reported as lost at 200 rad/s, where the cam would have to pull.
 
-    Below it is not.
+    At 5 rad/s it is not.
     """
     cam = load_cam(resolve_path("cams", "poly345"))
     row = contact_row(contact_case(cam, build_law(cam), RIG, 200.0))
@@ -202,10 +203,11 @@ def test_tables_json_and_nomogram(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["flat", "inclined_flat", "oscillating_flat", "oscillating_point"])
 def test_at_a_bound_the_measure_equals_its_limit(name):
-    """At the reported bound on the base radius, the measure equals its limit.
+    """At the reported bound of the base radius a measure equals its limit.
 
-    The measures are pressure and sliding speed. Their limits are random numbers near the cam's
-    values.
+    The measures are pressure and sliding speed. The limits are random numbers near the cam's
+    values. The tolerance of the sliding speed is a relative 1e-9. The pressure is checked at 0.999
+    and 1.001 of the bound.
     """
     rng = np.random.default_rng(11)
     case = case_of(name)
@@ -226,9 +228,10 @@ def test_at_a_bound_the_measure_equals_its_limit(name):
 
 
 def test_pressure_of_a_still_face_in_closed_form():
-    """The base radius bound of a flat face under its preload alone is a closed form.
+    """A flat face under its preload alone has a closed-form smallest base radius.
 
-    The smallest radius of curvature is F' E* / (π p²), with the load F' per width (relative 1e-7).
+    The radius of curvature is then F' E* / (π p²), with the load F' per width, the effective
+    modulus E* and the pressure limit p (relative tolerance 1e-7).
     """
     case = case_of("flat", most_pressure=(60.0, "MPa"))
     weightless = replace(RIG, mass=1e-12, spring_stiffness=1e-9, damping=0.0)
@@ -293,9 +296,10 @@ def test_simple_harmonic_in_closed_form():
 
 @pytest.mark.parametrize("rise", RISES)
 def test_the_nomogram_agrees_with_the_checks_of_cams(rise, cams, make_cam):
-    """The base radii of the nomogram equal those found by the contour checks.
+    """The base radii of the nomogram equal those that the contour checks find.
 
-    The nomogram uses unit lift, the checks a cam with this rise (relative 1e-5).
+    The nomogram shows the smallest radii over the span for unit lift, the checks use a cam with
+    this rise (relative 1e-5).
     """
     beta, law = np.radians([52.0]), up_and_down(rise, np.radians(52.0), 0.01)
     flat = cams["flat"].follower
@@ -309,7 +313,8 @@ def test_the_nomogram_agrees_with_the_checks_of_cams(rise, cams, make_cam):
 # -- Hertz's line contact: theory of elasticity in 50 digits, and constants from handbooks
 
 
-#: Load (N/m), radius of curvature of each body (m, negative if concave), E* (Pa).
+#: Cases: load (N/m), radius of curvature of each body (m, negative if concave), effective modulus
+#: (Pa).
 CASES = [(1.0e5, 0.020, 0.040, 113e9), (2.3e4, 0.010, -0.055, 113e9), (7.7e5, 0.150, np.inf, 60e9)]
 
 

@@ -1,4 +1,7 @@
-"""Cams, rigs and designs for tests of law designs, and a separate integration."""
+"""Cams, rigs and designs for tests of law designs, and a separate integration.
+
+A design is a search for a motion law.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ from cam_rig.studies.design.study import search_design
 from cam_rig.units import TURN, FloatArray
 
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")
-#: Limit: the peak acceleration must not exceed that of the start law.
+#: Limit of a design: the peak acceleration must not exceed that of the start law.
 NO_HARDER = ("peak_acceleration<=start",)
 
 
@@ -50,7 +53,7 @@ def designed(
 
 
 def written(design: LawDesign, folder: Path) -> CamConfig:
-    """Write the designed cam to a folder, and return the cam read back from the file."""
+    """Write the cam file of a design to a folder, and return the cam read from it."""
     file = folder / f"{design.cam.name}.yaml"
     file.write_text(design.text, encoding="utf-8")
     return load_cam(file)
@@ -70,7 +73,7 @@ def peak_torque(law: Law, speed: float, rig: RigConfig = RIG) -> float:
 def integrated(law: Law, p: TwoMassParameters, speed: float, times: FloatArray) -> FloatArray:
     """Return the contact force (N) of two masses from rest at the given times (s).
 
-    It is integrated numerically by DOP853, independently of the package.
+    It is integrated numerically by DOP853, independently of cam_rig. `speed` is in rad/s.
     """
 
     def rate(time: float, state: FloatArray) -> list[float]:
@@ -89,7 +92,10 @@ def integrated(law: Law, p: TwoMassParameters, speed: float, times: FloatArray) 
 
 
 def require_kept(design: LawDesign) -> None:
-    """Require a goal better than that of the start law, and limits kept within 1e-6."""
+    """Require that a design improves its goal and satisfies its limits.
+
+    The goal is compared with the start law. The relative tolerance of a limit is 1e-6.
+    """
     goal, *limits = design.measures
     change = goal.result - goal.start
     assert (change if goal.sense == "<=" else -change) < 0.0

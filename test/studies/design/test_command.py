@@ -1,4 +1,7 @@
-"""Command `cam-rig design`: cam files, JSON, figures, design files and errors."""
+"""Tests of `cam-rig design`: cam files, JSON, figures, design files and errors.
+
+A design is a search for a motion law with a goal and limits.
+"""
 
 import json
 from functools import partial
@@ -40,7 +43,8 @@ def test_the_file_is_a_cam_with_the_values_of_the_table(tmp_path):
 def test_a_design_file_is_the_same_request(tmp_path):
     """A design file gives the result of the same goal, limits and class as options.
 
-    A design file together with the option --minimise is refused.
+    The class is the set of laws that are searched. A design file together with the option
+    --minimise is refused.
     """
     file = tmp_path / "asked.yaml"
     file.write_text(
@@ -120,9 +124,10 @@ def test_a_goal_that_is_not_convex_is_local_without_a_bound(tmp_path):
 
 
 def test_events_share_the_angle_between_kept_dwells(tmp_path):
-    """With `--keep dwells,lift` the events may exchange angle, within their limits.
+    """With `--keep dwells,lift` rises and falls may exchange angle.
 
-    The spans in the table are those of the cam file. The limit of 110° on event 1 is active.
+    They stay within their limits. The spans in the table are those of the cam file. The limit of
+    110° on the first event (motion between two dwells) is active.
     """
     data = data_of(
         *("poly345", "--minimise", "peak_acceleration", "--pieces", "4", "--joints", "C1"),

@@ -1,4 +1,7 @@
-"""Designs of laws: known optima, limits of the cam file, bounds in fractions."""
+"""Tests of designs: known optima, limits, and bounds in exact fractions.
+
+A design is a search for a motion law.
+"""
 
 from fractions import Fraction
 from itertools import pairwise
@@ -35,7 +38,7 @@ SPAN, LIFT = np.radians(117.5), 0.05
     ],
 )
 def test_a_known_optimum_is_found(goal, joints, lift, factor):
-    """A design from rest to rest reaches the known optimum for any lift h and span β.
+    """A design between dwells reaches the known optimum for any lift h and span β.
 
     The smallest possible peak |s″| is 4h/β², peak |s‴| 32h/β³, and ∫s″² 12h²/β³ (relative 1e-6).
     """
@@ -52,8 +55,9 @@ def test_a_known_optimum_is_found(goal, joints, lift, factor):
 def test_the_bound_holds_in_rational_arithmetic():
     """The bound of a design is proved by its multipliers in exact fractions.
 
-    With the multipliers y, Σ y (c + A x + w t) ≥ 0 for every law x with the level t. Signs, the
-    weight of t and |Aᵀ y| are summed exactly. The known optimum 4h/β² must not be below the bound.
+    With the multipliers y, Σ y (c + A x + w t) ≥ 0 for every law x with the goal value t. Signs,
+    the weight of t and |Aᵀ y| are summed exactly. The known optimum 4h/β² must not be below the
+    bound.
     """
     case = problem(LawClass(4, 1))
     program = ConvexProgram(case.space.unknowns, case.space.link)
@@ -74,10 +78,10 @@ def test_the_bound_holds_in_rational_arithmetic():
 
 
 def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path):
-    """A design raises the rigid jump speed from 458.7 to above 558 rpm.
+    """A design raises the jump speed of a rigid follower from 458.7 to above 558 rpm.
 
-    Its peak acceleration is that of the 3-4-5 law. The result has a proved bound. The written file
-    has the limit and the jump speed within 1e-9.
+    The law has sixteen pieces, and its peak acceleration is that of the 3-4-5 law. The result has a
+    proved bound. The written file has the limit and the jump speed within 1e-9.
     """
     found = designed(LawClass(16, 3), maximise="jump_speed_rigid", limits=NO_HARDER)
     assert to_rpm(found.goal.start) == pytest.approx(458.668, abs=1e-3)
@@ -95,8 +99,8 @@ def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path):
 def test_residual_vibration_over_a_range_of_speeds():
     """A designed law of 24 pieces vibrates by less than 0.6 µm from 200 to 400 rpm.
 
-    An independent integration verifies this at random speeds, at which the design program has no
-    condition.
+    The start law vibrates by more than 16 µm. An independent integration verifies this at random
+    speeds, at which the design program has no condition.
     """
     goal = "residual_vibration@200-400rpm"
     found = designed(LawClass(24, 3), minimise=goal, limits=NO_HARDER)
@@ -107,14 +111,20 @@ def test_residual_vibration_over_a_range_of_speeds():
 
 
 def test_a_bound_is_not_better_than_the_law():
-    """The bound is not better than the law even if the optimum is only rounding."""
+    """The reported bound of a goal is never better than the found law's value.
+
+    In the case the optimum is only rounding (below 1 nm of vibration).
+    """
     found = designed(LawClass(6, 3), minimise="residual_vibration@395-405rpm")
     assert found.goal.result < 1e-9
     assert found.goal.bound <= found.goal.result
 
 
 def _left(law, speed):
-    """Return the amplitude (m) of the end mass after the rise, integrated by DOP853."""
+    """Return the vibration amplitude (m) of the end mass after the rise.
+
+    It is integrated by DOP853. `speed` is in rad/s.
+    """
     p = TwoMassParameters.from_rig(RIG)
     start, rate = float(np.radians(31.25)), np.sqrt(p.stiffness / p.end_mass)
     damping = (p.stem_damping + p.damping) / p.end_mass
@@ -134,8 +144,8 @@ def _left(law, speed):
 def test_two_masses_from_rest_keep_contact_in_an_independent_integration():
     """A designed law keeps contact from rest at 0.999 times its jump speed.
 
-    The force is integrated independently by DOP853, with a tolerance of 1 mN. The jump speed is
-    above 470 rpm; that of the 3-4-5 law is 413.4 rpm.
+    The force of two masses is integrated independently by DOP853, with a tolerance of 1 mN. The
+    jump speed is above 470 rpm, that of the 3-4-5 law is 413.4 rpm.
     """
     found = designed(LawClass(8, 3), maximise="jump_speed", limits=NO_HARDER)
     assert found.certified
@@ -146,16 +156,16 @@ def test_two_masses_from_rest_keep_contact_in_an_independent_integration():
 
 
 def test_limits_that_contradict_each_other_are_named():
-    """If two limits contradict each other, the error names both."""
+    """If two limits of a design contradict each other, the error names both."""
     limits = ["lift@90deg<=20mm", "lift@90deg>=21mm"]
     with pytest.raises(DesignError, match=r"lift at 9\d°.*and.*lift at 9\d°"):
         designed(LawClass(8, 2), minimise="peak_jerk", limits=limits)
 
 
 def test_a_limit_on_the_jump_speed_holds_by_the_exact_search():
-    """A limit on the jump speed is satisfied by the exact jump speed of the law.
+    """A limit on the jump speed is satisfied by the law's exact jump speed.
 
-    The design program has conditions only at some speeds.
+    The design program has conditions only at some speeds. The relative tolerance is 1e-5.
     """
     limits = ["jump_speed>=440rpm", *NO_HARDER]
     found = designed(LawClass(8, 3), minimise="peak_jerk", limits=limits)
@@ -164,7 +174,7 @@ def test_a_limit_on_the_jump_speed_holds_by_the_exact_search():
 
 
 def test_only_proved_contradictions_are_reported_as_impossible():
-    """Limits are reported as impossible only if this is proved.
+    """Limits of a design are reported as impossible only if this is proved.
 
     Otherwise the error states that a law may exist.
     """
@@ -180,7 +190,7 @@ def test_only_proved_contradictions_are_reported_as_impossible():
     ("lift", "damping"), [(5e-6, {}), (0.05, {"follower.damping": 0, "follower.stem_damping": 0})]
 )
 def test_hard_cases_of_two_masses_have_a_law_and_a_bound(lift, damping):
-    """Designs of two masses with extreme numbers have a law and a bound.
+    """Designs for two masses with extreme numbers have a law and a proved bound.
 
     The cases are a lift of 5 µm and an undamped stem. The gap to the bound is below 0.5 %.
     """
@@ -216,12 +226,15 @@ def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(tmp
 
 
 def front_of(other, points, **words):
-    """Return the Pareto front of a goal over another quantity."""
+    """Return the Pareto front of a design's goal over another quantity.
+
+    `points` is the number of its designs, and `words` are the goal, limits and class of laws.
+    """
     return front(cam(), RIG, DesignRequest.of(**words), parse_second(other), points)
 
 
 def test_a_front_is_monotone_and_certified():
-    """On a Pareto front the jerk falls as the allowed peak acceleration rises.
+    """On a Pareto front the peak jerk falls as the allowed peak acceleration rises.
 
     Each law satisfies its limit and has a proved bound.
     """
@@ -241,9 +254,10 @@ def test_a_front_is_monotone_and_certified():
 
 
 def test_a_front_over_the_span_of_an_event_is_certified_point_by_point():
-    """For each span β of an event, the peak acceleration of C1 laws is 4h/β².
+    """On a front over the span β of an event, the peak acceleration is 4h/β².
 
-    This is the known optimum of a rise of lift h. Every point has a proved bound.
+    The laws are of class C1. An event is the motion between two dwells. This is the known optimum
+    of a rise of lift h. Every point has a proved bound.
     """
     found = front_of("event_angle@1", 4, minimise="peak_acceleration", law_class=LawClass(4, 1))
     assert found.allowed[0] == pytest.approx(0.5 * SPAN)
@@ -255,9 +269,10 @@ def test_a_front_over_the_span_of_an_event_is_certified_point_by_point():
 
 
 def test_a_front_over_spans_starts_at_the_first_law():
-    """A front over spans starts at the shortest span for which a law exists.
+    """A front over the span of an event starts at the shortest possible span.
 
-    At the limit A of the peak acceleration the rise h needs at least the span √(4h/A).
+    For shorter spans no law satisfies the limit. An event is the motion between two dwells. At the
+    limit A of the peak acceleration the rise h needs at least the span √(4h/A).
     """
     options = {"minimise": "peak_jerk", "limits": NO_HARDER, "law_class": LawClass(6, 2)}
     found = front_of("event_angle@2", 3, **options)
@@ -270,9 +285,9 @@ def test_a_front_over_spans_starts_at_the_first_law():
 
 @pytest.mark.long
 def test_a_front_of_a_goal_that_is_not_convex_has_no_bounds():
-    """A front of the torque, which is not convex, falls and is labelled as local.
+    """A front of the shaft torque, which is not a convex goal, is marked as local.
 
-    It has no column of bounds.
+    It falls, and has no column of bounds.
     """
     options = {"minimise": "shaft_torque@300rpm", "law_class": LawClass(6, 2)}
     found = front_of("peak_acceleration", 3, multistart=Multistart(2), **options)

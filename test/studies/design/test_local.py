@@ -1,4 +1,7 @@
-"""Designs that are not convex: known optima, and limits of the written file."""
+"""Tests of designs that are not convex: known optima, and written limits.
+
+A design is a search for a motion law.
+"""
 
 import numpy as np
 import pytest
@@ -38,7 +41,7 @@ def least_radius(start, law):
 
 
 def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope():
-    """If only the preload F₀ acts, the least torque is F₀ times the least peak s′.
+    """With the preload F₀ alone the least shaft torque is F₀ times the least peak s′.
 
     The least peak s′ comes from a convex design with a proof. All four starts have this result.
     """
@@ -58,7 +61,8 @@ def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope():
 def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path):
     """A search over one free ordinate per event is as good as a scan of 401 values.
 
-    The torque is evaluated by the kinetostatic model.
+    An event is the motion between two dwells, and ordinates are the coefficients of its law. The
+    torque is evaluated by the kinetostatic model.
     """
     law_class, speed = LawClass(1, 3, 8), 250.0 * RPM
     found = designed(law_class, minimise="shaft_torque@250rpm")
@@ -90,7 +94,7 @@ def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path):
     ],
 )
 def test_the_written_cam_keeps_its_limits(name, goal, limits, tmp_path):
-    """The cam that is read back from its file satisfies the limits of its design.
+    """The cam in the written file satisfies the limits of its design.
 
     Torque and radius are verified by the torque's formula and by circles through the contour.
     """
@@ -129,7 +133,10 @@ def test_random_cams_and_rigs(seed, tmp_path):
 
 
 def test_the_greatest_torque_of_a_range_is_no_less_than_at_any_speed_of_it():
-    """The torque of a range of speeds is the largest over 45 speeds of it."""
+    """The designed torque of a range of speeds is the largest over 45 speeds in it.
+
+    The relative tolerance is 1e-5.
+    """
     goal = "shaft_torque@60-500rpm"
     found = designed(LawClass(6, 3), starts=2, minimise=goal, limits=NO_HARDER)
     peaks = [peak_torque(found.law, speed * RPM) for speed in np.linspace(60.0, 500.0, 45)]
@@ -141,7 +148,7 @@ def level(law, text):
 
 
 def test_below_the_jump_speed_the_level_is_that_of_the_steady_force():
-    """At 250 rpm, in contact, the level is that of the steady contact force.
+    """At 250 rpm, in contact, a design's level is that of the steady contact force.
 
     The tolerance is 0.003 dB.
     """
@@ -153,7 +160,10 @@ def test_below_the_jump_speed_the_level_is_that_of_the_steady_force():
 
 @pytest.mark.parametrize("rpm", [480.0, 540.0])
 def test_above_the_jump_speed_the_level_is_that_of_the_microphone(rpm):
-    """Above the jump speed the level equals that of a simulation within 0.02 dB."""
+    """Above the jump speed a design's sound level equals a simulation's.
+
+    The tolerance is 0.02 dB.
+    """
     law = build_law(cam())
     motion = cam_rig.simulate(law, RIG, model="one_mass", rpm=rpm, turns=4, sample_rate=48_000)
     assert motion.events
@@ -163,7 +173,7 @@ def test_above_the_jump_speed_the_level_is_that_of_the_microphone(rpm):
 
 @pytest.mark.long
 def test_a_search_is_quieter_than_the_optimum_without_landings():
-    """Above the jump speed, a search that includes landings finds a quieter law.
+    """Above the jump speed, a design that allows landings finds a quieter law.
 
     It is at least 0.1 dB quieter than the start law and than the optimum for permanent contact.
     """
@@ -185,7 +195,7 @@ HEIGHTS, LIFT = np.array([0.4, 0.6, 1.0]), 0.05
 
 @pytest.fixture
 def two_rises(make_cam):
-    """Cam with two rises, by 0.4 and 0.6 of the lift, and a fall, 80° each."""
+    """Cam with two rises, to 0.4 and 1 of the lift, and a fall, 80° each."""
     up = rise(80, 0.4), dwell(40), rise(80, 1)
     return make_cam(dwell(20), *up, dwell(40), rise(80, 0), dwell(20), roller_radius=0.01)
 
@@ -196,10 +206,10 @@ def moved(start, keep, joints=1, **words):
 
 @pytest.mark.long
 def test_optimal_spans_are_proportional_to_the_root_of_the_rise(two_rises, tmp_path):
-    """The optimal spans β of three events that share 240° are proportional to √h.
+    """The optimal spans β of three motions that share 240° are proportional to √h.
 
-    The peak acceleration 4h/β² is then equal in all events. The dwells keep their lengths in the
-    written file.
+    The peak acceleration 4h/β² is then equal in all three. h is the rise of each. The dwells keep
+    their lengths in the written file.
     """
     found = moved(two_rises, ["dwells", "lift"], minimise="peak_acceleration")
     spans = np.radians(240.0) * np.sqrt(HEIGHTS) / np.sqrt(HEIGHTS).sum()
@@ -216,9 +226,10 @@ def test_optimal_spans_are_proportional_to_the_root_of_the_rise(two_rises, tmp_p
 
 @pytest.mark.long
 def test_a_limit_on_a_span_holds_and_dwells_give_way(two_rises):
-    """With a limit on the spans, events keep their middles and widen into the dwells.
+    """With limits on the spans, rises and falls widen into the dwells.
 
-    The fall is as wide as its limit allows, with the peak acceleration 4h/β².
+    They keep their middles. The peak acceleration is 4h/β², with the limit β of the span and the
+    lift h of the fall.
     """
     widest = 109.5
     limits = [f"event_angle@{number}<={widest}deg" for number in (1, 2, 3)]
@@ -235,9 +246,9 @@ def test_a_limit_on_a_span_holds_and_dwells_give_way(two_rises):
 
 @pytest.mark.long
 def test_limits_of_the_start_are_those_of_its_original_events(two_rises):
-    """A limit "=start" refers to the start law with its original spans.
+    """A limit "=start" of a design refers to the start law with its original spans.
 
-    Free spans then lower the peak velocity at the same peak acceleration.
+    Spans that are free then lower the peak velocity at the same peak acceleration.
     """
     words = {"joints": 2, "minimise": "peak_velocity", "limits": NO_HARDER}
     fixed = moved(two_rises, ["events", "dwells", "lift"], **words)

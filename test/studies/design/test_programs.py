@@ -1,6 +1,7 @@
-"""Convex programs of a design: laws, forces and limits, and their bounds.
+"""Tests of the convex programs of a design: laws, forces, limits and bounds.
 
-The unknowns are the ordinates of a law. A row is one inequality or equation, linear in them.
+A program finds the unknowns, the ordinates (coefficients) of a law, with the best goal value, its
+level. A row is one inequality or equation, linear in the unknowns.
 """
 
 import math
@@ -40,22 +41,23 @@ FREE, LINKED, POOL = 8, 5, 60
 
 
 def rows(rng, count):
-    """Return random inequalities that are satisfied if all unknowns are zero."""
+    """Return random linear inequalities that are satisfied if all unknowns are zero."""
     matrix = rng.normal(size=(count, FREE + LINKED)) * rng.integers(0, 2, (count, FREE + LINKED))
     return Affine(rng.uniform(0.1, 1.0, count), sparse.csr_array(matrix))
 
 
 def linked(rng):
-    """Return equations by which the last unknowns follow from the others."""
+    """Return linear equations by which the last unknowns follow from the others."""
     matrix = np.hstack([rng.normal(size=(LINKED, FREE)), -np.eye(LINKED)])
     return Affine(rng.normal(size=LINKED), sparse.csr_array(matrix))
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_growing_program_equals_separate_programs(seed):
-    """A program whose rows change gives the results of twelve separate programs.
+    """A program whose inequalities change gives the results of separate programs.
 
-    Rows are added, removed, added again and changed. Level and bound agree within 1e-7 and 1e-6.
+    There are twelve of them. Inequalities are added, removed, added again and changed. The goal
+    value agrees within 1e-7, and its bound within 1e-6.
     """
     rng = np.random.default_rng(seed)
     link, pool, growing = linked(rng), rows(rng, POOL), GrowingProgram()
@@ -75,7 +77,10 @@ def test_a_growing_program_equals_separate_programs(seed):
 
 
 def test_contradicting_rows_are_refused():
-    """Contradicting rows are refused with a proof, and the next program is solved."""
+    """Contradicting inequalities are refused with a proof.
+
+    The next program is solved again.
+    """
     rng = np.random.default_rng(3)
     link, pool, growing = linked(rng), rows(rng, 6), GrowingProgram()
     program = ConvexProgram(FREE + LINKED, link)
@@ -105,10 +110,10 @@ RNG = np.random.default_rng(11)
     ],
 )
 def test_a_law_of_any_unknowns_is_smooth_and_has_the_starts_ends(name, law_class):
-    """A law with random unknowns has continuous derivatives and the start's dwells.
+    """A law with random ordinates is smooth and has the start law's dwells.
 
-    The derivatives are continuous up to the order of the joints, also from the end of the turn to
-    its start.
+    Ordinates are the coefficients of its pieces. The derivatives are continuous up to the order of
+    the joints (where two pieces meet), also from the end of the turn to its start.
     """
     start = build_law(cam(name))
     space = Space(start, law_class)
@@ -124,9 +129,10 @@ def test_a_law_of_any_unknowns_is_smooth_and_has_the_starts_ends(name, law_class
 
 
 def test_the_derivatives_in_the_unknowns_are_the_laws():
-    """The derivatives computed from the unknowns are those of the law.
+    """The derivatives computed from the unknowns of a program are those of the law.
 
-    The ordinates of s'' and of s are separate unknowns. Linear equations connect them.
+    The ordinates (coefficients) of s'' and of s are separate unknowns, connected by linear
+    equations.
     """
     space = Space(build_law(cam()), LawClass(9, 3))
     unknowns = space.joined(RNG.uniform(0.0, 1.0, 2 * space.law_class.free))
@@ -141,7 +147,8 @@ def test_the_derivatives_in_the_unknowns_are_the_laws():
 def test_the_hull_over_a_range_is_that_of_the_range(order):
     """The Bernstein ordinates over a range of angles enclose the derivative there.
 
-    They equal it at the ends of the range, and the law outside of it has no effect.
+    They are coefficients that bound a polynomial. They equal the derivative at the ends of the
+    range, and the law outside of it has no effect.
     """
     space = Space(build_law(cam()), LawClass(9, 3))
     unknowns = space.joined(RNG.uniform(0.0, 1.0, 2 * space.law_class.free))
@@ -169,14 +176,17 @@ REFUSED = (
 
 
 def test_an_invalid_class_is_refused():
-    """An invalid class of laws is refused with the number, its limits and a remedy."""
+    """An invalid class of laws is refused with number, limits and a remedy.
+
+    The class of a design states pieces, continuity and degree of the laws.
+    """
     for arguments, words in REFUSED:
         with pytest.raises(ConfigError, match=words):
             LawClass(**arguments)
 
 
 def test_a_cam_that_rests_all_around_has_nothing_to_design():
-    """A circular cam, whose lift is constant, is refused."""
+    """A circular cam, whose lift is constant, cannot be designed and is refused."""
     circle = Law("circle", np.array([0.0, 2.0 * np.pi]), np.zeros((2, 1)))
     with pytest.raises(ConfigError, match="must have a lift"):
         Space(circle, LawClass()).events
@@ -184,7 +194,7 @@ def test_a_cam_that_rests_all_around_has_nothing_to_design():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_force_is_that_of_the_exact_model(seed):
-    """The contact force of a design program equals that of the exact model.
+    """The contact force in a design program equals that of the exact model.
 
     This applies to the first and to later turns, for random laws, masses and speeds. The exact
     model uses matrix exponentials, the program Gauss points in cells of 0.6 rad of vibration phase.
@@ -239,7 +249,10 @@ def term_of(cam_name, text):
 
 
 def some_law(case, seed):
-    """Return the unknowns of a random law near a straight line in each event."""
+    """Return the unknowns of a random law near a straight line in each event.
+
+    An event is the motion between two dwells.
+    """
     space, random = case.problem.space, np.random.default_rng(seed)
     ordinates = []
     for event in space.events:
@@ -256,10 +269,11 @@ def some_law(case, seed):
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("name", CAMS)
 def test_rows_are_exact_at_a_law_and_have_its_slopes(name):
-    """The rows of a nonlinear limit are exact at the law for which they were made.
+    """The linearised rows of a nonlinear limit are exact at the law of linearisation.
 
-    They are exact also at a law that was tried in addition. The correction for it changes the rows
-    at the first law quadratically in the distance of both laws.
+    A row is a linear inequality in the law's coefficients. The rows are exact also at a law that
+    was tried in addition. The correction for it changes the rows at the first law quadratically in
+    the distance of both laws.
     """
     for text in (*QUANTITIES, "radius_of_curvature"):
         case = term_of(name, text)
@@ -277,9 +291,9 @@ def test_rows_are_exact_at_a_law_and_have_its_slopes(name):
 
 
 def test_the_maximum_of_the_branches_is_the_measured_value():
-    """The maximum over the branches of a limit is the value of its quantity.
+    """The largest branch of a nonlinear limit is the value of its quantity, to 1e-6.
 
-    A branch is a smooth function of which a maximum or an absolute value consists.
+    A branch is one of the smooth functions of which a maximum or an absolute value consists.
     """
     for name in CAMS:
         for text in QUANTITIES:
@@ -296,14 +310,14 @@ def test_the_maximum_of_the_branches_is_the_measured_value():
 UNKNOWNS = 4
 #: Number of unknowns that linear equations determine from the free unknowns.
 TIED = 3
-#: Relative rounding error of a sum over all rows.
+#: Relative excess over a bound that is allowed for the rounding of a sum.
 ROUNDING = 1e-12
 
 
 def random_program(rng, slope=1.0, weight=1.0):
-    """Return a program that zero satisfies: equations, inequalities and a cone.
+    """Return a convex program that zero satisfies: equations, inequalities and a cone.
 
-    `slope` scales the dependence of the rows on the unknowns, `weight` that on the level.
+    `slope` scales the dependence of its rows on the unknowns, `weight` that on the goal value.
     """
     size, count = UNKNOWNS + TIED, 12
     matrix = np.hstack([rng.normal(size=(TIED, UNKNOWNS)), -np.eye(TIED)])
@@ -321,9 +335,9 @@ def random_program(rng, slope=1.0, weight=1.0):
 
 @pytest.mark.parametrize("name", ["poly345", "bezier15"])
 def test_points_are_necessary_and_ordinates_sufficient(name):
-    """(38): a derivative is between its Bernstein ordinates, and points are values.
+    """(38) of docs/proofs.md: Bernstein ordinates enclose the values of a derivative.
 
-    Limits on the ordinates are therefore sufficient, and limits at points necessary.
+    Limits on the ordinates are therefore sufficient, and limits at single points necessary.
     """
     rng, start = np.random.default_rng(0), build_law(cam(name))
     space = Space(start, LawClass(pieces=6))
@@ -346,7 +360,10 @@ def test_points_are_necessary_and_ordinates_sufficient(name):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_any_multipliers_bound_the_level(seed):
-    """(39): even wrong multipliers give a bound that no feasible level exceeds."""
+    """(39) of docs/proofs.md: even wrong multipliers give a valid bound of the goal.
+
+    No goal value that satisfies the program is better than the bound.
+    """
     rng = np.random.default_rng(seed)
     program = random_program(rng)
     best = program.solve()
@@ -374,7 +391,10 @@ def test_any_multipliers_bound_the_level(seed):
 
 
 def test_contradictions_are_proved_for_levels_in_a_range():
-    """(40): contradicting rows are proved infeasible, and satisfiable rows never are."""
+    """(40) of docs/proofs.md: contradicting inequalities are proved infeasible.
+
+    Inequalities that can be satisfied are never reported so.
+    """
     for seed in range(20):
         rng = np.random.default_rng(seed)
         program = random_program(rng)
@@ -392,6 +412,9 @@ def test_contradictions_are_proved_for_levels_in_a_range():
 
 
 def test_the_box_is_that_of_the_program():
-    """The constant β of the bound is the limit on the ordinates in the program."""
+    """The constant β of the bound is the program's limit on the unknowns.
+
+    It is MAX_ORDINATE.
+    """
     block = random_program(np.random.default_rng(0)).all_blocks()[-1]
     assert (block.rows.constant == MAX_ORDINATE).all()

@@ -1,4 +1,7 @@
-"""Simulated gauge readings of shipped laws, with the errors of a dial gauge."""
+"""Fixtures with simulated dial-gauge readings of shipped laws.
+
+The readings have the errors of a gauge.
+"""
 
 import numpy as np
 import pytest
@@ -17,7 +20,8 @@ def all_around(count):
 def in_order(angles, lifts, resolution=1e-9, **options):
     """Return readings (rad, m) as if read from a file, sorted by angle.
 
-    The first reading is in line 2 of the file, after the heading.
+    The first reading is in line 2 of the file, after the heading. `resolution` is that of the gauge
+    in m.
     """
     column = GaugeColumn("lift", tuple(map(float, lifts)), resolution)
     lines = tuple(range(2, 2 + len(angles)))
@@ -30,7 +34,7 @@ ANGLES = all_around(72)
 
 
 def readings_of(arcs, *followers, noise=0.0, reverse=(), seed=0):
-    """Return simulated readings of tangent arcs, one column of lifts per follower.
+    """Return simulated readings of a tangent-arc contour, one column per follower.
 
     The columns with the indices `reverse` are read with the cam turned backwards. `noise` is in m.
     """
@@ -44,7 +48,7 @@ def readings_of(arcs, *followers, noise=0.0, reverse=(), seed=0):
 
 @pytest.fixture(scope="session")
 def scaled(laws):
-    """Function that returns a shipped law scaled to a lift of 10 mm."""
+    """Function that returns the lift function of a shipped law, scaled to 10 mm."""
 
     def of(name):
         factor = 0.01 / laws[name].lift
@@ -55,9 +59,9 @@ def scaled(laws):
 
 @pytest.fixture(scope="session")
 def measured(scaled):
-    """Function that returns readings of a shipped law, with noise and zero in m.
+    """Function that returns readings of a shipped law with a lift of 10 mm.
 
-    The lift of the law is 10 mm.
+    They have noise and a zero error (m), and outliers by index.
     """
 
     def read(name, count=360, noise=2e-6, zero=0.0, seed=0, outliers=None):

@@ -1,4 +1,4 @@
-"""Fit of tangent arcs to gauge readings: the radii and their intervals.
+"""Tests of the fit of tangent arcs to gauge readings: radii and their intervals.
 
 A contour has a base circle, two equal flanks and a nose, all arcs that are tangent to each other.
 """
@@ -45,7 +45,10 @@ def curvature(radius):
 
 
 def contains(fit, pitch, parameter):
-    """Return True if the interval of a parameter contains the truth, None without one."""
+    """Return True if the 95 % interval of a fitted parameter contains the truth.
+
+    None is returned for a parameter that is given or assumed. `pitch` is the true pitch curve.
+    """
     interval, truth = fit.intervals[parameter], fit.best.search.coordinates.of(pitch)[parameter]
     if interval.is_fixed:
         return None
@@ -57,9 +60,10 @@ def contains(fit, pitch, parameter):
 
 
 def coverage(shape, followers, copies):
-    """Return per parameter the fraction of noisy copies whose interval has the truth.
+    """Return for each parameter the fraction of copies whose interval has the truth.
 
-    It is NaN for a parameter that is given or assumed.
+    It is NaN for a parameter that is given or assumed. A copy is a set of readings with other
+    noise.
     """
     arcs, kinds = SHAPES[shape], FOLLOWERS[followers]
     flats, fits = tuple(kind.flat for kind in kinds), []
@@ -74,9 +78,10 @@ def coverage(shape, followers, copies):
 @pytest.mark.long
 @pytest.mark.parametrize(("shape", "followers"), CASES)
 def test_200_copies(shape, followers):
-    """For each parameter, 90 to 99 % of the 95 % intervals contain the truth.
+    """90 to 99 % of an arc fit's 95 % intervals contain the truth.
 
-    The fractions of 200 noisy copies are printed for docs/accuracy.md.
+    This is checked for each parameter. The fractions of 200 noisy copies of the readings are
+    printed for docs/accuracy.md.
     """
     parts = coverage(shape, followers, 200)
     cells = ("" if np.isnan(part) else f"{100.0 * part:.1f}" for part in parts)
@@ -86,9 +91,9 @@ def test_200_copies(shape, followers):
 
 @pytest.mark.parametrize(("shape", "followers"), NO_NOSE)
 def test_an_assumed_radius_bounds_nothing(shape, followers):
-    """An assumed radius that would leave no nose is replaced, and this is reported.
+    """An assumed radius that would leave no nose arc is replaced and reported.
 
-    The intervals contain the truth.
+    The intervals of all parameters contain the truth.
     """
     arcs, (kind,) = SHAPES[shape], FOLLOWERS[followers]
     fit = fit_arcs(readings_of(arcs, kind, noise=1e-5, seed=1), (kind.flat,), 0.01, 0.03)
@@ -102,7 +107,7 @@ def test_an_assumed_radius_bounds_nothing(shape, followers):
 
 
 def test_a_given_base_radius_is_judged_when_the_fit_is_done():
-    """A given base radius is checked against the final fit, not against trials.
+    """A given base radius is checked against the final fit, not against trial fits.
 
     Trials that still include an outlier have another prime radius (base plus roller radius).
     """
@@ -119,9 +124,10 @@ def test_a_given_base_radius_is_judged_when_the_fit_is_done():
 
 
 def test_a_base_radius_that_leaves_no_roller_or_no_nose_is_refused():
-    """A given base radius that leaves no roller or no nose is refused with its limit.
+    """A given base radius that leaves no roller or no nose arc is refused.
 
-    From the readings, base and roller radius add up to 22 mm, nose and roller radius to 4 mm.
+    The error has the limit. From the readings, base and roller radius add up to 22 mm, nose and
+    roller radius to 4 mm.
     """
     columns, nose = readings_of(SHAPES["sharp"], SMALL), r"above 18(\.0\d*)? mm, because nose"
     for base, words in ((0.025, "below base and roller"), (0.015, nose)):
@@ -143,7 +149,7 @@ def test_readings_of_another_shape_are_not_blamed():
 
 
 def test_a_roller_larger_than_the_nose_of_its_path_is_contradicted():
-    """A given roller radius that contradicts the readings is kept and reported.
+    """A given roller radius that contradicts the readings is used and reported.
 
     Nose and roller radius add up to 4 mm, and a roller of 6 mm was given. The report has the
     interval of the sum.
@@ -157,7 +163,7 @@ def test_a_roller_larger_than_the_nose_of_its_path_is_contradicted():
 
 
 def test_a_given_base_radius_of_a_flat_follower_is_used():
-    """With a flat follower any given base radius that leaves a nose is used.
+    """With a flat follower any given base radius that leaves a nose arc is used.
 
     The lifts of a flat follower do not determine the base radius.
     """
@@ -169,7 +175,7 @@ def test_a_given_base_radius_of_a_flat_follower_is_used():
 
 
 #: Cases that the search solves only with one of its start values. The key is the relative curvature
-#: of the flank at this start, the value the contour, the follower and the number of readings.
+#: of the flank at this start. The value is the contour, the follower and the number of readings.
 CASES_OF_STARTS = {
     0.3: (Arcs(0.04, 0.012, -0.1, 0.012, 0.5), ArcFollower(False, 0.04), 72),  # large roller
     0.7: (Arcs(0.04, 0.02, 0.15, 0.005, 1.0), FLAT, 24),  # sharp nose under a flat face
@@ -179,9 +185,10 @@ CASES_OF_STARTS = {
 
 @pytest.mark.parametrize("curvature", START_FLANKS)
 def test_each_start_of_the_search_has_a_case(curvature, monkeypatch):
-    """Each start value of the search is necessary for one of the cases.
+    """Each start value of the search for arcs is necessary for one of the cases.
 
-    With all start values the residual is the noise of 1 µm. Without this one it is above 2 µm.
+    With all start values the residual is below the noise of 1 µm. Without this start it is above 2
+    µm.
     """
     arcs, follower, count = CASES_OF_STARTS[curvature]
     noise = np.random.default_rng(0).normal(scale=1e-6, size=count)
@@ -210,12 +217,12 @@ def gl110(config_dir):
 
 @pytest.fixture(scope="module")
 def gl110_fit(gl110):
-    """Fit of arcs to the readings of the cam GL110."""
+    """Fit of tangent arcs to the readings of the GUNT GL 110 cam."""
     return fit_arcs(gl110, (None, None), 0.010, 0.03)
 
 
 def random_arcs(seed):
-    """Return a random convex contour for a flat follower, with the nose at any angle."""
+    """Return a random convex contour of arcs for a flat follower, with any nose angle."""
     rng = np.random.default_rng(seed)
     base, lift = rng.uniform(0.02, 0.05), rng.uniform(0.006, 0.014)
     nose = rng.uniform(0.3, 0.7) * base
@@ -226,8 +233,9 @@ def random_arcs(seed):
 def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
     """The numbers in the shipped GL 110 cam file are those of the fit, rounded.
 
-    Five numbers describe 66 readings within 0.07 mm r.m.s. Exchanged followers are ten times worse.
-    The law is 0.063 mm r.m.s. from the roller's readings, as stated in docs/own_cam.md.
+    The GL 110 is a teaching apparatus of GUNT. Five numbers describe 66 readings within 0.07 mm
+    r.m.s. Exchanged followers are ten times worse. The law is 0.063 mm r.m.s. from the roller's
+    readings, as stated in docs/own_cam.md.
     """
     assert sum(column.residuals.size for column in gl110_fit.fitted_columns) == 66
     assert sum(math.isfinite(interval.error) for interval in gl110_fit.intervals) == 5
@@ -262,9 +270,11 @@ def test_base_and_roller_radius_are_identifiable_as_a_sum(gl110, gl110_fit):
     ("seed", "kinds"), [(1, (False, True)), (0, (None, None)), (3, (False, True))]
 )
 def test_a_random_contour_comes_back(seed, kinds):
-    """Two columns of lifts determine the followers, the turning sense and the contour.
+    """Readings of two followers determine a random contour of arcs.
 
-    One column is read with the cam turned backwards. The types of the followers are given or not.
+    They also determine the types of the followers and the turning sense. One column is read with
+    the cam turned backwards. The types of the followers are given or not. The radii are found
+    within 1e-4, relative.
     """
     arcs = random_arcs(seed)
     columns = readings_of(arcs, ROLLER, FLAT, reverse=(1,))
@@ -294,9 +304,10 @@ def test_a_flat_follower_alone_identifies_differences():
 
 
 def test_a_flat_follower_alone_identifies_the_flank():
-    """The search finds the flank of a contour from a flat follower alone.
+    """The search finds the flank of a contour from readings of a flat follower alone.
 
-    Only the start value with a large, fixed base circle leads to it.
+    Only the start value with a large, fixed base circle leads to it. The residual must be the
+    noise.
     """
     fit = fit_arcs(readings_of(random_arcs(4), FLAT, noise=1e-5), (True,), 0.01, 0.03)
     assert fit.rms < 1.2e-5
@@ -354,7 +365,7 @@ def test_lifts_under_a_roller_alone_do_not_identify_the_base_radius():
 
 
 def test_a_column_that_any_follower_may_have_made():
-    """Lifts that fit any type of follower require the option --follower.
+    """Lift readings that fit any type of follower are refused without --follower.
 
     Lifts of a flat follower, for example, could be those of a roller on a huge cam.
     """
@@ -366,7 +377,7 @@ def test_a_column_that_any_follower_may_have_made():
 
 
 def test_the_farthest_reading_is_named_with_its_line():
-    """The reading farthest from the law is reported with its line, but not excluded.
+    """The reading farthest from the fitted law is reported with its line, but used.
 
     It is off by 0.1 mm, five times the scatter.
     """
@@ -384,8 +395,8 @@ def readings_of_a_bridge(seed, slips=()):
 
     From the base circle to the nose the velocity has a step. There are 36 to 360 readings with
     noise of 1 to 50 µm. `slips` are errors of single readings in standard deviations. The two
-    readings on either side of a slip are on the same circle as the slip. The second result is the
-    lines of the slips.
+    readings on either side of a slip are on the same circle as the slip. The lines are those of a
+    file with a heading.
     """
     rng = np.random.default_rng(seed)
     base, nose = rng.uniform(0.02, 0.05), rng.uniform(0.2, 0.7)
@@ -403,9 +414,10 @@ def readings_of_a_bridge(seed, slips=()):
 
 
 def test_readings_at_a_kink_that_neighbours_and_arcs_contradict_are_kept():
-    """Two readings at a kink are kept although their neighbours contradict them.
+    """Two good readings at a step of the velocity are kept in the fit.
 
-    Arcs through all other readings contradict them too, but arcs through all readings do not.
+    Their neighbours contradict them. Arcs through all other readings contradict them too, but arcs
+    through all readings do not.
     """
     readings, _ = readings_of_a_bridge(19)
     assert readings.outliers

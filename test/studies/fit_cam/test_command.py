@@ -1,4 +1,4 @@
-"""Commands `cam-rig fit cam` and `cam-rig new`: from a lift table to a scene."""
+"""Tests of `cam-rig fit cam` and `cam-rig new`: from a table of lifts to a scene."""
 
 import json
 import math
@@ -43,7 +43,10 @@ def test_a_table_becomes_a_scene_that_runs(lift_table, tmp_path, monkeypatch):
 
 
 def test_new_needs_no_answers(tmp_path, monkeypatch):
-    """`cam-rig new` uses the first of two lift columns, and reports this and the gap."""
+    """Without options `cam-rig new` uses the first of two lift columns.
+
+    It reports this. A gap in the readings is taken for a dwell and reported.
+    """
     monkeypatch.chdir(tmp_path)
     made = done("new", "gl110", "--from-csv", GL110)
     assert "first column of lifts taken, not 'lift_b_mm': --column" in made.output
@@ -53,7 +56,10 @@ def test_new_needs_no_answers(tmp_path, monkeypatch):
 
 
 def test_fit_prints_the_answer_and_writes_it(lift_table, tmp_path):
-    """`fit cam` reports residuals, outliers, dwells and a rejected tolerance."""
+    """`cam-rig fit cam` prints and writes the result of a fit.
+
+    It reports residuals, outliers, dwells and a tolerance that was not followed.
+    """
     out, plot, csv = tmp_path / "own.yaml", tmp_path / "fit.png", tmp_path / "fit.csv"
     files = "--out", out, "--plot", plot, "--csv", csv, "--json", tmp_path / "fit.json"
     result = done("fit", "cam", lift_table, "--tolerance", 0.0005, *files)
@@ -90,7 +96,10 @@ def test_one_column_under_a_named_follower():
 
 @pytest.mark.long
 def test_new_reads_every_file(tmp_path, monkeypatch):
-    """Two files of one lift column each give the cam of one file with both columns."""
+    """Two files of one lift column each give the cam of one file with both columns.
+
+    The command is `cam-rig new`.
+    """
     monkeypatch.chdir(tmp_path)
     rows = [line.split(",") for line in GL110.read_text().splitlines() if line[0] != "#"]
     for name, column in (("a", 1), ("b", 2)):
@@ -193,9 +202,9 @@ def test_the_file_of_arcs_is_the_contour(tmp_path, flank):
 
 
 def test_the_radius_that_was_given_is_given():
-    """If the base or the roller radius is given, the other one is identified.
+    """If the base or the roller radius is given, the fit identifies the other radius.
 
-    If neither is given, the roller radius is assumed.
+    If neither is given, the roller radius is assumed. The cam file states these origins.
     """
     readings = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ROLLER)
     for known, base, rolling in (

@@ -86,7 +86,10 @@ def test_readings_of_one_angle_that_differ_are_refused_with_their_cause():
 
 @pytest.mark.parametrize("mark", [(999.0, 0.999), (-1.0, -0.999), (0.0, 0.1)])
 def test_an_end_mark_is_named(mark):
-    """A last line whose values are far from all others is refused as an end mark."""
+    """A last line whose values are far from all others is refused as an end mark.
+
+    Some programs end a file with such a line.
+    """
     degrees = np.append(np.arange(30.0, 330.0, 10.0), mark[0])
     lifts = np.append(lift(degrees[:-1]), mark[1])
     with pytest.raises(ConfigError, match=r"line 32 .*looks like an end mark; allowed: readings"):
@@ -170,7 +173,7 @@ def test_the_first_angle_out_of_order_is_named():
 @pytest.mark.parametrize("missing", [4, 5, 6])
 @pytest.mark.parametrize("step", [1, 2])
 def test_a_flat_nose_that_is_missing_is_not_mirrored(missing, step):
-    """Half a lobe without its nose is not mirrored, even if the nose is flat.
+    """Readings of half a lobe without its nose are not mirrored, even at a flat nose.
 
     The curvature of a 3-4-5 law is zero at its nose, so the missing part is hard to detect.
     """
@@ -198,9 +201,9 @@ def test_equal_readings_at_the_nose_are_the_nose():
 @pytest.mark.parametrize("step", [0.1, 0.5, 1.0, 2.0, 5.0])
 @pytest.mark.parametrize("noise", [0.0, 2e-6])
 def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
-    """Half a lobe is mirrored only if it reaches both its nose and a dwell.
+    """A table of half a lobe is mirrored only if it reaches both its nose and a dwell.
 
-    The nose must be within a step of the last reading.
+    The nose must be within a reading distance of the end of the table.
     """
 
     def mirror(start, end):
@@ -220,7 +223,7 @@ def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
 
 @pytest.mark.parametrize("width", [2, 3, 5, 9])
 def test_outliers_next_to_each_other_are_found(measured, width):
-    """Up to nine successive readings that are 50 µm too high are excluded.
+    """Up to nine successive readings that are 50 µm too high are excluded as outliers.
 
     Such readings occur if the gauge runs over a speck of dirt.
     """
@@ -235,7 +238,8 @@ def test_outliers_next_to_each_other_are_found(measured, width):
 def test_specks_of_a_coarse_table_are_found(measured, name, width):
     """Groups of readings that are 80 µm too high are excluded, also across 0°.
 
-    The readings are 1° apart. The lift of the law is within 10 µm of that from clean readings.
+    They are outliers. The readings are 1° apart. The lift of the law is within 10 µm of that from
+    clean readings.
     """
     places = (20, 100, 250, 360 - width // 2)
     specks = {(place + i) % 360: 8e-5 for place in places for i in range(width)}
@@ -249,7 +253,7 @@ def test_specks_of_a_coarse_table_are_found(measured, name, width):
 
 @pytest.mark.parametrize("place", [22, 40, 71])
 def test_specks_of_two_readings_are_found_5_deg_apart(measured, place):
-    """Two successive readings that are too high are excluded, 5° apart."""
+    """Two successive readings that are too high, 5° apart, are excluded as outliers."""
     specks = {place: 1.5e-4, (place + 1) % 72: 1.5e-4}
     for name in ("poly345", "cycloidal", "bezier15"):
         found = exclude_outliers(measured(name, 72, noise=3e-6, outliers=specks))
@@ -271,7 +275,7 @@ def test_a_slip_of_the_gauge_is_refused(measured, place, sign):
 
 
 def test_no_sentence_contradicts_a_reading_far_from_the_law(measured):
-    """A bump that is not excluded is reported as far from the law.
+    """A bump in the readings that is not excluded is reported as far from the law.
 
     The conclusions must not state that there is no outlier.
     """
@@ -284,7 +288,10 @@ def test_no_sentence_contradicts_a_reading_far_from_the_law(measured):
 
 
 def test_what_is_no_cam_is_refused():
-    """A table with too few or too many readings, or a constant lift, is refused."""
+    """A table that cannot be that of a cam is refused.
+
+    It has too few or too many readings, or a constant lift.
+    """
     for count in (5, 8000):
         words = f"has {count} readings of different angles; allowed: 12"
         with pytest.raises(ConfigError, match=words):
@@ -308,8 +315,8 @@ LAWS = ["poly345", "cycloidal", "arcs_convex", "bezier15", "tm21", "modified_tra
 def test_slips_of_0_4_mm_are_found(measured, name, count, slips):
     """Single readings that are about 0.4 mm off are excluded, and no others.
 
-    Their reported errors are correct within 0.1 mm, or 0.01 mm if there are several. With only 36
-    readings the laws are those without jumps of acceleration.
+    They are outliers. Their reported errors are correct within 0.1 mm, or 0.01 mm if there are
+    several. With only 36 readings the laws are those without jumps of acceleration.
     """
     found = exclude_outliers(measured(name, count, outliers=slips))
     assert [outlier.line for outlier in found.outliers] == [place + 2 for place in slips]
@@ -324,19 +331,19 @@ def test_slips_of_0_4_mm_are_found(measured, name, count, slips):
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("count", [36, 72, 120, 360])
 def test_good_readings_are_kept(measured, name, count):
-    """No good reading is excluded, not even at a jump of acceleration."""
+    """No good reading is excluded as an outlier, not even at a jump of acceleration."""
     for seed in range(4):
         assert exclude_outliers(measured(name, count, seed=seed)).outliers == ()
 
 
 def test_the_scatter_is_at_least_the_rounding():
-    """The scatter of readings is at least that of their rounding, step/√12."""
+    """The estimated scatter of readings is at least that of their rounding, step/√12."""
     degrees = np.arange(0.0, 360.0, 30.0)
     found = ordered(degrees, np.where(degrees < 180.0, 0.0, 0.01), resolution=1e-5)
     assert found.scatter >= 1e-5 / np.sqrt(12.0)
 
 
-#: Start (deg), span (deg) and level (fraction of the lift) of the dwells of the shipped cams.
+#: Dwells of the shipped cams: start (deg), span (deg) and level as a fraction of the lift.
 TRUE = {
     "poly345": [(148.75, 62.5, 1.0), (328.75, 62.5, 0.0)],
     "cycloidal": [(148.75, 62.5, 1.0), (328.75, 62.5, 0.0)],
@@ -347,7 +354,7 @@ TRUE = {
 
 
 def dwells(readings):
-    """Return the dwells that are found in readings."""
+    """Return the dwells that `find_dwells` finds in readings with their scatter."""
     return find_dwells(readings, readings.scatter)
 
 
@@ -359,10 +366,11 @@ def ends(dwell):
 @pytest.mark.parametrize("name", TRUE)
 @pytest.mark.parametrize(("count", "near"), [(36, 8.0), (72, 3.0), (360, 1.0)])
 def test_dwells_of_2_um_scatter(measured, name, count, near):
-    """All dwells are found in readings with 2 µm of noise.
+    """All dwells of a cam are found in readings with 2 µm of noise.
 
-    With 360 readings the start and stop angles are within 1°, and the level is within 2 µm. The low
-    dwell of the cam `flat`, which extends over 0°, is reported as one dwell.
+    With 360 readings the start and stop angles are within 1°, with fewer within 3° or 8°. The level
+    is within 2 µm. The low dwell of the cam `flat`, which extends over 0°, is reported as one
+    dwell.
     """
     found = dwells(measured(name, count, zero=0.003))
     for dwell, (start, span, level) in zip(found, TRUE[name], strict=True):
@@ -374,7 +382,7 @@ def test_dwells_of_2_um_scatter(measured, name, count, near):
 
 
 def test_the_tops_of_waves_are_no_dwells():
-    """The round extremes of random harmonics are not reported as dwells."""
+    """The round extremes of random harmonic lifts are not reported as dwells."""
     angles = all_around(360)
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -386,7 +394,7 @@ def test_the_tops_of_waves_are_no_dwells():
 
 
 def test_two_dwells_of_one_level_have_one_level():
-    """Two dwells on the base circle get exactly the same level."""
+    """Two dwells of one level in noisy readings get exactly the same level."""
     inside = np.clip((all_around(360) % np.pi) / np.radians(90.0), 0.0, 1.0)
     noise = np.random.default_rng(3).normal(scale=2e-6, size=360)
     found = dwells(in_order(all_around(360), 0.01 * np.sin(np.pi * inside) ** 4 + noise))
@@ -422,7 +430,7 @@ def error_of_acceleration(fit, law):
 @pytest.mark.parametrize("name", ["poly345", "cycloidal", "flat", "bezier15", "b_spline"])
 @pytest.mark.parametrize(("count", "most"), [(36, 0.05), (72, 0.02), (360, 0.015)])
 def test_the_law_comes_back(measured, scaled, name, count, most):
-    """A spline through noisy readings has the s'' of the true law.
+    """A spline through noisy readings has the acceleration s'' of the true law.
 
     The errors, relative to the peak, are below 1.5 % with 360 readings and 5 % with 36. The
     readings have 2 µm of noise, an unknown zero and an outlier.
@@ -437,9 +445,9 @@ def test_the_law_comes_back(measured, scaled, name, count, most):
 
 
 def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
-    """A requested tolerance below the scatter is not used, and this is reported.
+    """A requested fit tolerance below the scatter of the readings is not used.
 
-    The peak acceleration of the law is still correct within 3 %.
+    This is reported. The peak acceleration of the law is still correct within 3 %.
     """
     for count in (36, 360):
         fit = fit_spline(measured("cycloidal", count), 0.5e-6)
@@ -457,7 +465,7 @@ def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
 
 @pytest.mark.parametrize("tolerance", [2e-6, 3e-6, 1e-5])
 def test_a_tolerance_that_the_readings_bear_is_followed(measured, tolerance):
-    """A requested tolerance at or above the scatter is the r.m.s. residual of the fit."""
+    """A requested tolerance at or above the scatter is the fit's r.m.s. residual."""
     fit = fit_spline(measured("bezier15"), tolerance)
     assert fit.followed
     assert fit.smoothed.rms == pytest.approx(tolerance, rel=1e-3)
@@ -465,7 +473,10 @@ def test_a_tolerance_that_the_readings_bear_is_followed(measured, tolerance):
 
 
 def test_distance_and_dwells_are_the_law_s(measured):
-    """The reported residuals are those of the law, which is 0 in its low dwell."""
+    """The reported residuals of a fit are the differences of readings and law.
+
+    The law is exactly 0 in its low dwell, at angle 0.
+    """
     fit = fit_spline(measured("poly345", zero=-0.001))
     away = fit.law(fit.readings.angles) - fit.readings.lifts
     assert fit.smoothed.rms == pytest.approx(np.sqrt(np.mean(away**2)), rel=1e-9)
@@ -487,7 +498,7 @@ def test_a_gap_that_no_dwell_fills(scaled):
 
 
 def test_a_table_finer_than_its_law_is_smooth(scaled):
-    """For a fine, exact table of arcs the tolerance is widened, and this is reported.
+    """For a fine, exact table of arcs the fit tolerance is widened and reported.
 
     Without it the spline would oscillate at the jumps of acceleration.
     """
@@ -500,7 +511,7 @@ def test_a_table_finer_than_its_law_is_smooth(scaled):
 
 
 def test_tolerances_and_readings_that_are_none(measured):
-    """A tolerance of zero, below zero or above 5 % of the lift is refused.
+    """A fit tolerance of zero, below zero or above 5 % of the lift is refused.
 
     Random readings, which no smooth law describes, are refused too.
     """
@@ -519,8 +530,8 @@ def test_tolerances_and_readings_that_are_none(measured):
 def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
     """A reading that is off by six times the scatter is mostly reported with its line.
 
-    It may be missed in at most 15 % of the tables, or 30 % with 72 readings. Without such a
-    reading, a good reading is reported in at most two tables of five.
+    It may be missed in at most 15 % of the tables, or 30 % with 72 readings. In tables without such
+    a reading, a good reading is reported in at most two of five.
     """
     missed = named = 0
     for seed in range(cases):
@@ -541,8 +552,8 @@ def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
 def test_a_nose_sharper_than_the_readings_is_no_outlier(tolerance):
     """The reading at a nose that is sharper than the reading distance is kept.
 
-    The lift is 12 mm at the nose and 7.7 mm at the neighbours. The conclusions report the sharp
-    nose.
+    It is not an outlier. The lift is 12 mm at the nose and 7.7 mm at the neighbours. The
+    conclusions report the sharp nose.
     """
     arcs, around = Arcs(0.02, 0.012, None, 0.001, np.pi), all_around(36)
     lifts = arcs.lifts(ArcFollower(False, 0.002), around)

@@ -30,7 +30,7 @@ def test_events_of_a_harmonic_law_in_closed_form(ratio, lash, height):
 
 
 def test_a_height_that_the_valve_does_not_reach_has_no_event():
-    """A lift that the valve does not reach has no event, and the reason is reported.
+    """A valve lift that is not reached has no valve event, and the reason is reported.
 
     A lash that is larger than the lift is reported too.
     """

@@ -1,4 +1,7 @@
-"""Random simulated machines, to count the intervals that contain the truth."""
+"""Random simulated machines, to count how many fitted intervals contain the truth.
+
+A machine is a cam and a rig with random parameters. Its force and lift are simulated with noise.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +21,10 @@ from cam_rig.studies.fit_rig.jumps.search import RIGID
 from cam_rig.studies.fit_rig.run.fit import fit_run
 from cam_rig.units import to_rpm
 
-#: Cams with and without dwells, smooth or with jumps of acceleration.
+#: Names of the machines' cams: with and without dwells, smooth or with jumps of acceleration.
 CAMS = ("poly345", "cycloidal", "bezier15", "poly4567", "arcs_convex", "tm21", "arcs_straight")
-#: Speeds relative to the rigid jump speed. Near it the contact force is small in parts of the turn.
+#: Speeds relative to the jump speed of a rigid follower. Near it the contact force is small in
+#: parts of the turn.
 SPEEDS = {
     ("one_mass", "in contact"): (0.3, 0.5, 0.7, 0.85, 0.95),
     ("one_mass", "mixed"): (0.35, 0.55, 0.75, 0.95, 1.08),
@@ -29,26 +33,29 @@ SPEEDS = {
     ("two_mass", "mixed"): (0.35, 0.5, 0.65, 1.05),
 }
 NOISES = ("normal", "Laplace", "correlated")
-#: Model and kind of speeds of ten successive machines. Combinations that are computed quickly are
-#: more frequent.
+#: Model and kind of speeds of ten successive machines. Combinations whose fit is quick are more
+#: frequent.
 TURNS = (
     *(("one_mass", "in contact"), ("one_mass", "mixed"), ("one_mass", "in contact")),
     *(("one_mass", "landings"), ("one_mass", "in contact"), ("two_mass", "in contact")),
     *(("one_mass", "mixed"), ("one_mass", "landings"), ("one_mass", "in contact")),
     ("two_mass", "mixed"),
 )
-#: Largest random change of a speed, relative to the jump speed.
+#: Largest random change of a machine's cam speed, relative to its jump speed.
 SCATTER = 0.02
-#: Range of the correlation between neighbouring samples of correlated noise.
+#: Range of the correlation between neighbouring samples of noise that is correlated.
 CORRELATIONS = (0.5, 0.95)
-#: Noise of the force, relative to its maximum.
+#: Standard deviation of the noise of the force, relative to the largest force.
 FORCE_NOISE = 0.01
-#: Noise of the lift, m.
+#: Standard deviation of the noise of the lift, m.
 LIFT_NOISE = 10e-6
 
 
 class Score(NamedTuple):
-    """Error of one identified parameter of a machine, in its standard errors."""
+    """Error of one fitted parameter of a machine, in standard errors (`off`).
+
+    `kind` is (model, kind of speeds, kind of noise), and `name` is that of the parameter.
+    """
 
     seed: int
     kind: tuple[str, str, str]
@@ -57,12 +64,18 @@ class Score(NamedTuple):
 
 
 def jump_rpm(law, rig):
-    """Return the jump speed (rpm) of a rig, with a rigid follower."""
+    """Return the jump speed (rpm) of a rigid follower on a rig.
+
+    It is the lowest cam speed with a loss of contact.
+    """
     return to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
 
 
 def noise_of(kind, random, size):
-    """Return noise ``(size,)`` of unit standard deviation."""
+    """Return random noise of unit standard deviation, shape (size,).
+
+    `kind` is "normal", "Laplace" or another name for correlated noise.
+    """
     if kind == "normal":
         return random.standard_normal(size)
     if kind == "Laplace":
@@ -73,15 +86,18 @@ def noise_of(kind, random, size):
 
 
 def numbers_of(rig, *more):
-    """Return the follower parameters of a rig, in SI, as a dict.
+    """Return the follower parameters of a rig by name, in SI units.
 
-    These are those of a rigid follower and the named others.
+    These are those of a rigid follower and the parameters named in `more`.
     """
     return {name: getattr(rig.follower, name).si for name in (*RIGID, *more)}
 
 
 def rig_of(model, random):
-    """Return a rig with random follower parameters for this model."""
+    """Return a shipped rig whose follower parameters are changed at random.
+
+    `model` is the follower model, which decides what parameters there are.
+    """
     rig = cam_rig.load_rig("tm21" if model == "one_mass" else "paper_table2")
     numbers = {n: v * float(random.uniform(0.6, 1.6)) for n, v in numbers_of(rig).items()}
     if model == "one_mass":
@@ -95,9 +111,10 @@ def rig_of(model, random):
 
 
 def measured(law, rig, kind, rpms, random, rate):
-    """Return a simulated run of a machine whose noise is of its kind.
+    """Return a simulated measured run of a machine, with noise of its kind.
 
-    `kind` is (model, kind of speeds, kind of noise). `rate` is the sample rate in Hz.
+    `kind` is (model, kind of speeds, kind of noise). `rpms` are the cam speeds, and `rate` is the
+    sample rate in Hz.
     """
     errors = InstrumentErrors(rate=rate, encoder_rate=rate, force_noise=0.0, lift_noise=0.0)
     run = measured_run(law, rig, kind[0], rpms, errors, int(random.integers(1 << 30)))
@@ -109,7 +126,10 @@ def measured(law, rig, kind, rpms, random, rate):
 
 
 def scores_of(seed: int, rate: int = 500) -> list[Score]:
-    """Return the errors of all parameters fitted to the machine with this seed."""
+    """Return the errors of all parameters fitted to a simulated machine.
+
+    The machine, a cam and a rig, is random. `rate` is the sample rate in Hz.
+    """
     random = np.random.default_rng(seed)
     kind = (*TURNS[seed % len(TURNS)], NOISES[seed % len(NOISES)])
     law = cam_rig.build_law(cam_rig.load_cam(CAMS[seed % len(CAMS)]))

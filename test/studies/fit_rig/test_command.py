@@ -24,7 +24,7 @@ def table(*numbers):
 
 
 def test_a_number_has_the_digits_of_its_error():
-    """A value is printed with as many digits as two digits of its standard error.
+    """A fitted value is printed up to the second digit of its standard error.
 
     A parameter that is not identified has no value in the table, and null in JSON.
     """
@@ -40,7 +40,7 @@ def test_a_number_has_the_digits_of_its_error():
 
 @pytest.mark.parametrize(("found", "words"), [(UNSURE, "uncertain"), (OPEN, "may be 0")])
 def test_a_wide_error_has_a_warning(found, words):
-    """Table, rig file and JSON warn of an estimate with a large error.
+    """Table, rig file and JSON warn of a fitted value with a large error.
 
     It is large if it is a third of the value, or if the interval includes 0.
     """
@@ -52,9 +52,10 @@ def test_a_wide_error_has_a_warning(found, words):
 
 
 def test_a_rig_file_has_the_digits_of_the_error(rig):
-    """The rig file has the value 14.948 with ± 0.032 N.
+    """The rig file states a fitted preload as 14.948 ± 0.032 N.
 
-    Parameters that are not identified are taken from the base rig as assumed.
+    The digits are those of the standard error. Parameters that are not identified are taken from
+    the base rig as assumed.
     """
     text, _ = build_rig_text(
         "bench", [SURE, UNIDENTIFIED], rig, "cam-rig fit rig a.csv", "1 rpm a reading"
@@ -74,14 +75,14 @@ TABLE = "mass_kg,spring_N/mm,rpm\n" + "".join(f"{m},{k},{rpm}\n" for (m, k), rpm
 
 @pytest.fixture
 def jumps(tmp_path):
-    """File with a table of measured jump speeds."""
+    """Path of a file with a table of measured jump speeds."""
     path = tmp_path / "jumps.csv"
     path.write_text(TABLE, encoding="utf-8")
     return path
 
 
 def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
-    """The command writes a rig file that can be loaded, a figure and JSON.
+    """`cam-rig fit rig` writes a rig file that can be loaded, a figure and JSON.
 
     In the rig file fitted parameters are `identified`, those of --fix `given`, and others
     `assumed`.
@@ -105,7 +106,10 @@ def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
 
 
 def test_an_empty_speed_is_no_reading(tmp_path, jumps):
-    """A line without a speed is skipped. A line without a mass is an error."""
+    """In a table of jump speeds a line without a speed is skipped.
+
+    A line without a mass is an error.
+    """
     jumps.write_text(TABLE.replace(",469.7", ","), encoding="utf-8")
     result = done("fit", "rig", jumps, "poly345", "--fix", "damping=8.6")
     assert "1 empty cell of the speed: no reading in 10" in " ".join(result.output.split())

@@ -1,6 +1,7 @@
-"""Standard errors of the rig fit: its 95 % intervals contain the truth as often.
+"""Tests of the rig fit's standard errors: 95 % intervals contain the truth.
 
-`pytest -m long -s test/studies/fit_rig/test_coverage.py` prints a table of 200 machines.
+They must do so as often as stated. `pytest -m long -s test/studies/fit_rig/test_coverage.py` prints
+a table of 200 machines.
 """
 
 import itertools
@@ -29,9 +30,10 @@ MACHINES = 200
 @pytest.mark.slow
 @pytest.mark.timeout(14_400)
 def test_intervals_of_200_machines_contain_the_truth():
-    """Of the intervals of 200 random machines, 90 to 99 % contain the truth.
+    """Of the 95 % intervals of 200 random machines, 90 to 99 % contain the truth.
 
-    The machines have one and two masses, contact and landings, and three kinds of noise.
+    A machine is a simulated rig. The machines have one and two masses, contact and landings, and
+    three kinds of noise.
     """
     # Forked, because a spawned worker would import Python's own package `test`.
     with ProcessPoolExecutor(2, get_context("fork")) as pool:
@@ -51,17 +53,17 @@ def test_intervals_of_200_machines_contain_the_truth():
 
 @pytest.fixture(scope="module")
 def solution(law, rig):
-    """Solution of a fit of one rigid mass that stays in contact."""
+    """Solution of a fit of one rigid mass that stays in contact with the cam."""
     errors = InstrumentErrors(rate=400, encoder_rate=400)
     run = measured_run(law, rig, "one_mass", (200.0, 300.0, 350.0), errors, 1)
     return fit_run(law, run, rig, "one_mass").solution
 
 
 def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
-    """The covariance under noise of correlation 0.9ᵏ agrees with 2000 random draws.
+    """The covariance under correlated noise agrees with that of 2000 random draws.
 
-    k is the distance of two samples. The draws use the linear response x = −(JᵀJ)⁻¹ Jᵀ noise with
-    the Jacobian J. The standard errors agree within 20 %.
+    The correlation is 0.9ᵏ for samples k apart. The draws use the linear response x = −(JᵀJ)⁻¹ Jᵀ
+    noise with the Jacobian J. The standard errors agree within 20 %.
     """
     random = np.random.default_rng(0)
     like, jacobian = solution.likelihood, solution.jacobian
@@ -82,7 +84,7 @@ def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
 
 @pytest.mark.parametrize("bounce", [0.2, 0.35, 0.5])
 def test_samples_without_bounces_do_not_depend_on_restitution(law, rig, bounce):
-    """Samples that no bounce affects do not depend on the restitution.
+    """Samples that no bounce affects do not depend on the restitution, to 1e-6.
 
     These are the samples from the lift-off to the first landing, and those after the bounces.
     """
@@ -106,7 +108,7 @@ def test_samples_without_bounces_do_not_depend_on_restitution(law, rig, bounce):
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [3, 7, 17, 23, 27, 33, 37, 61, 151])
 def test_error_of_restitution(seed):
-    """The fitted restitution is within 4 standard errors of the truth in hard cases.
+    """In hard cases the fitted restitution is within 4 standard errors of the truth.
 
     In these seeds an error estimate from the curvature of the likelihood was off by 7 standard
     errors, because samples enter and leave bounces. In seeds 61 and 151 a speed is just above the
@@ -123,7 +125,7 @@ def test_error_of_restitution(seed):
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [59, 79, 115, 179, 199])
 def test_errors_of_two_masses(seed):
-    """The fitted parameters of two masses are within 4 standard errors in hard cases.
+    """In hard cases the fitted two-mass parameters are within 4 standard errors.
 
     In these seeds a search from another stem stopped in a local maximum: the spring was off by 8
     and the mass share by 22 standard errors. In seeds 59, 79 and 199 hardly any sample depends on
@@ -138,10 +140,11 @@ def test_errors_of_two_masses(seed):
 
 @pytest.mark.slow
 def test_bouncing_does_not_hide_contradicting_forces(law, rig):
-    """A follower that bounces all the time is less likely than one that is in contact.
+    """A follower that bounces all the time is less likely than one in contact.
 
-    Samples near landings are excluded from the likelihood. Those that a bouncing follower excludes
-    count against it. The log ratio of two solutions is antisymmetric.
+    In the likelihood samples near landings are excluded. Samples that a bouncing follower excludes
+    from the likelihood count against it, so a follower in contact is more likely. The log ratio of
+    two solutions is antisymmetric.
     """
     jump = jump_rpm(law, rig)
     errors = InstrumentErrors(rate=400, encoder_rate=400)

@@ -1,6 +1,7 @@
-"""Identification of a rig's follower from measured jump speeds.
+"""Tests of the identification of a rig's follower from measured jump speeds.
 
-A set-up is one combination of added mass, spring and preload at which a jump speed is read.
+The jump speed is the lowest cam speed with a loss of contact. A set-up is one combination of added
+mass, spring and preload at which it is read.
 """
 
 import math
@@ -24,14 +25,18 @@ from .machines import numbers_of
 
 OWN_MASS, DAMPING, PRELOAD = 1.1, 8.0, 25.0
 MACHINE = {"mass": OWN_MASS, "damping": DAMPING, "preload": PRELOAD, "restitution": 0.0}
-#: Combinations of columns that a table of jump speeds may have.
+#: Combinations of columns (varied quantities) that a table of jump speeds may have.
 COLUMNS = [c for n in (3, 2) for c in combinations(("mass", "spring_stiffness", "preload"), n)]
-#: Nine set-ups: three added masses (kg) with three springs (N/m).
+#: Nine set-ups of the rig: three added masses (kg) with three springs (N/m).
 SET_UPS = [{"mass": m, "spring_stiffness": k} for m in (0.0, 0.3, 0.9) for k in (2e3, 4e3, 9e3)]
 
 
 def table_of(law, machine, set_ups):
-    """Return the exact jump speeds of a machine as a `JumpTable`, and angles (rad)."""
+    """Return the exact jump speeds of a follower as a table, and the jump angles.
+
+    They are a `JumpTable` and angles in rad. `machine` has the parameters of the follower, and
+    `set_ups` the added mass, spring or preload of each reading.
+    """
     readings, angles = [], []
     for line, setup in enumerate(set_ups, 2):
         of = machine | setup | {"mass": machine["mass"] + setup.get("mass", 0.0)}
@@ -42,22 +47,25 @@ def table_of(law, machine, set_ups):
 
 
 def moved(read, by):
-    """Return the table with an error (rpm) added to each jump speed."""
+    """Return the table of jump speeds with an error (rpm) added to each."""
     off = zip(read.readings, by, strict=True)
     return replace(read, readings=tuple(replace(r, speed=r.speed + d * RPM) for r, d in off))
 
 
 def table(law, noise=0.0, seed=0):
-    """Return jump speeds of a follower of 1.1 kg, 25 N and 8 N·s/m, with noise in rpm."""
+    """Return a table of jump speeds of a known follower, with noise in rpm.
+
+    The follower has 1.1 kg, 25 N and 8 N·s/m.
+    """
     read, _ = table_of(law, MACHINE, SET_UPS)
     return moved(read, noise * np.random.default_rng(seed).standard_normal(len(SET_UPS)))
 
 
 def random_table(random, columns, make_cam):
-    """Return a random machine on a random cam of one rise and one fall.
+    """Return random exact jump speeds of a random follower and cam.
 
-    The results are the law, the exact jump speeds, the parameters, and the range (°) of the jump
-    angles.
+    The cam has one rise and one fall. The results are the law, the table of jump speeds, the
+    parameters, and the range (°) of the jump angles. `columns` are the varied quantities.
     """
     first, second = random.uniform(60.0, 140.0, 2).round()
     laws = ["cycloidal", "poly345", "poly4567", "modified_sine", "simple_harmonic"]
@@ -98,9 +106,10 @@ def test_exact_speeds_identify_the_parameters(law, rig):
 @pytest.mark.parametrize("columns", COLUMNS)
 @pytest.mark.variants(12)
 def test_result_does_not_depend_on_the_start(make_cam, rig, columns, seed):
-    """The fit returns the true parameters, although the sum of squares has two minima.
+    """The fit of jump speeds returns the true parameters from any start.
 
-    Damping raises the jump speeds of a rise and lowers those of a fall.
+    The sum of squares has two minima, because damping raises the jump speeds of a rise and lowers
+    those of a fall.
     """
     random, apart = np.random.default_rng(seed), math.inf
     while apart > 20.0:
@@ -129,7 +138,10 @@ def test_roller_share_is_identified(laws, paper_rig):
 
 @pytest.mark.long
 def test_intervals_contain_the_truth(law, rig):
-    """At least 16 of 20 95 % intervals contain the truth, with errors of 0.5 rpm."""
+    """At least 16 of 20 95 % intervals of a jump-speed fit contain the truth.
+
+    The jump speeds have errors of 0.5 rpm.
+    """
     inside = 0
     for seed in range(10):
         read = table(law, noise=0.5, seed=seed)
@@ -140,7 +152,7 @@ def test_intervals_contain_the_truth(law, rig):
 
 
 def test_without_masses_no_parameter_is_identifiable(law, rig):
-    """Without a column of masses no parameter is identifiable.
+    """If a table of jump speeds has no column of masses, no parameter is identifiable.
 
     The condition F = 0 at the jump is homogeneous in mass, damping, spring and preload, so only
     their ratios are determined.
@@ -154,10 +166,10 @@ def test_without_masses_no_parameter_is_identifiable(law, rig):
 
 
 def test_an_unidentified_mass_has_student_s_interval(law, rig):
-    """A mass with too large an error has no value, but an interval of Student's t.
+    """A fitted mass with too large an error has only an interval of Student's t.
 
-    Five speeds with errors of 1 rpm and one spring do not determine it. The factor of the interval
-    falls with the degrees of freedom, which rise with each given parameter.
+    It has no value. Five speeds with errors of 1 rpm and one spring do not determine it. The factor
+    of the interval falls with the degrees of freedom, which rise with each given parameter.
     """
     machine = MACHINE | {"mass": 0.8, "spring_stiffness": 4e3}
     read, _ = table_of(law, machine, [{"mass": on} for on in (0.0, 0.2, 0.4, 0.8, 1.2)])
@@ -172,7 +184,7 @@ def test_an_unidentified_mass_has_student_s_interval(law, rig):
 
 
 def test_a_column_of_total_masses_is_detected(law, rig):
-    """A column of total instead of added masses is reported.
+    """A table whose masses are total instead of added masses is reported.
 
     The mass left for the follower is then not positive.
     """
@@ -185,7 +197,7 @@ def test_a_column_of_total_masses_is_detected(law, rig):
 
 
 def test_too_few_readings_are_refused(law, rig):
-    """Fewer readings than free parameters plus one are refused."""
+    """A table with fewer jump speeds than free parameters plus one is refused."""
     read = table(law)
     few = replace(read, readings=read.readings[:2])
     with pytest.raises(
@@ -196,14 +208,17 @@ def test_too_few_readings_are_refused(law, rig):
 
 @pytest.mark.long
 def test_an_outlier_is_named(law, rig):
-    """The conclusions give the line of a jump speed that is 30 rpm off."""
+    """The fit's conclusions give the line of a jump speed that is 30 rpm off."""
     wrong = moved(table(law, noise=0.3), 30.0 * (np.arange(9) == 4))
     fit = fit_jumps(law, wrong, rig, error=0.3)
     assert any("Line 6" in words for words in fit.conclusions())
 
 
 def test_error_names_a_wrong_speed(law, rig):
-    """If a speed is 30 % too high, no follower fits, and the error gives its line."""
+    """If a jump speed is 30 % too high, the error gives its line.
+
+    No follower fits such readings.
+    """
     read = table(law)
     wrong = moved(read, 0.3 * read.rpm * (np.arange(9) == 4))
     with pytest.raises(ConfigError, match=r"no follower was found .* in line 6;"):
@@ -223,7 +238,7 @@ def test_error_names_a_wrong_speed(law, rig):
     ],
 )
 def test_readings_outside_the_limits_are_errors(law, rig, change, words):
-    """A reading outside the limits is an error with line, value and limit."""
+    """A jump speed outside the limits is an error with its line, value and limit."""
     read = table(law)
     wrong = (*read.readings[:-1], replace(read.readings[-1], **change))
     with pytest.raises(ConfigError, match=f"line 10: {words}"):
@@ -234,7 +249,8 @@ def test_readings_outside_the_limits_are_errors(law, rig, change, words):
 def test_equal_set_ups_are_solved_once(law, rig, monkeypatch):
     """A thousand readings of nine set-ups need as many jump searches as nine readings.
 
-    The parameters are the same: each set-up counts with the mean of its readings.
+    A set-up is a combination of added mass, spring and preload. Each counts with the mean of its
+    readings, so the fitted parameters are the same.
     """
     count = 0
 

@@ -1,4 +1,7 @@
-"""Identification of simulated machines from force and lift, with known parameters."""
+"""Tests of the identification of simulated rigs from force and lift.
+
+The true parameters are known. 4 standard errors are allowed.
+"""
 
 import re
 from dataclasses import replace
@@ -17,7 +20,7 @@ from cam_rig.studies.fit_rig.run.noise_model import estimate_force_noise
 from .machines import jump_rpm
 
 IN_CONTACT, WITH_FLIGHTS = (150.0, 220.0, 290.0, 350.0, 410.0), (200.0, 350.0, 460.0)
-#: Instrument errors with half the default sample rates (Hz), to save time.
+#: Instrument errors of simulated runs, with half the default sample rates (Hz) to save time.
 QUICK = InstrumentErrors(rate=800, encoder_rate=800)
 
 
@@ -30,21 +33,27 @@ def gauge(fit, key):
 
 
 def require_true(fit, rig, *names):
-    """Require that `names` are identified, and every error is below 4 standard errors."""
+    """Require that a fit identifies `names` and is correct.
+
+    All errors must be below 4 standard errors.
+    """
     found = {n.name: (n.value - getattr(rig.follower, n.name).si) / n.error for n in fit.identified}
     assert set(names) <= set(found)
     assert found and max(map(abs, found.values())) < 4.0, found
 
 
 def machine(cam, rig, **changes):
-    """Return a law, a rig with changed parameters, and its rigid jump speed (rpm)."""
+    """Return a law, a rig with changed parameters, and its jump speed (rpm).
+
+    The follower is taken as rigid.
+    """
     law = cam_rig.build_law(cam_rig.load_cam(cam))
     rig = cam_rig.load_rig(rig).with_follower(**changes)
     return law, rig, jump_rpm(law, rig)
 
 
 def test_fit_agrees_with_scipy(law, rig):
-    """The fit agrees with scipy's `curve_fit` of the closed forms of force and lift.
+    """The rig fit agrees with scipy's `curve_fit` of closed forms of force and lift.
 
     Values agree within 5 % of their standard errors, and standard errors within 10 %.
     """
@@ -87,10 +96,11 @@ def test_fit_agrees_with_scipy(law, rig):
 
 @pytest.mark.long
 def test_flights_identify_the_restitution(law, rig):
-    """Speeds above the jump speed identify all parameters and instrument errors.
+    """Speeds with flights identify all follower parameters and instrument errors.
 
-    The restitution follows from the bounces. In flight the force is zero, so the sensor's reading
-    there is its zero error, which is then not attributed to the preload.
+    They are above the jump speed. The restitution follows from the bounces. In flight the force is
+    zero, so the sensor's reading there is its zero error, which is then not attributed to the
+    preload.
     """
     other = rig.with_follower(restitution=0.3)
     run = measured_run(law, other, "one_mass", WITH_FLIGHTS, seed=4)
@@ -106,10 +116,10 @@ def test_flights_identify_the_restitution(law, rig):
 
 
 def test_a_coarse_encoder_s_zero_has_the_error_of_its_steps(law, rig):
-    """The zero of an encoder with 100 counts per turn has a realistic standard error.
+    """The zero angle of a coarse encoder is within 4 of its standard errors.
 
-    It includes the error of the encoder's steps. From the noise of the lift alone, zero and clock
-    were 20 standard errors off.
+    The encoder has 100 counts per turn. The standard error includes the error of the encoder's
+    steps. From the noise of the lift alone, zero and clock were 20 standard errors off.
     """
     errors = replace(QUICK, counts=100)
     fit = fit_run(law, measured_run(law, rig, "one_mass", IN_CONTACT[:2], errors, 1), rig)
@@ -135,9 +145,10 @@ def test_contact_identifies_no_restitution(law, rig):
 
 
 def test_a_rig_without_a_restitution_is_fitted_and_a_tiny_mass_reported(law, rig):
-    """A base rig without a restitution is accepted, and a tiny mass is reported.
+    """A base rig without a restitution is accepted in a fit.
 
-    The force in kN, read as N, gives a thousandth of the mass.
+    A fitted mass that is tiny is reported. Here the force in kN is read as N, which gives a
+    thousandth of the mass.
     """
     follower = rig.follower.model_copy(update={"restitution": None})
     plain = rig.model_copy(update={"follower": follower})
@@ -152,9 +163,10 @@ def test_a_rig_without_a_restitution_is_fitted_and_a_tiny_mass_reported(law, rig
 
 @pytest.mark.long
 def test_lifts_alone_identify_ratios_to_the_mass(law, rig):
-    """Lifts with flights identify k/m, c/m and preload/m, and all with a given mass.
+    """Lifts with flights, without forces, identify the ratios k/m, c/m and preload/m.
 
-    At a single speed several followers have the same flights, so no parameter is identified.
+    With a given mass all parameters are identified. At a single speed several followers have the
+    same flights, so no parameter is identified.
     """
     other = rig.with_follower(restitution=0.3)
     rpms = (*WITH_FLIGHTS, 500.0)
@@ -171,7 +183,10 @@ def test_lifts_alone_identify_ratios_to_the_mass(law, rig):
 
 
 def test_backlash_is_identified(law, rig):
-    """A backlash of 0.2 mm in the lift is identified, and the damping stays correct."""
+    """A backlash of 0.2 mm in the lift gauge is identified within 2 %.
+
+    The errors of the follower's parameters stay below 4 standard errors.
+    """
     errors = replace(QUICK, backlash=2e-4)
     fit = fit_run(law, measured_run(law, rig, "one_mass", IN_CONTACT, errors, 5), rig)
     assert gauge(fit, "lift_backlash") == pytest.approx(2e-4, rel=0.02)
@@ -197,7 +212,8 @@ def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
 def test_a_stem_shows_in_the_force(law, rig, paper_rig):
     """Without a given model, two masses are identified from the force of a stem.
 
-    Stiffness and damping of the stem and the roller's share of the mass are identified.
+    The stem is elastic. Stiffness and damping of the stem and the roller's share of the mass are
+    identified.
     """
     run = measured_run(law, paper_rig, "two_mass", (200.0, 280.0, 340.0, 380.0), QUICK, 2)
     fit = fit_run(law, run, rig)
@@ -207,7 +223,7 @@ def test_a_stem_shows_in_the_force(law, rig, paper_rig):
 
 @pytest.mark.long
 def test_a_stem_that_leaves_a_cam_of_arcs():
-    """On a cam of arcs every parameter of two masses is within 4 standard errors.
+    """On a cam of arcs every fitted two-mass parameter is within 4 standard errors.
 
     Jumps of acceleration excite the stem, so that it lifts off at 0.7 of the rigid jump speed. If
     the force sensor has a zero error, no preload is identified, because the two add up.
@@ -224,7 +240,7 @@ def test_a_stem_that_leaves_a_cam_of_arcs():
 
 
 def test_noise_has_a_floor_and_a_relative_part():
-    """Constant and relative part of the noise are found within 5 %."""
+    """Constant and relative part of the force noise are found within 5 %."""
     random = np.random.default_rng(1)
     force = random.uniform(0.0, 200.0, 20_000)
     residual = np.hypot(0.5, 0.01 * force) * random.standard_normal(force.size)
@@ -232,12 +248,12 @@ def test_noise_has_a_floor_and_a_relative_part():
 
 
 def with_force(run, value):
-    """Return the run with other force values."""
+    """Return a measured run with other force values."""
     return replace(run, force=replace(run.force, value=value))
 
 
 def test_a_force_alone_finds_the_encoder_s_zero(law, rig):
-    """A force alone identifies the encoder's zero at any angle, here 140°.
+    """Force readings alone identify the encoder's zero angle, here 140°.
 
     With a wrong zero, a mass or a spring would be negative.
     """
@@ -262,7 +278,7 @@ def test_invalid_runs_are_errors(law, rig):
 
 
 def test_another_cam_identifies_no_parameter(law, laws, rig):
-    """With the law of another cam no parameter is identified, as the report states."""
+    """A fit with the law of another cam identifies no parameter, as the report states."""
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:2], QUICK, 1)
     fit = fit_run(laws["bezier15"], run, rig)
     assert fit.identified == ()
@@ -272,7 +288,10 @@ def test_another_cam_identifies_no_parameter(law, laws, rig):
 
 @pytest.mark.slow
 def test_a_stem_s_numbers_need_a_stem(law, rig, paper_rig):
-    """Fixed parameters of a stem require the two-mass model and a contact force."""
+    """Fixed parameters of an elastic stem are refused for a model without a stem.
+
+    Two masses in turn require a contact force. With both, the parameters are used as given.
+    """
     run = measured_run(law, paper_rig, "two_mass", (200.0, 300.0), QUICK, 1)
     with pytest.raises(ConfigError, match=r"roller_share.*two_mass"):
         fit_run(law, run, rig, None, {"roller_share": 0.4})
@@ -285,9 +304,9 @@ def test_a_stem_s_numbers_need_a_stem(law, rig, paper_rig):
 
 @pytest.mark.long
 def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law, paper_rig):
-    """Correlated noise of 2 N in the force excludes no speed in contact.
+    """Correlated noise of the force excludes no speed in contact from the fit.
 
-    The correlation of samples k apart is 0.9ᵏ.
+    It has 2 N, and the correlation of samples k apart is 0.9ᵏ.
     """
     run = measured_run(law, paper_rig, "two_mass", (150.0, 220.0, 290.0), QUICK, 1)
     steps = np.random.default_rng(1).normal(0.0, 2.0 * np.sqrt(1.0 - 0.81), run.force.value.size)
@@ -300,7 +319,7 @@ def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law, paper_rig)
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2])
 def test_lifts_identify_a_rig_far_from_the_start(seed):
-    """Lifts identify parameters that are 0.6 to 1.6 times their start values."""
+    """Lifts identify parameters that are 0.6 to 1.6 times the start values of the fit."""
     random = np.random.default_rng(seed)
     base = cam_rig.load_rig("tm21")
     names = ("spring_stiffness", "preload", "damping")
@@ -314,7 +333,10 @@ def test_lifts_identify_a_rig_far_from_the_start(seed):
 
 
 def test_one_speed_in_contact_is_enough(rig):
-    """One speed in contact is enough for a fit that uses also speeds with flights."""
+    """A fit of speeds with flights needs only one speed in contact.
+
+    No speed is excluded, and the parameters are within 4 standard errors.
+    """
     law, other, _ = machine("tm21", "tm21", mass=1.8)
     run = measured_run(law, other, "one_mass", (200.0, 300.0, 350.0), QUICK)
     fit = fit_run(law, run, rig, fixed={"restitution": 0.0})
@@ -323,7 +345,7 @@ def test_one_speed_in_contact_is_enough(rig):
 
 
 def test_a_follower_that_bounces_at_random_is_refused(law, rig, paper_rig):
-    """A run whose motion is not periodic is refused with the reason."""
+    """A measured run whose motion is not periodic is refused with the reason."""
     run = measured_run(law, paper_rig, "two_mass", (600.0, 650.0), seed=2)
     with pytest.raises(ConfigError, match="below the jump speed"):
         fit_run(law, run, rig)
@@ -344,7 +366,8 @@ def test_outliers_of_the_force_are_reported(law, rig):
 def test_force_on_a_dwell_alone_is_fitted(rig):
     """A follower with almost no preload on a cam with a dwell is identified.
 
-    At some trial phases all samples in contact are on the dwell, where they determine little.
+    At some trial zero angles of the encoder all samples in contact are on the dwell, where they
+    determine little.
     """
     law, other, jump = machine("tm21", "tm21", preload=0.2)
     run = measured_run(law, other, "one_mass", (0.5 * jump, 0.9 * jump), QUICK, 103)

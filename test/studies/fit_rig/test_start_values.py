@@ -1,4 +1,7 @@
-"""Start values of the rig fit: each heuristic with the case that needs it."""
+"""Tests of the start values of the rig fit, one for each heuristic.
+
+Each test has a case that needs the heuristic.
+"""
 
 from dataclasses import replace
 
@@ -27,7 +30,7 @@ IN_CONTACT, WITH_FLIGHTS = (200.0, 280.0, 340.0), (200.0, 350.0, 460.0)
 
 
 def align(law, run, values):
-    """Return the solution in which only instrument errors are fitted.
+    """Return the solution of a run in which only instrument errors are fitted.
 
     The follower has the parameters `values`.
     """
@@ -40,18 +43,19 @@ def align(law, run, values):
 
 @pytest.fixture(scope="module")
 def flying(law, rig):
-    """Solution of three speeds with fitted instrument errors, one with flights.
+    """Solution of three speeds in which only instrument errors are fitted.
 
-    The restitution is 0.6.
+    One speed has flights. The true restitution is 0.6.
     """
     run = measured_run(law, rig.with_follower(restitution=0.6), "one_mass", WITH_FLIGHTS, ERRORS, 1)
     return align(law, run, numbers_of(rig) | {"restitution": 0.6})
 
 
 def test_a_partial_solution_is_extended_to_all_speeds(flying):
-    """The encoder phases of all speeds follow from those of the fitted speeds.
+    """The encoder's phases at all speeds follow from a fit of some of the speeds.
 
-    With several fitted speeds they are on a line. A single fitted speed shifts all by its change.
+    The phase is the cam angle minus the encoder angle. With several fitted speeds the phases are on
+    a line. A single fitted speed shifts all by its change.
     """
     for indices in ([0, 1], [1]):
         partial = search(continue_from(flying, FREE, flying.values, indices))
@@ -62,9 +66,10 @@ def test_a_partial_solution_is_extended_to_all_speeds(flying):
 
 
 def test_a_sensor_shows_its_zero_in_flight(law, rig):
-    """The start value of the preload is corrected by the sensor's reading in flight.
+    """A force sensor's reading in flight corrects the start value of the preload.
 
-    A zero error of -12 N raises the start value by 12 N. Without flights the start is unchanged.
+    In flight the force is zero, so the reading is the zero error. An error of −12 N raises the
+    start value by 12 N. Without flights the start is unchanged.
     """
     run = measured_run(law, rig, "one_mass", WITH_FLIGHTS, ERRORS, 1)
     run = replace(run, force=replace(run.force, value=run.force.value - 12.0))
@@ -79,7 +84,7 @@ def test_a_sensor_shows_its_zero_in_flight(law, rig):
 
 @pytest.mark.slow
 def test_all_restitutions_are_tried_before_a_search(flying):
-    """The search starts from the best of many restitutions.
+    """The search for a restitution starts from the best of many values.
 
     Started from 0 it would stop in a local maximum, more than 0.1 off.
     """
@@ -91,7 +96,7 @@ def test_all_restitutions_are_tried_before_a_search(flying):
 
 
 def test_a_restitution_without_information_stays_at_its_value(law, rig):
-    """Without landings a free restitution and the other parameters keep their values."""
+    """Without landings a free restitution and the other parameters stay unchanged."""
     run = measured_run(law, rig, "one_mass", IN_CONTACT, ERRORS, 1)
     aligned = align(law, run, numbers_of(rig) | {"restitution": 0.25})
     fixed = search(continue_from(aligned, FREE, aligned.values))
@@ -102,7 +107,7 @@ def test_a_restitution_without_information_stays_at_its_value(law, rig):
 
 
 def test_noise_gives_no_stem(law, rig, paper_rig):
-    """An elastic stem is suggested only if the residual of one mass has a pattern.
+    """An elastic stem is suggested only if the one-mass residuals have a pattern.
 
     For data of one rigid mass the residual is noise. For data of two masses the suggested stem has
     the true natural frequency within 3 %.
@@ -123,9 +128,9 @@ def test_noise_gives_no_stem(law, rig, paper_rig):
 
 
 def test_parameters_of_all_speeds_may_contradict_some(flying):
-    """A mass that is 5 % off contradicts the solution of some of the speeds.
+    """A mass that is 5 % off is reported to contradict a fit of some of the speeds.
 
-    The same parameters do not contradict it.
+    The unchanged parameters do not contradict it.
     """
     partial = search(continue_from(flying, FREE, flying.values, [0, 1]))
     for factor, contradictory in ((1.0, False), (1.05, True)):
@@ -140,9 +145,9 @@ def test_parameters_of_all_speeds_may_contradict_some(flying):
 
 @pytest.mark.long
 def test_a_ringing_sensor_is_no_stem(law, rig):
-    """A sensor that rings after landings is fitted with a resonance, not with a stem.
+    """A force sensor that rings after landings is fitted with a resonance.
 
-    Its reading is then negative at times, although a cam never pulls.
+    The ringing, in which the reading is negative at times, is not taken for an elastic stem.
     """
     errors = InstrumentErrors(sensor_frequency=300.0, sensor_damping=0.01)
     other = rig.with_follower(restitution=0.2)

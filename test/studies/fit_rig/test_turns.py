@@ -1,4 +1,4 @@
-"""Steady segments of encoder readings, and periodic turns of the models.
+"""Tests of steady segments of encoder readings, and of computed periodic turns.
 
 A steady segment is a time with constant speed. A periodic turn is a motion that repeats each turn.
 """
@@ -26,10 +26,11 @@ from .machines import numbers_of
 
 
 def speed_profile_run(random, rate, counts, ramp):
-    """Return a run of a cam at four random speeds, 3 to 12 turns each.
+    """Return encoder readings of a cam at four random speeds, 3 to 12 turns each.
 
-    A ramp of `ramp` s joins them. The other results are the speeds (rad/s) and the times (s) at
-    which a speed starts or stops.
+    A ramp of `ramp` s joins them. `rate` is the readings per second, and `counts` those per turn (0
+    for an ideal encoder). The other results are the speeds (rad/s) and the times (s) at which a
+    speed starts or stops.
     """
     speeds = np.repeat(random.uniform(100.0, 600.0, 4) * RPM, 2)
     lengths = random.uniform(3.0, 12.0, 4) * TURN / speeds[::2]
@@ -51,10 +52,10 @@ def speed_profile_run(random, rate, counts, ramp):
 @pytest.mark.parametrize("ramp", [0.0, 0.05, 0.3])
 @pytest.mark.variants(3)
 def test_no_speed_is_lost_at_a_corner(ramp, counts, rate):
-    """Two speeds that follow each other with a short ramp are both found.
+    """Two constant speeds that follow each other with a short ramp are both found.
 
-    They agree within 0.3 % and 4 standard errors. Near the ramp the readings agree with both speeds
-    within a count.
+    They agree within 0.3 % and 4 standard errors. The segments of constant speed end within a tenth
+    of the shortest one from the true times.
     """
     random = np.random.default_rng(7)
     for _ in range(3):
@@ -71,7 +72,7 @@ def test_no_speed_is_lost_at_a_corner(ramp, counts, rate):
 
 
 def test_a_speed_that_is_left_out_is_reported(law, rig):
-    """A note reports each speed that is excluded, with the reason.
+    """A note reports each speed of a measured run that is excluded, with the reason.
 
     The reasons are too few samples, and a lift that differs from turn to turn.
     """
@@ -91,7 +92,10 @@ def test_a_speed_that_is_left_out_is_reported(law, rig):
 
 
 def test_a_cam_that_nowhere_turns_steadily_is_refused():
-    """A run that is a single speed ramp is refused."""
+    """A measured run that is a single speed ramp is refused.
+
+    No speed of it is steady.
+    """
     time = np.linspace(0.0, 3.0, 3000)
     run = MeasuredRun("ramp", "cam", Signal(time, 40.0 * time**2, "encoder"))
     with pytest.raises(ConfigError, match=r"must turn at a steady speed.*record"):
@@ -99,11 +103,12 @@ def test_a_cam_that_nowhere_turns_steadily_is_refused():
 
 
 def test_the_errors_of_a_line_are_those_of_an_encoder_s_steps():
-    """Speed and angle of a segment are within 4 standard errors.
+    """Fitted speed and angle of a steady segment are within 4 standard errors.
 
-    The encoder steps drift: if a reading interval is nearly a fraction k/n of a count, the rounding
-    errors are not independent. With the scatter of independent readings, one speed in twenty was
-    more than 4 standard errors off. Half a count is the mean lag of the angle, not an error.
+    A steady segment is a time with constant speed. If a reading interval is nearly a fraction k/n
+    of an encoder count, the rounding errors are not independent. With the scatter of independent
+    readings, one speed in twenty was more than 4 standard errors off. Half a count is the mean lag
+    of the angle, not an error.
     """
     random, count = np.random.default_rng(1), 2.0 * np.pi / 1024
     off = []
@@ -127,9 +132,10 @@ SETTLE = 80
 
 
 def force_off(law, model, parameters, speed, turn, rate=5000):
-    """Return the force error of a periodic turn, relative to the peak force.
+    """Return the force errors of a computed periodic turn, relative to the peak force.
 
     The reference is the last of many simulated turns from rest. The lifts must agree within 1e-9 m.
+    `rate` is the sample rate in Hz.
     """
     begin = round(SETTLE * TURN / speed * NS)
     first = Interval(0, begin, 0.0, speed)
@@ -145,7 +151,7 @@ def force_off(law, model, parameters, speed, turn, rate=5000):
 @pytest.mark.parametrize("rpm", [200.0, 430.0, 470.0])
 @pytest.mark.parametrize("restitution", [0.0, 0.3])
 def test_one_mass(law, rig, rpm, restitution):
-    """The periodic turn of one mass equals the simulation, also with bounces."""
+    """The computed periodic turn of one mass equals a simulation, with bounces too."""
     parameters = MODELS["one_mass"].parameters(rig.with_follower(restitution=restitution))
     turn = one_mass_turn(law, parameters, rpm * RPM)
     away = force_off(law, "one_mass", parameters, rpm * RPM, turn)
@@ -154,14 +160,17 @@ def test_one_mass(law, rig, rpm, restitution):
 
 @pytest.mark.parametrize("rpm", [250.0, 420.0])
 def test_two_masses(law, two_mass, rpm):
-    """The periodic turn of two masses equals many turns from rest."""
+    """The computed periodic turn of two masses equals the last of many turns.
+
+    The simulation starts from rest.
+    """
     turn = two_mass_turn(law, two_mass, rpm * RPM)
     assert bool(turn.events) == (rpm > 400.0)
     assert np.median(force_off(law, "two_mass", two_mass, rpm * RPM, turn)) < 1e-6
 
 
 def test_a_stem_with_excessive_damping_has_no_turn(laws):
-    """A stem with excessive damping has no periodic turn, and the search returns None.
+    """A stem with excessive damping has no computed periodic turn: None is returned.
 
     Its flight starts so slowly that steps of 1e-12 s once took an hour.
     """
@@ -170,7 +179,10 @@ def test_a_stem_with_excessive_damping_has_no_turn(laws):
 
 
 def test_a_turn_is_found_from_its_neighbour(law, two_mass):
-    """A search that starts from the turn of a similar follower finds the same turn."""
+    """A search for a periodic turn that starts from a similar turn finds the same.
+
+    The start is the turn of a follower with a slightly different preload.
+    """
     near, other = two_mass_turn(law, two_mass, 420.0 * RPM), replace(two_mass, preload=30.7)
     angle = np.linspace(0.0, TURN, 500)
     one = two_mass_turn(law, other, 420.0 * RPM, near).evaluate(angle)[1]
@@ -179,10 +191,10 @@ def test_a_turn_is_found_from_its_neighbour(law, two_mass):
 
 
 def test_a_sensor_s_resonance_is_its_transfer_function(law, rig):
-    """The response of the force sensor to each order is 1/(1 + 2iζr − r²).
+    """The modelled force sensor responds to each order by 1/(1 + 2iζr − r²).
 
-    r is the frequency of the order divided by the sensor's, ζ the damping ratio. A sensor far above
-    all orders shows the force.
+    An order is a multiple of the cam's frequency. r is its frequency divided by the sensor's, ζ the
+    damping ratio. A sensor far above all orders shows the force.
     """
     parameters = MODELS["one_mass"].parameters(rig)
     turn, speed = one_mass_turn(law, parameters, 300.0 * RPM), 300.0 * RPM
@@ -198,7 +210,7 @@ def test_a_sensor_s_resonance_is_its_transfer_function(law, rig):
 
 @pytest.mark.parametrize("cam", ["poly345", "arcs_straight", "tm21"])
 def test_a_stem_is_in_series_with_the_end_mass(laws, two_mass, cam):
-    """The force by harmonics equals the exact force within 1 % of the vibration.
+    """The force of two masses by harmonics is exact within 1 % of the vibration.
 
     If the stem has more periods per turn than the points resolve, the error grows with the square.
     """
@@ -222,7 +234,10 @@ def test_a_stem_is_in_series_with_the_end_mass(laws, two_mass, cam):
 
 
 def test_a_follower_that_chatters_without_end_has_no_steady_turn(law, rig, monkeypatch):
-    """The search continues if a trial has no periodic motion at one of the speeds."""
+    """A rig fit continues if a trial has no periodic motion at one of the speeds.
+
+    Here its bounces exceed the limit of events. The fitted spring is then correct within 1 %.
+    """
     monkeypatch.setattr(OneMassTrajectory, "max_events", 0)  # any lift-off counts as endless
     run = measured_run(law, rig, "kinetostatic", (200.0, 300.0), InstrumentErrors(rate=200), 1)
     values = numbers_of(rig) | {"restitution": 0.0}

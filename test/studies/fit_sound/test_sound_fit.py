@@ -28,14 +28,14 @@ SPEEDS = np.arange(200.0, 401.0, 25.0)
 
 @pytest.fixture(scope="module")
 def scene():
-    """Scene of the paper's noise measurements."""
+    """Scene of the noise measurements in the paper (see docs/glossary.md)."""
     return load_scene("tm21_sweep")
 
 
 def levels_of(scene, radiation, zigzag=0.0):
-    """Return speeds (rpm) and levels (dB) of the 3-4-5 cam, shape (n, 2).
+    """Return computed steady sound levels of the 3-4-5 cam: speed (rpm), level (dB).
 
-    `zigzag` dB are added with alternating sign.
+    The shape is (n, 2). `zigzag` dB are added with alternating sign.
     """
     law, follower = scene.laws["poly345"], scene.follower
     power = [steady_power(law, follower, radiation, rpm * RPM) for rpm in SPEEDS.tolist()]
@@ -60,7 +60,10 @@ def save(tmp_path):
 
 @pytest.mark.parametrize(("gain", "corner"), [(2e-4, 15.0), (5e-5, 60.0)])
 def test_recovers_gain_and_corner(scene, gain, corner):
-    """The fit returns gain and corner frequency of simulated levels within 1e-4."""
+    """The sound fit recovers gain and corner frequency from computed levels.
+
+    The relative tolerance is 1e-4.
+    """
     true = replace(scene.radiation, gain=gain, corner_frequency=corner)
     found = cam_rig.fit_sound(levels_of(scene, true), scene)
     assert found.cam == "poly345"
@@ -70,7 +73,7 @@ def test_recovers_gain_and_corner(scene, gain, corner):
 
 
 def test_residual_is_the_rms_difference(scene):
-    """The residual of a fit is the r.m.s. difference of fitted and given levels.
+    """The residual of a sound fit is the r.m.s. difference of fitted and given levels.
 
     Alternating errors of ±0.5 dB give 0.4 to 0.5 dB.
     """
@@ -99,7 +102,10 @@ def test_residual_is_the_rms_difference(scene):
     ],
 )
 def test_refusals(scene, levels, error):
-    """Invalid levels, an unknown cam or a cam that loses contact are refused."""
+    """Invalid levels, and levels of an unknown cam, are refused.
+
+    Levels of a cam that loses contact are refused too.
+    """
     with pytest.raises((ConfigError, DynamicsError), match=error):
         cam_rig.fit_sound(np.array(levels), scene)
     with pytest.raises(ConfigError, match="has no cam 'no_such'"):
@@ -117,7 +123,7 @@ def test_refusals(scene, levels, error):
     ],
 )
 def test_tables(save, text):
-    """Tables of levels in various usual formats give the same numbers.
+    """Tables of sound levels in various usual formats give the same numbers.
 
     They differ in separator, decimal mark, columns, unit names and empty levels.
     """
@@ -135,7 +141,10 @@ def test_tables(save, text):
     ],
 )
 def test_other_columns_are_refused(save, heading, error):
-    """A table of weighted levels, or of speeds in deg/s, is refused."""
+    """A table of A-weighted levels, of forces, or of speeds in deg/s is refused.
+
+    The levels must be in dB without weighting.
+    """
     with pytest.raises(ConfigError, match=error):
         read_levels(save(heading + "\n5,75.6\n6,89.9\n"))
 
@@ -170,7 +179,7 @@ def test_a_dry_run_writes_nothing(scene, save):
 def test_levels_of_another_cam_than_that_of_the_file_are_refused(scene, save):
     """Levels of another cam than that of the rig's calibration are refused.
 
-    The error names both cams.
+    The error contains the names of both cams.
     """
     path = save(np.column_stack([SPEEDS, scene.published_levels("bezier15", SPEEDS)]))
     result = call("fit", "sound", path, "tm21_sweep", "--cam", "bezier15")
@@ -182,7 +191,7 @@ def test_levels_of_another_cam_than_that_of_the_file_are_refused(scene, save):
 
 
 def roles(scene):
-    """Return a dict from cam to the origin of its level, such as calibrated."""
+    """Return the origin of each cam's sound level, such as calibrated, by cam."""
     loaded = load_scene(scene)
     return {cam: loaded.level_origin(cam) for cam in loaded.cams}
 
@@ -249,14 +258,14 @@ def test_numbers_are_written_with_source_and_residual(path):
 
 
 def test_the_rest_of_the_file_is_unchanged(path):
-    """Writing a number keeps every other character of the file."""
+    """Writing a fitted number keeps every other character of the rig file."""
     set_identified(path, {("radiation", "gain"): 2.0}, "s", "r")
     changed = TEXT.replace("assumed: 1.5e-4", 'identified: 2.0, source: "s", residual: "r"')
     assert path.read_text(encoding="utf-8") == changed
 
 
 def test_writing_the_same_numbers_twice_gives_the_same_file(tmp_path, config_dir):
-    """Writing the same numbers again does not change the file."""
+    """Writing the same fitted numbers again does not change the rig file."""
     path = tmp_path / "tm21.yaml"
     path.write_bytes((config_dir / "rigs" / "tm21.yaml").read_bytes())
     for _ in range(2):
@@ -267,7 +276,7 @@ def test_writing_the_same_numbers_twice_gives_the_same_file(tmp_path, config_dir
 
 
 def test_an_unwritable_file_raises_a_one_line_error(path, monkeypatch):
-    """A file that cannot be written raises ConfigError and stays unchanged."""
+    """A rig file that cannot be written raises ConfigError and stays unchanged."""
 
     def full(*_):
         raise OSError(28, "No space left on device")

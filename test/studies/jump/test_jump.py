@@ -1,6 +1,7 @@
-"""Jump speeds against the paper's Table 2 and along ramps, and `cam-rig jump`.
+"""Tests of jump speeds, also along ramps, and of the command `cam-rig jump`.
 
-The jump speed is the speed at which the follower first loses contact.
+They are compared with Table 2 of the paper. The jump speed is the lowest cam speed with a loss of
+contact. The paper is the article on Bézier cams that docs/glossary.md lists.
 """
 
 import json
@@ -38,12 +39,12 @@ def published(config_dir):
 
 @pytest.fixture(scope="module")
 def found(cam_set, published):
-    """Jump speeds of the five cams of Table 2, with the published values."""
+    """Jump speeds of the five cams of the paper's Table 2, with the published values."""
     return find_jumps(cam_set, references(cam_set, published))
 
 
 def test_table_2(found):
-    """The computed jump speeds agree with Table 2 within 1 % r.m.s.
+    """The computed jump speeds agree with the paper's Table 2 within 1 % r.m.s.
 
     The rig was fitted to four of the laws. The fifth, a test, agrees within 1 % too.
     """
@@ -73,9 +74,10 @@ def test_slow_ramp_is_the_steady_state(laws, two_mass):
 
 
 def test_the_role_depends_on_the_content_of_the_files(cam_set, published):
-    """A cam is compared as fitted or test only with the rig and angles of the paper.
+    """A cam is compared with the paper only with the rig and the angles of the paper.
 
-    With another rig or other angles it has no role. A cam with another law is not in the table.
+    It is then marked as fitted or as a test of the fit. With another rig or other angles it has no
+    mark. A cam with another law is not in the table.
     """
     roles = {cam: known.role for cam, known in references(cam_set, published).items()}
     assert roles == dict.fromkeys(FIVE, "fitted") | {"bezier_segments": "test"}
@@ -91,7 +93,7 @@ def test_the_role_depends_on_the_content_of_the_files(cam_set, published):
 
 
 def test_comparison_on_another_rig(found):
-    """On a rig that was not identified from the cams, all cams are in the comparison.
+    """On a rig that was not fitted to the published speeds, all cams are compared.
 
     Without published speeds, or along a ramp, there is no comparison.
     """
@@ -105,7 +107,10 @@ def test_comparison_on_another_rig(found):
 
 
 def test_runs_and_ramps_have_limits(cam_set):
-    """Durations and ramps out of range raise ConfigError."""
+    """A duration of a run or a speed ramp out of range raises ConfigError.
+
+    Durations are at most 60 s, ramps 1 to 100 000 rpm/s.
+    """
     for duration in (0.0, -1.0, 60.1, 1e9, math.nan, math.inf):
         with pytest.raises(ConfigError, match="allowed: above 0, to 60 s, or the steady state"):
             find_jumps(cam_set.select(["poly345"]), {}, duration)
@@ -126,7 +131,7 @@ def shown(cam_set, *rows):
 
 
 def test_a_row_has_its_units(cam_set):
-    """The table of jump speeds has rpm, degrees and percent.
+    """The table of jump speeds has columns in rpm, degrees and percent.
 
     A column in which no row has a value is omitted.
     """
@@ -149,7 +154,10 @@ call = partial(run, "jump")
 
 
 def run_json(*arguments):
-    """Run `cam-rig jump` and return its rows by cam, the run data, and stderr."""
+    """Run `cam-rig jump` with JSON.
+
+    The results are its rows by cam, the run data, and stderr.
+    """
     result = call(*arguments, "--json", "-")
     assert result.exit_code == 0, result.output
     data = json.loads(result.stdout)
@@ -157,7 +165,7 @@ def run_json(*arguments):
 
 
 def test_other_cams_and_runs(tmp_path):
-    """A cam that the paper does not contain is not compared, and neither is a ramp."""
+    """A cam that is not in the paper, or a ramp, is not compared with the paper."""
     rows, run, words = run_json("modified_sine", "--steady", "--plot", tmp_path / "a.png")
     row = rows["modified_sine"]
     assert row["published_rpm"] is run["duration"] is None

@@ -1,4 +1,7 @@
-"""Bootstrap bands, crossings of level curves, claims, and the fit of the arc cam."""
+"""Tests of the noise study's statistics: bootstrap bands, crossings, claims.
+
+Further tests cover the fit of the arc cam's shape.
+"""
 
 from itertools import chain
 from types import SimpleNamespace
@@ -28,7 +31,7 @@ RPM = np.linspace(200.0, 400.0, 21)
 
 
 def test_draws_are_blocks_of_the_residual():
-    """A bootstrap draw consists of blocks of neighbouring residuals.
+    """A bootstrap draw of the levels consists of blocks of neighbouring residuals.
 
     All residuals are equally likely, within 10 % of 1/21.
     """
@@ -52,7 +55,7 @@ def test_the_band_contains_95_percent():
 
 
 def test_crossing_of_known_lines():
-    """`crossing` returns the speed (rpm) where two level curves are equal, or None.
+    """`crossing` returns the speed (rpm) at which two level curves are equal, or None.
 
     Of several crossings it returns the one nearest to the given speed.
     """
@@ -65,9 +68,9 @@ def test_crossing_of_known_lines():
 
 
 def test_crossing_of_points():
-    """`points_crossing` returns the crossing of two polylines nearest to a speed.
+    """`points_crossing` returns the speed at which two level polylines cross, or None.
 
-    It is None if they do not cross.
+    Of several crossings it returns the one nearest to a given speed.
     """
     flat = np.full(21, 80.0)
     straight = flat + 0.1 * (RPM - 333.0)
@@ -81,7 +84,7 @@ def test_crossing_of_points():
 def test_deviation_of_a_crossing():
     """The standard deviation of a crossing is that of the levels divided by the slope.
 
-    With a slope of 0.1 dB/rpm, 0.5 dB shift the crossing by 5 rpm.
+    With a slope of 0.1 dB/rpm, a deviation of 0.5 dB of the levels is 5 rpm of the crossing.
     """
     flat, rising = np.full(21, 80.0), 80.0 + 0.1 * (RPM - 335.0)
     shift = np.random.default_rng(6).normal(0.0, 0.5, size=(bootstrap.DRAWS, 1))
@@ -94,7 +97,10 @@ def test_deviation_of_a_crossing():
 
 
 def test_draws_that_do_not_cross_are_counted():
-    """If no draw crosses, the interval is NaN and the missing fraction is 1."""
+    """Without a crossing in any bootstrap draw its interval is NaN.
+
+    The missing fraction is 1.
+    """
     flat = np.full((50, 21), 80.0)
     found = crossing_interval(RPM, (flat[0], flat[0] + 1.0), (flat, flat + 1.0), 335.0)
     assert found.rpm is None
@@ -106,9 +112,10 @@ ROLES = StudyRoles(reference="conventional", predicted="proposed", arcs="arcs")
 
 
 def claims(crossover=335.0, **levels):
-    """Return the tests of each claim of the paper, for the given level curves.
+    """Return the tests of each claim of the paper on noise, for given level curves.
 
-    The curves are used for published, regression and computed levels.
+    The curves are used as published, regression and computed levels. `crossover` is the speed (rpm)
+    that separates the claims.
     """
     curves = {
         cam: SimpleNamespace(rpm=RPM, published_db=level, regression_db=level, level_db=level)
@@ -119,9 +126,10 @@ def claims(crossover=335.0, **levels):
 
 
 def test_a_claim_that_is_true_at_every_speed():
-    """A claim that is true at every speed holds in all cases, and `fails_rpm` is None.
+    """A claim of the paper that is true at every speed is true in all cases.
 
-    The level curve of the arc cam crosses both others at 335 rpm.
+    Its range of failing speeds is then None. The level curve of the arc cam crosses both others at
+    335 rpm here.
     """
     tests = claims(arcs=(RPM - 335.0) / 10.0, conventional=0.0 * RPM + 0.5, proposed=0.0 * RPM)
     assert [[test.tested_on for test in claim] for claim in tests] == [list(TESTED_ON)] * 3
@@ -131,7 +139,7 @@ def test_a_claim_that_is_true_at_every_speed():
 
 
 def test_a_claim_that_is_false_at_some_speeds():
-    """A claim that is false at some speeds reports the range of these speeds.
+    """A claim of the paper that is false at some speeds is reported with their range.
 
     The arc cam's curve crosses at 355 rpm, so the claim is false at two speeds above 335 rpm.
     """
@@ -149,7 +157,7 @@ SPEEDS = np.array([200.0, 240.0, 280.0, 320.0, 360.0, 400.0]) * np.pi / 30.0
 
 
 def test_shape_of_a_cam_file(cams, laws):
-    """The shape read from an arc cam file gives the nose and the law of that file."""
+    """The arc shape of a cam file has the nose angle and the law of that file."""
     shape = ArcShape.of(cams["tm21"])
     circles = arc_cam(cams["tm21"])
     assert shape.nose(circles.base_radius) == pytest.approx(2.0 * circles.nose_half_angle, rel=1e-9)
@@ -158,14 +166,14 @@ def test_shape_of_a_cam_file(cams, laws):
 
 
 def test_impossible_shape_is_refused(cams):
-    """A lift that arcs cannot reach raises LawError with the name of the cam."""
+    """An arc shape whose lift arcs cannot reach raises LawError with the cam's name."""
     with pytest.raises(LawError, match="tm21"):
         ArcShape(0.5, 1.0, 2.0).law(cams["tm21"])
 
 
 @pytest.fixture
 def problem(make_loaded_scene):
-    """Fit of an arc shape to simulated levels, the acoustics, and the true shape.
+    """Fit of an arc cam's shape to simulated levels, acoustics, and true shape.
 
     The true shape is 4 % lower and 2 % shorter than that of the cam file.
     """
@@ -180,7 +188,10 @@ def problem(make_loaded_scene):
 
 
 def test_the_fit_reproduces_the_curve_of_a_shape(problem):
-    """A fit that starts at the cam file's shape reproduces the levels within 0.1 dB."""
+    """A shape fit from the cam file's shape reproduces the levels within 0.1 dB.
+
+    The levels are those of a known, slightly smaller shape.
+    """
     problem, acoustics, true = problem
     shape = problem.fit(ArcShape.of(problem.cam), acoustics)
     residual = cubic_projection(SPEEDS) @ problem.cam_of(shape).difference(acoustics)
@@ -189,7 +200,7 @@ def test_the_fit_reproduces_the_curve_of_a_shape(problem):
 
 
 def test_sensitivity_is_the_derivative(problem):
-    """The derivative of the levels by the shape equals a difference quotient.
+    """The derivative of the levels by the cam's shape equals a difference quotient.
 
     This applies at speeds without lift-off.
     """
@@ -203,9 +214,10 @@ def test_sensitivity_is_the_derivative(problem):
 
 
 def test_with_geometry(cams):
-    """A cam with a changed geometry still has spans of one turn in total.
+    """A cam with another geometry still has spans of one turn in total.
 
-    The origin of each number is unchanged.
+    `with_geometry` changes lift, event angle and nose angle. The origin of each number is
+    unchanged.
     """
     trial = with_geometry(cams["tm21"], lift_mm=8.0, event_deg=130.0, nose_deg=90.0)
     spans = [segment.span.raw for segment in trial.segments]

@@ -1,4 +1,4 @@
-"""Noise study on the shipped speed sweep: accuracy and consistency of its parts.
+"""Tests of the noise study on the shipped speed sweep: accuracy and consistency.
 
 The study predicts the published sound levels of three cams. One cam is the reference, one is
 predicted, and the shape of the third (arcs) is identified.
@@ -37,19 +37,23 @@ from cam_rig.studies.noise.variants import (
     with_rigid_stem,
 )
 
-#: Other lift of the factorial study, m.
+#: Changed lift (m) in the factorial study of the noise.
 LIFT = 0.005
 
 
 @pytest.fixture(scope="module")
 def study():
-    """Set-up of the noise study for the scene of the paper."""
+    """Inputs of the noise study for the scene of the paper, `tm21_sweep`."""
     return NoiseSetup.of(open_scene(config_root() / "scenes" / "tm21_sweep.yaml"))
 
 
 @pytest.fixture(scope="module")
 def methods(study):
-    """Results of the three methods of the noise study."""
+    """Results of the three methods of the noise study.
+
+    They are two fits of two constants, and substitution. Substitution uses a speed response that is
+    measured with the reference cam.
+    """
     two = (with_two_constants(study, refit=refit) for refit in (False, True))
     return (*two, with_substitution(study))
 
@@ -57,7 +61,7 @@ def methods(study):
 def test_parts(study, make_loaded_scene):
     """The roles of the cams in a noise study follow from the files of the scene.
 
-    A scene of two cams or three speeds raises ConfigError.
+    They are reference, predicted and arcs. A scene of two cams or three speeds raises ConfigError.
     """
     assert study.roles == StudyRoles(reference="poly345", predicted="bezier15", arcs="tm21")
     with pytest.raises(ConfigError, match="needs model one_mass and three published cams"):
@@ -68,7 +72,10 @@ def test_parts(study, make_loaded_scene):
 
 @pytest.mark.long
 def test_targets(methods):
-    """Each method agrees within 0.8 dB (3-4-5, Bézier 15) and 1.5 dB (TM21), r.m.s."""
+    """Each method of the noise study agrees with the published levels.
+
+    The r.m.s. difference is at most 0.8 dB for 3-4-5 and Bézier 15, and 1.5 dB for TM21.
+    """
     for method in methods:
         rms_db = {cam: curve.rms_db for cam, curve in method.curves.items()}
         assert rms_db["poly345"] <= 0.8
@@ -78,10 +85,10 @@ def test_targets(methods):
 
 @pytest.mark.long
 def test_the_published_crossing_is_expected(methods):
-    """The published crossing, 335 rpm, is in the 95 % interval of each method.
+    """The published crossing of two level curves is in each method's 95 % interval.
 
-    The computed crossing is within 5 rpm of it by substitution, and within 10 rpm with two
-    constants.
+    It is at 335 rpm. The computed crossing is within 5 rpm of it by substitution, and within 10 rpm
+    with two constants.
     """
     for method in methods:
         assert method.crossing.low < 335.0 < method.crossing.high
@@ -103,7 +110,7 @@ def test_two_constants_are_those_of_the_rig_file(study, methods):
 
 
 def test_the_bands_contain_the_published_curves(study, methods):
-    """The prediction bands contain at least 80 % of each published curve.
+    """Each method's prediction bands contain at least 80 % of each published curve.
 
     They are wider than the confidence bands of the fit.
     """
@@ -118,7 +125,7 @@ def test_the_bands_contain_the_published_curves(study, methods):
 
 @pytest.mark.long
 def test_each_cam_left_out(study):
-    """Acoustic constants fitted to any two cams predict the third cam.
+    """Acoustic constants fitted to two of the cams predict the third cam's levels.
 
     The errors are below 0.8 dB, for TM21 1.5 dB. The three gains agree within 10 %.
     """
@@ -132,7 +139,11 @@ def test_each_cam_left_out(study):
 
 
 def test_one_rig(study, methods, paper_rig):
-    """On the rig of the jump speeds both smooth cams have their levels to 0.05 dB."""
+    """The rig of the jump speeds predicts the smooth cams' levels equally well.
+
+    It is compared with the rig of the noise. The r.m.s. differences from the published levels of
+    Bézier 15 and 3-4-5 agree within 0.05 dB.
+    """
     own = {cam: curve.rms_db for cam, curve in methods[1].curves.items()}
     rigid, elastic = with_rigid_stem(study, paper_rig), with_elastic_stem(study, paper_rig)
     for cam in ("poly345", "bezier15"):
@@ -144,7 +155,7 @@ def test_one_rig(study, methods, paper_rig):
 
 
 def test_every_crossing_of_the_published_curves_has_a_counterpart(methods):
-    """For each crossing of published cubics, a computed crossing or None is reported.
+    """Each crossing of the published level cubics has a computed crossing, or None.
 
     The published crossings are at 210, 335 and 360 rpm.
     """
@@ -169,19 +180,19 @@ def test_every_crossing_of_the_published_curves_has_a_counterpart(methods):
 
 @pytest.fixture(scope="module")
 def found(study):
-    """Result of the factorial study of lift, high dwell and rise."""
+    """Result of the factorial study of lift, high dwell and kind of rise."""
     return study_high_dwell(study, study.start, LIFT)
 
 
 def test_the_first_cam_is_the_reference(study, found):
-    """The reference levels of the factorial study are those of the cam file."""
+    """The reference levels of the factorial study are those of the unchanged cam file."""
     reference = study.start.levels(study.cams[study.roles.reference].turns)
     np.testing.assert_allclose(found.reference, reference, atol=1e-6)
     assert len(found.levels_db) == 8
 
 
 def test_a_change_is_one_of_the_motion(study, found):
-    """Without background noise, a changed lift adds 20 lg of its ratio to the level."""
+    """Without background noise, a change of lift adds 20 lg of its ratio to levels."""
     quiet = dataclasses.replace(study.start.radiation, background=-200.0)
     alone = study_high_dwell(study, Acoustics(quiet), LIFT)
     (lift, dwell, rise), *_ = alone.levels_db
@@ -191,9 +202,10 @@ def test_a_change_is_one_of_the_motion(study, found):
 
 
 def test_a_cam_without_high_dwell_or_named_rises_has_no_timing(study):
-    """A cam that does not consist of named rises and dwells has no timing.
+    """A cam that does not consist of named rises and dwells has no timing (None).
 
-    Its timing is None for a single Bézier curve and for arcs. The factorial study needs it.
+    The timing is lift, high dwell and kind of rise, which the factorial study varies. It is None
+    for a single Bézier curve and for arcs.
     """
     cams = study.loaded.cams
     assert timing_of(cams["poly345"]).high_dwell == pytest.approx(math.radians(62.5))
@@ -212,7 +224,10 @@ SPEEDS = np.linspace(200.0, 400.0, 11) * np.pi / 30.0
 
 @pytest.fixture
 def published_cam(make_loaded_scene):
-    """Function that returns a cam whose published levels follow from known constants."""
+    """Function that returns a cam whose published levels follow from known constants.
+
+    Its arguments are the name of the cam and the acoustic model.
+    """
     loaded = make_loaded_scene()
 
     def make(cam, true):
@@ -225,7 +240,7 @@ def published_cam(make_loaded_scene):
 def test_substitution_applies_to_another_cam(make_loaded_scene, published_cam):
     """A speed response that is fitted to one cam predicts another cam within 0.2 dB.
 
-    It predicts better than two constants.
+    It predicts better than a fit of two constants.
     """
     start = Acoustics(make_loaded_scene().radiation)
     r = start.radiation
@@ -239,7 +254,7 @@ def test_substitution_applies_to_another_cam(make_loaded_scene, published_cam):
 
 @pytest.mark.parametrize("response", [(), (0.5, -0.4, 0.3)])
 def test_sensitivity_is_the_derivative(make_loaded_scene, published_cam, response):
-    """The derivative of the levels by the constants equals a difference quotient."""
+    """The derivative of levels by acoustic constants equals a difference quotient."""
     r = make_loaded_scene().radiation
     acoustics = Acoustics(r, response)
     cam = published_cam("bezier15", acoustics)
@@ -256,7 +271,11 @@ def test_sensitivity_is_the_derivative(make_loaded_scene, published_cam, respons
 
 
 def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, radiation):
-    """The sum over harmonics is the exact mean square of a turn (Parseval), to 1e-3."""
+    """The sum over a turn's harmonics equals the exact mean square of the sound.
+
+    The relative tolerance is 1e-3. Both follow from the contact force behind the low-pass filter
+    (Parseval's theorem).
+    """
     frequency = np.arange(1, HARMONICS + 1) * SPEEDS[:, None] / (2.0 * np.pi)
     low_pass = STRUCTURES[0].transfer(
         np.log([radiation.gain, radiation.corner_frequency]), frequency
@@ -270,9 +289,9 @@ def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, 
 
 @pytest.mark.long
 def test_the_low_pass_predicts_best(study):
-    """Of all structures from force to sound, the low-pass predicts best.
+    """Of all models from force to sound, the low-pass predicts best.
 
-    Structures with more constants fit the first cam better and predict the other worse.
+    Models with more constants fit the first cam better and predict the other worse.
     """
     smooth = {cam: study.cams[cam] for cam in ("poly345", "bezier15")}
     fits = compare_structures(study.loaded, smooth, "poly345")

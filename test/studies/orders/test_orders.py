@@ -53,7 +53,8 @@ def test_a_cam_at_one_speed():
 def test_a_scene_over_speed(tmp_path):
     """`cam-rig orders` of a scene uses its cams, rig, model and speeds.
 
-    The phases relate to θ, so that the orders add up to the force at θ = 0, which is the preload.
+    The phases of the orders relate to the cam angle, so that the orders add up to the force at θ =
+    0, which is the preload.
     """
     found = data_of("orders", "quick", "--orders", "20", "--plot", tmp_path / "a.png")
     speeds = {(row["cam"], row["rpm"]): row for row in found["speeds"]}
@@ -165,7 +166,7 @@ PAPER = cam_rig.load_rig("paper_table2")
 
 
 def random_law(seed, name="random"):
-    """Return a smooth law of three Bézier segments that is C³ at each joint."""
+    """Return a smooth law of three Bézier segments, continuous up to s'''."""
     random = np.random.default_rng(seed)
     breaks = np.array([0.0, *np.sort(random.uniform(0.8, TURN - 0.8, 2)), TURN])
     places = random.uniform(0.0, 0.02, 3)
@@ -184,9 +185,10 @@ def random_rig(seed):
 
 
 def force_by_transfer(model, rig, lift, p, preload):
-    """Return the order F_n = Z(p) s_n of the force from the lift's order s_n.
+    """Return an order F_n = Z(p) s_n of the force from the lift's order s_n.
 
-    p is inω. The dynamic stiffness Z follows from the equations of docs/theory.md.
+    An order is a harmonic of the cam speed, and p is inω. The dynamic stiffness Z follows from the
+    equations of docs/theory.md.
     """
     f = FollowerParameters.from_rig(rig)
     if model in ("kinetostatic", "one_mass"):
@@ -208,7 +210,8 @@ def force_by_transfer(model, rig, lift, p, preload):
 def test_in_contact_an_order_is_the_lifts_times_the_stiffness(model, seed):
     """In contact an order of the force is the lift's times the dynamic stiffness.
 
-    The tolerance is 2e-12 of the largest order plus the amplified rounding of the lift's order.
+    An order is a harmonic of the cam speed. The tolerance is 2e-12 of the largest order plus the
+    amplified rounding of the lift's order.
     """
     law, rig, speed = random_law(seed), random_rig(seed), (150.0 + 60.0 * seed) * RPM
     found = order_spectrum(law, model, rig, speed, 60)
@@ -227,9 +230,9 @@ def test_in_contact_an_order_is_the_lifts_times_the_stiffness(model, seed):
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "b_spline"])
 def test_all_orders_together_have_the_energy_of_the_turn(cam, laws, rig, follower):
-    """The mean squares of all orders add up to that of the sound (Parseval).
+    """The mean squares of all orders add up to that of the sound (Parseval's theorem).
 
-    The levels agree within 2e-6 dB.
+    An order is a harmonic of the cam speed. The levels agree within 2e-6 dB.
     """
     law, speed, radiation = laws[cam], 300 * RPM, RadiationParameters.from_rig(rig)
     found = order_spectrum(law, "kinetostatic", rig, speed, 2000)
@@ -251,7 +254,8 @@ def test_all_orders_together_have_the_energy_of_the_turn(cam, laws, rig, followe
 def test_an_fft_agrees_with_the_orders(cam, model, rpm, away, laws, rig):
     """An FFT of the sampled force agrees with the orders up to its sampling error.
 
-    That is rounding for a smooth force, and one sample at a jump of the force.
+    An order is a harmonic of the cam speed. The error is rounding for a smooth force, and one
+    sample at a jump of the force.
     """
     own = PAPER if model in ("elastic_stem", "two_mass") else rig
     steady = steady_force(laws[cam], model, own, rpm * RPM)
@@ -271,7 +275,8 @@ def test_an_fft_agrees_with_the_orders(cam, model, rpm, away, laws, rig):
 def test_the_orders_agree_with_the_microphone(make_loaded_scene):
     """The level of all orders up to 60 kHz equals that of the simulated microphone.
 
-    The motion has one landing per turn. The tolerance is 0.02 dB.
+    An order is a harmonic of the cam speed. The motion has one landing per turn. The tolerance is
+    0.02 dB.
     """
     loaded = make_loaded_scene(cams=["tm21"], speeds=[350, 400], turns=3, sample_rate=192_000)
     silent = dataclasses.replace(loaded.radiation, background=-200.0)
@@ -287,7 +292,10 @@ def test_the_orders_agree_with_the_microphone(make_loaded_scene):
 
 
 def test_a_force_with_a_period_of_two_turns_has_half_orders(laws):
-    """A force that repeats every two turns has orders 0.5, 1, 1.5 and so on."""
+    """A force that repeats every two turns has orders 0.5, 1, 1.5 and so on.
+
+    An order is a frequency as a multiple of the cam's.
+    """
     found = order_spectrum(laws["bezier15"], "two_mass", PAPER, 600 * RPM, 20)
     assert found.steady.turns == 2
     assert found.orders[:4].tolist() == [0.0, 0.5, 1.0, 1.5]
@@ -299,7 +307,8 @@ def test_a_force_with_a_period_of_two_turns_has_half_orders(laws):
 def test_a_smoother_cam_sounds_at_fewer_orders(laws, rig):
     """A smoother law has 99 % of its sound power in fewer orders.
 
-    A jump of the force, as on the TM21's cam, excites all orders.
+    An order is a harmonic of the cam speed. A jump of the force, as on the TM21's cam, excites all
+    orders.
     """
     highest = {}
     for cam in ("tm21", "poly345", "bezier15"):
