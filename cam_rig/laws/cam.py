@@ -12,10 +12,12 @@ from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws.arc_law import concave_flank_cam
 from cam_rig.laws.arcs import ConcaveFlankCam
 from cam_rig.laws.bernstein import Pieces, join_pieces
+from cam_rig.laws.families import family_rise, mirror
 from cam_rig.laws.law import Law
 from cam_rig.laws.segments import segment_pieces, unit_rise
 from cam_rig.laws.spline import greville
 from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.schema.motions import HandbookRise, LevelSegment, SccaRise
 from cam_rig.schema.segments import Bezier, BSpline, Dwell, Rise, Segment, TangentArcs
 from cam_rig.units import TURN, FloatArray
 
@@ -84,7 +86,9 @@ def _require_declared_lift(cam: CamConfig, law: Law) -> None:
     A forgotten fall is the usual reason.
     """
     declared = cam.lift.si
-    has_levels_only = all(isinstance(segment, Rise | Dwell) for segment in cam.segments)
+    has_levels_only = all(
+        isinstance(segment, Rise | Dwell | LevelSegment) for segment in cam.segments
+    )
     tolerance = STEP_TOLERANCE if has_levels_only else LIFT_TOLERANCE
     if abs(law.lift - declared) <= tolerance * declared:
         return
@@ -104,8 +108,8 @@ def _start_level(cam: CamConfig, fixed_pieces: list[Pieces | None]) -> float:
     It is the level at the end of the last segment, because the turn repeats.
     """
     for segment, pieces in zip(reversed(cam.segments), reversed(fixed_pieces), strict=True):
-        if isinstance(segment, Rise):
-            return segment.to * cam.lift.si
+        if isinstance(segment, Rise | LevelSegment):
+            return _end_level(segment, cam.lift.si)
         if isinstance(segment, TangentArcs):
             return 0.0  # the base circle, without the rounding of its pitch radius
         if pieces is not None:
@@ -119,11 +123,25 @@ def _relative_pieces(segment: Segment, level: float, lift: float) -> Pieces:
     The lift is ``level``. ``lift`` is the lift of the cam, m.
     """
     span = float(segment.span.si)
-    if not isinstance(segment, Rise):
+    if isinstance(segment, Dwell):
         return [0.0, span], [np.array([level])]
-    breaks, pieces = unit_rise(segment.law)
-    height = segment.to * lift - level
+    assert isinstance(segment, Rise | HandbookRise | SccaRise)
+    breaks, pieces = _unit_pieces(segment)
+    height = _end_level(segment, lift) - level
     return [span * u for u in breaks], [level + height * piece for piece in pieces]
+
+
+def _unit_pieces(segment: Rise | HandbookRise | SccaRise) -> Pieces:
+    """Return the pieces of a segment's rise from 0 to 1 over u from 0 to 1."""
+    if isinstance(segment, Rise):
+        return unit_rise(segment.law)
+    pieces = family_rise(segment.law, segment.parameters)
+    return mirror(pieces) if segment.mirrored else pieces
+
+
+def _end_level(segment: Rise | LevelSegment, lift: float) -> float:
+    """Return the level (m) at which a segment ends. ``lift`` is that of the cam, m."""
+    return segment.to * lift if isinstance(segment, Rise) else segment.end_level(lift)
 
 
 def arc_cam(cam: CamConfig) -> ConcaveFlankCam:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
+from cam_rig.errors import did_you_mean
+from cam_rig.schema.law_names import law_name, suggest_law
+from cam_rig.schema.motions import HandbookRise, SccaRise
 from cam_rig.schema.quantity import MANY, Quantity, Strict, must_be
 from cam_rig.schema.segment_base import Length, Ratios, SegmentBase, Span, Table, WholeTurn
 from cam_rig.units import TURN
@@ -242,10 +245,12 @@ class Rise(SegmentBase):
     to: float = Field(ge=-1.0, le=1.0, allow_inf_nan=False, strict=True)
 
 
-#: Segment of a cam: one model per law. The key ``law`` selects the model.
-Segment = Annotated[
+#: Model of each segment of a cam, which the key ``law`` selects.
+_Models = (
     Dwell
     | Rise
+    | SccaRise
+    | HandbookRise
     | Bezier
     | BSpline
     | Polynomial
@@ -253,6 +258,24 @@ Segment = Annotated[
     | TangentArcs
     | ArcsByRadii
     | ArcsByCentres
-    | Table,
-    Field(discriminator="law"),
+    | Table
+)
+#: Names of laws in files.
+SEGMENT_LAWS = [
+    name for kind in get_args(_Models) for name in get_args(kind.model_fields["law"].annotation)
 ]
+
+
+def _use_law_name(value: Any) -> Any:
+    """Replace another name of a law in a segment by the name that files use."""
+    if not isinstance(value, dict) or not isinstance(name := value.get("law"), str):
+        return value
+    law = law_name(name)
+    is_known = law in SEGMENT_LAWS or did_you_mean(name, SEGMENT_LAWS)
+    if not is_known and (hint := suggest_law(name, SEGMENT_LAWS)):
+        raise ValueError(f"law: is {name[:40]!r}{hint}; allowed: a name of cam-rig laws")
+    return {**value, "law": law}
+
+
+#: Segment of a cam: one model per law. The key ``law`` selects the model.
+Segment = Annotated[_Models, Field(discriminator="law"), BeforeValidator(_use_law_name)]

@@ -89,7 +89,8 @@ def laws(
     family: Annotated[
         str | None,
         typer.Option(
-            help="Family of rises: polynomial, start or end (half-rises), classical (default: all)."
+            help="Family of rises: polynomial, start or end (half-rises), classical, handbook "
+            "(default: all)."
         ),
     ] = None,
 ) -> Result:
@@ -97,6 +98,9 @@ def laws(
 
     The continuity Ck is the order of the highest derivative without a jump at the end of the rise.
     There a rise meets a dwell, and a half-rise meets a dwell or constant velocity.
+
+    A second table has the names of laws in controllers and handbooks. Files and commands accept
+    them too. The rises of the handbooks have the defaults of their parameters.
 
     The plot shows the rises of each family in a column, s to s''' from top to bottom.
 
