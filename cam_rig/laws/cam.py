@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,9 @@ from cam_rig.laws.families import family_rise, mirror
 from cam_rig.laws.law import Law
 from cam_rig.laws.segments import segment_pieces, unit_rise
 from cam_rig.laws.spline import greville
+from cam_rig.laws.tasks import join_motions
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.motions import HandbookRise, LevelSegment, SccaRise
+from cam_rig.schema.motions import HandbookRise, JoiningMotion, LevelSegment, SccaRise
 from cam_rig.schema.segments import Bezier, BSpline, Dwell, Rise, Segment, TangentArcs
 from cam_rig.units import TURN, FloatArray
 
@@ -48,14 +50,21 @@ def build_law(cam: CamConfig) -> Law:
         have the lift of the file.
     """
     fixed_pieces = [segment_pieces(segment, cam) for segment in cam.segments]
-    breaks, columns, level = [0.0], [], _start_level(cam, fixed_pieces)
-    for i, (segment, pieces) in enumerate(zip(cam.segments, fixed_pieces, strict=True)):
-        piece_breaks, piece_columns = pieces or _relative_pieces(segment, level, cam.lift.si)
-        _require_no_step(cam, f"segments[{i}]", float(piece_columns[0][0]) - level)
+    pieces, levels = list[Pieces | None](), [_start_level(cam, fixed_pieces)]
+    for i, (segment, fixed) in enumerate(zip(cam.segments, fixed_pieces, strict=True)):
+        if isinstance(segment, JoiningMotion):
+            pieces.append(None)
+            levels.append(segment.end_level(cam.lift.si))
+            continue
+        placed = fixed or _relative_pieces(segment, levels[-1], cam.lift.si)
+        _require_no_step(cam, f"segments[{i}]", float(placed[1][0][0]) - levels[-1])
+        pieces.append(placed)
+        levels.append(float(placed[1][-1][-1]))
+    breaks, columns = [0.0], list[FloatArray]()
+    for piece_breaks, piece_columns in join_motions(cam, pieces, list(pairwise(levels))):
         breaks += [breaks[-1] + x for x in piece_breaks[1:]]
         columns += piece_columns
-        level = float(piece_columns[-1][-1])
-    _require_no_step(cam, "the end of the turn", level - float(columns[0][0]))
+    _require_no_step(cam, "the end of the turn", levels[-1] - float(columns[0][0]))
     breaks[-1] = TURN
     law = Law(cam.name, np.array(breaks), join_pieces(columns))
     _require_declared_lift(cam, law)
@@ -86,9 +95,8 @@ def _require_declared_lift(cam: CamConfig, law: Law) -> None:
     A forgotten fall is the usual reason.
     """
     declared = cam.lift.si
-    has_levels_only = all(
-        isinstance(segment, Rise | Dwell | LevelSegment) for segment in cam.segments
-    )
+    exact = Rise | Dwell | SccaRise | HandbookRise
+    has_levels_only = all(isinstance(segment, exact) for segment in cam.segments)
     tolerance = STEP_TOLERANCE if has_levels_only else LIFT_TOLERANCE
     if abs(law.lift - declared) <= tolerance * declared:
         return
@@ -107,13 +115,16 @@ def _start_level(cam: CamConfig, fixed_pieces: list[Pieces | None]) -> float:
 
     It is the level at the end of the last segment, because the turn repeats.
     """
+    rise = 0.0
     for segment, pieces in zip(reversed(cam.segments), reversed(fixed_pieces), strict=True):
-        if isinstance(segment, Rise | LevelSegment):
-            return _end_level(segment, cam.lift.si)
-        if isinstance(segment, TangentArcs):
-            return 0.0  # the base circle, without the rounding of its pitch radius
-        if pieces is not None:
-            return float(pieces[1][-1][-1])
+        if isinstance(segment, Rise) and segment.velocity is not None:
+            rise += segment.velocity.si * segment.span.si
+        elif isinstance(segment, Rise | LevelSegment):
+            return _end_level(segment, 0.0, cam.lift.si) + rise
+        elif isinstance(segment, TangentArcs):
+            return rise  # from the base circle, without the rounding of its pitch radius
+        elif pieces is not None:
+            return float(pieces[1][-1][-1]) + rise
     return 0.0
 
 
@@ -127,7 +138,7 @@ def _relative_pieces(segment: Segment, level: float, lift: float) -> Pieces:
         return [0.0, span], [np.array([level])]
     assert isinstance(segment, Rise | HandbookRise | SccaRise)
     breaks, pieces = _unit_pieces(segment)
-    height = _end_level(segment, lift) - level
+    height = _end_level(segment, level, lift) - level
     return [span * u for u in breaks], [level + height * piece for piece in pieces]
 
 
@@ -139,9 +150,17 @@ def _unit_pieces(segment: Rise | HandbookRise | SccaRise) -> Pieces:
     return mirror(pieces) if segment.mirrored else pieces
 
 
-def _end_level(segment: Rise | LevelSegment, lift: float) -> float:
-    """Return the level (m) at which a segment ends. ``lift`` is that of the cam, m."""
-    return segment.to * lift if isinstance(segment, Rise) else segment.end_level(lift)
+def _end_level(segment: Rise | LevelSegment, level: float, lift: float) -> float:
+    """Return the level (m) at which a segment ends that starts at ``level`` (m).
+
+    ``lift`` is the lift of the cam, m.
+    """
+    if isinstance(segment, LevelSegment):
+        return segment.end_level(lift)
+    if segment.velocity is not None:
+        return level + segment.velocity.si * segment.span.si
+    assert segment.to is not None
+    return segment.to * lift
 
 
 def arc_cam(cam: CamConfig) -> ConcaveFlankCam:

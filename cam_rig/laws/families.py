@@ -15,12 +15,13 @@ import numpy as np
 
 from cam_rig.laws.bernstein import Pieces
 from cam_rig.laws.sampling import Curve, Section, fit_sections
+from cam_rig.laws.tasks import motion_between
 from cam_rig.laws.waves import WavePart, wave, wave_sections
 from cam_rig.schema.motions import CONSTANT_VELOCITY, SCCA_SHARES
 from cam_rig.units import FloatArray
 
-#: Shape of a rise: ordinates of one Bézier curve, or analytic sections.
-Shape = FloatArray | list[Section]
+#: Shape of a rise: ordinates of one Bézier curve, analytic sections, or pieces.
+Shape = FloatArray | list[Section] | Pieces
 PI = math.pi
 
 
@@ -124,6 +125,15 @@ HANDBOOK = "Cam Design Handbook"
 
 #: Rises of the handbooks by their names in cam files. The peak factors are tested.
 FAMILIES: dict[str, HandbookLaw] = {
+    **{
+        law: HandbookLaw("any ends, here rests", partial(motion_between, law, start, end))
+        for law, start, end in (
+            ("poly5", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
+            ("poly7", (0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)),
+            ("harmonic_combination", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
+            ("sine_line_combination", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
+        )
+    },
     "scca": _scca_family("scca", "sine, constant, cosine"),
     "modified_constant_velocity": _scca_family(
         "modified_constant_velocity", "modified sine, constant velocity", CONSTANT_VELOCITY
@@ -172,4 +182,6 @@ def mirror(pieces: Pieces) -> Pieces:
 @lru_cache(maxsize=64)
 def _pieces(name: str, parameters: tuple[tuple[str, float], ...]) -> Pieces:
     shape = FAMILIES[name].shape(**dict(parameters))
+    if isinstance(shape, tuple):
+        return shape
     return fit_sections(shape) if isinstance(shape, list) else ([0.0, 1.0], [shape])

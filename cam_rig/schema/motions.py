@@ -1,4 +1,4 @@
-"""Segments of the handbooks' rises, with the levels at which segments end."""
+"""Segments of tasks and of the handbooks' rises, with the levels and ends of segments."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from cam_rig.schema.quantity import Quantity, must_be
+from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.segment_base import SegmentBase
 
 #: Fraction of the lift, a plain number.
@@ -38,6 +38,55 @@ class LevelSegment(SegmentBase):
     def end_level(self, lift: float) -> float:
         """Return the level of the end in m. ``lift`` is that of the cam, m."""
         return self.to.si if isinstance(self.to, Quantity) else self.to * lift
+
+
+#: Largest absolute derivative of the lift, SI units.
+MAX_DERIVATIVE = 1e6
+#: Velocity s', of either sign.
+Velocity = Annotated[
+    Quantity, must_be("velocity over angle", ge=-MAX_DERIVATIVE, le=MAX_DERIVATIVE)
+]
+#: Acceleration s'', of either sign.
+Acceleration = Annotated[
+    Quantity, must_be("acceleration over angle", ge=-MAX_DERIVATIVE, le=MAX_DERIVATIVE)
+]
+#: Jerk s''', of either sign.
+Jerk = Annotated[Quantity, must_be("jerk over angle", ge=-MAX_DERIVATIVE, le=MAX_DERIVATIVE)]
+
+
+class SegmentEnd(Strict):
+    """Derivatives of the lift by the cam angle at an end of a segment.
+
+    A missing derivative is that of the neighbour.
+    """
+
+    velocity: Velocity | None = None
+    acceleration: Acceleration | None = None
+    jerk: Jerk | None = None
+
+
+class JoiningMotion(LevelSegment):
+    """Motion between any ends, which are those of the neighbours if they are not given.
+
+    Parameters
+    ----------
+    law : str
+        ``poly5``, ``poly7`` (also with the jerk of its ends), ``harmonic_combination``, or
+        ``sine_line_combination`` (without acceleration at its ends).
+    start, end : SegmentEnd or None
+        Derivatives at the ends (default: those of the neighbours).
+    """
+
+    law: Literal["poly5", "poly7", "harmonic_combination", "sine_line_combination"]
+    start: SegmentEnd | None = None
+    end: SegmentEnd | None = None
+
+    @model_validator(mode="after")
+    def _check_jerk(self) -> JoiningMotion:
+        for side, end in (("start", self.start), ("end", self.end)):
+            if end is not None and end.jerk is not None and self.law != "poly7":
+                raise ValueError(f"{side}.jerk: is {end.jerk}; allowed: for poly7 only")
+        return self
 
 
 class _Handbook(LevelSegment):

@@ -7,11 +7,12 @@ from collections import Counter
 from itertools import pairwise
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticKnownError
 
 from cam_rig.errors import did_you_mean
 from cam_rig.schema.law_names import law_name, suggest_law
-from cam_rig.schema.motions import HandbookRise, SccaRise
+from cam_rig.schema.motions import Fraction, HandbookRise, JoiningMotion, SccaRise, Velocity
 from cam_rig.schema.quantity import MANY, Quantity, Strict, must_be
 from cam_rig.schema.segment_base import Length, Ratios, SegmentBase, Span, Table, WholeTurn
 from cam_rig.units import TURN
@@ -236,19 +237,39 @@ class Dwell(SegmentBase):
 class Rise(SegmentBase):
     """Rise or fall from the level of the segment before it to `to`.
 
-    `to` is a fraction of the lift. The half-rises ``…_start`` lead from rest to a constant
+    `to` is a fraction of the lift. A segment of constant velocity may have the velocity (m/rad)
+    instead. The half-rises ``…_start`` lead from rest to a constant
     velocity, and ``…_end`` back to rest. A ``constant_velocity`` segment of the same slope fits
     between them.
     """
 
     law: RiseName
-    to: float = Field(ge=-1.0, le=1.0, allow_inf_nan=False, strict=True)
+    velocity: Velocity | None = None
+    to: Fraction | None = Field(default=None, validate_default=True)
+
+    @field_validator("to", mode="before")
+    @classmethod
+    def _check_to(cls, value: Any, info: ValidationInfo) -> Any:
+        if value is None and info.data.get("velocity") is None:
+            raise PydanticKnownError("missing")
+        return value
+
+    @model_validator(mode="after")
+    def _check_velocity(self) -> Rise:
+        if self.velocity is not None and self.law != "constant_velocity":
+            raise ValueError("velocity: unknown key; allowed: for constant_velocity only")
+        if self.velocity is not None and self.to is not None:
+            raise ValueError(
+                f"velocity: is {self.velocity}, to is {self.to:g}; allowed: one of both"
+            )
+        return self
 
 
 #: Model of each segment of a cam, which the key ``law`` selects.
 _Models = (
     Dwell
     | Rise
+    | JoiningMotion
     | SccaRise
     | HandbookRise
     | Bezier
@@ -266,8 +287,18 @@ SEGMENT_LAWS = [
 ]
 
 
+#: Tasks that are laws themselves. Another task follows from the ends of a law.
+TASKS = ("dwell", "constant_velocity")
+
+
 def _use_law_name(value: Any) -> Any:
-    """Replace another name of a law in a segment by the name that files use."""
+    """Replace the task or another name of a law in a segment by the name that files use."""
+    if isinstance(value, dict) and "task" in value:
+        task, others = value["task"], {key: x for key, x in value.items() if key != "task"}
+        if "law" in value or task not in TASKS:
+            text = "law too" if "law" in value else repr(task)[:40]
+            raise ValueError(f"task: is {text}; allowed: {' or '.join(TASKS)}, or a law")
+        return {"law": task, **others}
     if not isinstance(value, dict) or not isinstance(name := value.get("law"), str):
         return value
     law = law_name(name)

@@ -46,10 +46,13 @@ def law(
     csv: Path | None,
     json: str | None,
 ) -> None:
-    """Plot lift, velocity, acceleration and jerk over the cam angle; list peaks and joints.
+    """Plot lift, velocity, acceleration and jerk over the cam angle; list peaks, tasks and joints.
 
     Peaks come from the roots of the next derivative, not from samples. Derivatives are by the cam
     angle, per rad. Multiplied by powers of the cam's speed in rad/s they are those by time.
+
+    The task of a segment has the letters of its ends: R rest, G constant velocity, U reversal, B
+    motion with velocity and acceleration.
 
     Several laws are drawn in one plot: as cams over the turn if every name is that of a cam,
     otherwise as bare rises of unit lift over a unit span. CSV and JSON contain the curves. With

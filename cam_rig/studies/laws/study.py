@@ -18,6 +18,7 @@ from cam_rig.laws.cam import law_of
 from cam_rig.laws.law import MAX_CONTINUITY, Extreme, Joint, continuity, extremes, joints
 from cam_rig.laws.passages import LEVELS, passages
 from cam_rig.laws.segments import RISES
+from cam_rig.laws.tasks import SegmentTask, segment_tasks
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.schema.law_names import law_name, suggest_law
 from cam_rig.schema.load import cam_path, config_root
@@ -69,6 +70,14 @@ def _extreme_columns(kind: str) -> tuple[Column, Column]:
         Column(kind, "", ".6g", of=f"{kind}.value", cell=display_value, doc="in `unit`"),
         Column(f"{kind}_at", "°", ".4g", "at", f"{kind}.angle", doc="cam angle"),
     )
+
+
+@dataclass(frozen=True)
+class SegmentRow:
+    """A segment of a cam's law, with its task."""
+
+    cam: str
+    segment: SegmentTask
 
 
 @dataclass(frozen=True)
@@ -168,6 +177,26 @@ class CamLawsResult(Result):
             Column("angle", "°", of="joint.angle", doc="cam angle"),
             Column("continuity", of="joint.continuity", doc="class, below that of smooth joints"),
         ),
+        "segments": (
+            Column("cam"),
+            Column("index", of="segment.index", doc="from 0, as in messages"),
+            Column("law", of="segment.law"),
+            Column("start", "°", ".5g", of="segment.start", doc="cam angle"),
+            Column("span", "°", ".5g", of="segment.span"),
+            Column("rise", "mm", ".5g", of="segment.rise"),
+            Column(
+                "task",
+                of="segment.task",
+                doc="ends: R rest, G constant velocity, U reversal, B motion",
+            ),
+            Column(
+                "continuity",
+                heading="joins",
+                of="segment.continuity",
+                cell=lambda row: f"C{row.segment.continuity}",
+                doc="class of the joint at its start, at most 4",
+            ),
+        ),
         "heights": (
             Column("cam"),
             *(_passage_column(level, True) for level in LEVELS),
@@ -199,7 +228,7 @@ class CamLawsResult(Result):
         return [row for row in rows if row.joint.continuity < MAX_CONTINUITY]
 
     def tables(self) -> list[Records]:
-        """Return `curves`, `extremes`, rough `joints` and `heights`."""
+        """Return `curves`, `extremes`, rough `joints`, `segments` and `heights`."""
         unit, factor = catalogue.common_unit(cam for cam, _ in self.cams)
         if len(self.cams) == 1:
             unit, factor = self.cams[0][0].lift.unit, self.cams[0][0].lift.factor
@@ -212,6 +241,16 @@ class CamLawsResult(Result):
             self.array_table("curves"),
             self._extremes(rows),
             self.table("joints", "", self.rough_joints, hidden=True),
+            self.table(
+                "segments",
+                "Tasks of the segments, and the continuity at their starts",
+                (
+                    SegmentRow(cam.name, task)
+                    for cam, law in self.cams
+                    for task in segment_tasks(cam, law)
+                ),
+                "Ends: R rest, G constant velocity, U reversal, B motion with both derivatives.",
+            ),
             self.table(
                 "heights",
                 "Cam angles at which the lift passes fractions of itself",
