@@ -18,8 +18,9 @@ from cam_rig.laws.law import Law
 from cam_rig.laws.segments import segment_pieces, unit_rise
 from cam_rig.laws.spline import greville
 from cam_rig.laws.tasks import join_motions
+from cam_rig.laws.tuned import has_rests, polydyne, shape
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.motions import HandbookRise, JoiningMotion, LevelSegment, SccaRise
+from cam_rig.schema.motions import HandbookRise, JoiningMotion, LevelSegment, Polydyne, SccaRise
 from cam_rig.schema.segments import Bezier, BSpline, Dwell, Rise, Segment, TangentArcs
 from cam_rig.units import TURN, FloatArray
 
@@ -56,7 +57,10 @@ def build_law(cam: CamConfig) -> Law:
             pieces.append(None)
             levels.append(segment.end_level(cam.lift.si))
             continue
-        placed = fixed or _relative_pieces(segment, levels[-1], cam.lift.si)
+        try:
+            placed = fixed or _relative_pieces(segment, levels[-1], cam.lift.si)
+        except LawError as error:
+            raise LawError(f"cam {cam.name!r}: segments[{i}]: {error}") from None
         _require_no_step(cam, f"segments[{i}]", float(placed[1][0][0]) - levels[-1])
         pieces.append(placed)
         levels.append(float(placed[1][-1][-1]))
@@ -136,18 +140,26 @@ def _relative_pieces(segment: Segment, level: float, lift: float) -> Pieces:
     span = float(segment.span.si)
     if isinstance(segment, Dwell):
         return [0.0, span], [np.array([level])]
-    assert isinstance(segment, Rise | HandbookRise | SccaRise)
+    assert isinstance(segment, Rise | HandbookRise | SccaRise | Polydyne)
     breaks, pieces = _unit_pieces(segment)
     height = _end_level(segment, level, lift) - level
     return [span * u for u in breaks], [level + height * piece for piece in pieces]
 
 
-def _unit_pieces(segment: Rise | HandbookRise | SccaRise) -> Pieces:
+def _unit_pieces(segment: Rise | HandbookRise | SccaRise | Polydyne) -> Pieces:
     """Return the pieces of a segment's rise from 0 to 1 over u from 0 to 1."""
+    if isinstance(segment, Polydyne):
+        return polydyne(segment)
     if isinstance(segment, Rise):
-        return unit_rise(segment.law)
-    pieces = family_rise(segment.law, segment.parameters)
-    return mirror(pieces) if segment.mirrored else pieces
+        pieces = unit_rise(segment.law)
+    else:
+        pieces = family_rise(segment.law, segment.parameters)
+        pieces = mirror(pieces) if segment.mirrored else pieces
+    if segment.shaping is None:
+        return pieces
+    if not has_rests(segment.law):
+        raise LawError(f"shaping: the law is {segment.law}; allowed: a rise between dwells")
+    return shape(pieces, segment.span.si, segment.shaping)
 
 
 def _end_level(segment: Rise | LevelSegment, level: float, lift: float) -> float:

@@ -13,11 +13,11 @@ from functools import lru_cache, partial
 
 import numpy as np
 
+from cam_rig.laws import bernstein
 from cam_rig.laws.bernstein import Pieces
-from cam_rig.laws.sampling import Curve, Section, fit_sections
+from cam_rig.laws.sampling import Curve, Section, fit_curve, fit_sections, wave
 from cam_rig.laws.tasks import motion_between
-from cam_rig.laws.waves import WavePart, wave, wave_sections
-from cam_rig.schema.motions import CONSTANT_VELOCITY, SCCA_SHARES
+from cam_rig.schema.motions import CONSTANT_VELOCITY, MOTIONS, SCCA_SHARES
 from cam_rig.units import FloatArray
 
 #: Shape of a rise: ordinates of one Bézier curve, analytic sections, or pieces.
@@ -25,9 +25,19 @@ Shape = FloatArray | list[Section] | Pieces
 PI = math.pi
 
 
+#: Degree of the third derivative of a quarter of a sine, sufficient for rounding.
+QUARTER_DEGREE = 14
+
+
+@lru_cache(maxsize=1)
+def _quarter_sine() -> FloatArray:
+    """Return the ordinates of sin(πx/2) over x from 0 to 1."""
+    return fit_curve(wave(0.0, 0.0, -1.0, 0.5 * PI, 0.0), 0.0, 1.0, QUARTER_DEGREE)[1][0]
+
+
 def scca(
     b: float, c: float, d: float, constant_velocity: float, acceleration_share: float
-) -> list[Section]:
+) -> Pieces:
     """Return the rise with sine, constant and cosine acceleration.
 
     The acceleration rises as a quarter of a sine, is constant, falls as a cosine to the opposite
@@ -45,29 +55,24 @@ def scca(
 
     Returns
     -------
-    list of Section
-        Sections of the unit rise.
+    Pieces
+        Pieces of the unit rise, twice integrated from the accelerations.
     """
-    first, second = (
-        2.0 * (1.0 - constant_velocity) * share
-        for share in (acceleration_share, 1.0 - acceleration_share)
-    )
-
-    def half(scale: float, size: float, mirrored: bool) -> list[WavePart]:
-        sine = WavePart(0.5 * b * scale, size, PI / (b * scale) if b else 0.0, 0.0)
-        cosine = WavePart(0.5 * d * scale, size, PI / (d * scale) if d else 0.0)
-        if mirrored:
-            sine, cosine = (
-                WavePart(part.width, size, part.frequency, 0.5 * PI - part.phase)
-                for part in (sine, cosine)
-            )
-        parts = [sine, WavePart(0.5 * c * scale, size), cosine]
-        return parts[::-1] if mirrored else parts
-
-    # Both halves have the same change of the velocity, size·scale.
-    parts = [*half(first, second, False), WavePart(constant_velocity, 0.0)]
-    parts += half(second, -first, True)
-    return wave_sections([part for part in parts if part.width > 0.0])
+    up, flat = _quarter_sine(), np.ones(1)
+    first = (1.0 - constant_velocity) * acceleration_share
+    second = 1.0 - constant_velocity - first
+    halves = ((b, up), (c, flat), (d, up[::-1])), ((d, up), (c, flat), (b, up[::-1]))
+    parts = [(share * first, second * acceleration) for share, acceleration in halves[0]]
+    parts += [(constant_velocity, 0.0 * flat)]  # both halves have the same change of the velocity
+    parts += [(share * second, -first * acceleration) for share, acceleration in halves[1]]
+    breaks, columns, level, slope = [0.0], list[FloatArray](), 0.0, 0.0
+    for width, acceleration in parts:
+        if width > 0.0:
+            velocity = slope + width * bernstein.antiderivative(acceleration)
+            columns.append(level + width * bernstein.antiderivative(velocity))
+            breaks.append(breaks[-1] + width)
+            level, slope = float(columns[-1][-1]), float(velocity[-1])
+    return [*breaks[:-1], 1.0], [column / level for column in columns]
 
 
 def sum_of_waves(*waves: Curve) -> list[Section]:
@@ -77,16 +82,6 @@ def sum_of_waves(*waves: Curve) -> list[Section]:
         return np.asarray(sum(wave(u, order) for wave in waves))
 
     return [(0.0, 1.0, curve)]
-
-
-def cosine_series(*sizes: float) -> list[Section]:
-    """Return the sum of sizes[k − 1]·(1 − cos kπu), k from 1.
-
-    With the cosine as a sine of another phase, 1 − cos kπu is constant and wave.
-    """
-    return sum_of_waves(
-        *(wave(size, 0.0, size, PI * k, 0.5 * PI) for k, size in enumerate(sizes, start=1))
-    )
 
 
 def sine_series(sizes: Mapping[int, float]) -> list[Section]:
@@ -126,20 +121,22 @@ HANDBOOK = "Cam Design Handbook"
 #: Rises of the handbooks by their names in cam files. The peak factors are tested.
 FAMILIES: dict[str, HandbookLaw] = {
     **{
-        law: HandbookLaw("any ends, here rests", partial(motion_between, law, start, end))
-        for law, start, end in (
-            ("poly5", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
-            ("poly7", (0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)),
-            ("harmonic_combination", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
-            ("sine_line_combination", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
+        law: HandbookLaw(
+            "any ends, here rests", partial(motion_between, law, zeros, [1.0, *zeros[1:]])
         )
+        for law, zeros in {name: [0.0] * (4 if name == "poly7" else 3) for name in MOTIONS}.items()
     },
     "scca": _scca_family("scca", "sine, constant, cosine"),
     "modified_constant_velocity": _scca_family(
         "modified_constant_velocity", "modified sine, constant velocity", CONSTANT_VELOCITY
     ),
     "parabolic": _scca_family("parabolic", "constant acceleration"),
-    "double_harmonic": HandbookLaw("rest to reversal", partial(cosine_series, 0.5, -0.125)),
+    "double_harmonic": HandbookLaw(
+        "rest to reversal",
+        lambda: sum_of_waves(
+            wave(0.5, 0.0, 0.5, PI, 0.5 * PI), wave(-0.125, 0.0, -0.125, 2.0 * PI, 0.5 * PI)
+        ),
+    ),
     "gutman13": HandbookLaw("Gutman 1961", partial(sine_series, {1: 15 / 16, 3: 1 / 48})),
     "freudenstein13": HandbookLaw(
         f"{HANDBOOK}, eq. 4.12", partial(sine_series, {1: 27 / 28, 3: 1 / 84})

@@ -16,9 +16,8 @@ from cam_rig.laws.arc_law import arc_contour_pieces, tangent_arcs
 from cam_rig.laws.bernstein import Pieces, join_pieces
 from cam_rig.laws.families import FAMILIES, family_rise
 from cam_rig.laws.law import Law
-from cam_rig.laws.sampling import Curve, Section, fit_curve, fit_sections
+from cam_rig.laws.sampling import Curve, Section, fit_curve, fit_sections, wave
 from cam_rig.laws.spline import Rest, Smoothed, require_above_scatter, smooth
-from cam_rig.laws.waves import wave
 from cam_rig.schema import CamConfig
 from cam_rig.schema import segments as kinds
 from cam_rig.schema.motions import LevelSegment

@@ -6,7 +6,7 @@ The letters of the ends are those of VDI 2143: R rest, G constant velocity, U re
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -16,10 +16,9 @@ from cam_rig.errors import LawError
 from cam_rig.laws import bernstein
 from cam_rig.laws.bernstein import Pieces
 from cam_rig.laws.law import Law, joints
-from cam_rig.laws.sampling import fit_curve
-from cam_rig.laws.waves import wave
+from cam_rig.laws.sampling import fit_curve, wave
 from cam_rig.schema import CamConfig
-from cam_rig.schema.motions import JoiningMotion, SegmentEnd
+from cam_rig.schema.motions import JoiningMotion
 from cam_rig.units import FloatArray
 
 # Motions between ends. An end is s, s', s'' and, for degree 7, s''' by u from 0 to 1.
@@ -89,6 +88,8 @@ def motion_between(law: str, start: Sequence[float], end: Sequence[float]) -> Pi
 
 #: Names of the derivatives of an end, by order, as keys of a file.
 QUANTITIES = ("level", "velocity", "acceleration", "jerk")
+#: Names of the two ends, as keys of a file.
+SIDES = ("start", "end")
 #: Largest relative difference of two derivatives at a joint that is rounding. It is relative to the
 #: larger one, or to that of the lift over the span.
 END_RTOL = 1e-9
@@ -139,7 +140,7 @@ def _join(
     ends = [
         [_end_value(cam, pieces, i, is_end, order) for order in orders] for is_end in (False, True)
     ]
-    for (_, acceleration, *_), side in zip(ends, ("start", "end"), strict=True):
+    for (_, acceleration, *_), side in zip(ends, SIDES, strict=True):
         noise = END_RTOL * cam.lift.si / span**2
         if segment.law == "sine_line_combination" and abs(acceleration) > noise:
             raise LawError(
@@ -166,37 +167,31 @@ def _end_value(
     own, other = _stated(cam, i, is_end, order), _stated(cam, j, not is_end, order)
     neighbour = pieces[j]
     built = None if neighbour is None else end_derivative(neighbour, not is_end, order)
-    value = other if own is None else own
-    names = [
-        f"segments[{k}].{'end' if at else 'start'}" for k, at in ((i, is_end), (j, not is_end))
-    ]
+    names = f"segments[{i}].{SIDES[is_end]}", f"segments[{j}].{SIDES[not is_end]}"
+    value = next((x for x in (own, other, built) if x is not None), None)
+    if value is None:
+        raise LawError(
+            f"cam {cam.name!r}: {names[0]} and {names[1]} are both without {quantity}; allowed: "
+            f"one value for the joint, so give {names[0]}.{quantity}"
+        )
     # A velocity must be that of the neighbour. Another acceleration is a step that the user wants.
     expected = built if other is None and order == 1 else other
-    if value is None:
-        if built is None:
-            raise LawError(
-                f"cam {cam.name!r}: {names[0]} and {names[1]} are both without {quantity}; "
-                f"allowed: one value for the joint, so give {names[0]}.{quantity}"
-            )
-        return built
-    if expected is not None:
-        noise = cam.lift.si / cam.segments[i].span.si ** order
-        if abs(value - expected) > END_RTOL * max(abs(value), abs(expected), noise):
-            unit = f"mm/rad{'' if order == 1 else f'^{order}'}"
-            raise LawError(
-                f"cam {cam.name!r}: {names[0]}.{quantity} is {value * 1e3:.6g} {unit}, {names[1]} "
-                f"has {expected * 1e3:.6g} {unit}; allowed: the same, so remove one of them"
-            )
+    noise = cam.lift.si / cam.segments[i].span.si ** order
+    limit = END_RTOL * max(abs(value), abs(expected or 0.0), noise)
+    if expected is not None and abs(value - expected) > limit:
+        unit = f"mm/rad{'' if order == 1 else f'^{order}'}"
+        raise LawError(
+            f"cam {cam.name!r}: {names[0]}.{quantity} is {value * 1e3:.6g} {unit}, {names[1]} has "
+            f"{expected * 1e3:.6g} {unit}; allowed: the same, so remove one of them"
+        )
     return value
 
 
 def _stated(cam: CamConfig, i: int, is_end: bool, order: int) -> float | None:
     """Return the derivative that the file states for an end of segment i, None if open."""
     segment = cam.segments[i]
-    end: SegmentEnd | None = None
-    if isinstance(segment, JoiningMotion):
-        end = segment.end if is_end else segment.start
-    number = None if end is None else getattr(end, QUANTITIES[order])
+    end = getattr(segment, SIDES[is_end]) if isinstance(segment, JoiningMotion) else None
+    number = getattr(end, QUANTITIES[order], None)
     return None if number is None else float(number.si)
 
 
@@ -215,7 +210,12 @@ def end_derivative(pieces: Pieces, is_end: bool, order: int) -> float:
 #: Largest derivative at an end that counts as zero, as a fraction of its peak over the turn.
 REST_RTOL = 1e-6
 #: Letter of an end, by the presence of velocity and acceleration.
-LETTERS = {(False, False): "R", (True, False): "G", (False, True): "U", (True, True): "B"}
+LETTERS: dict[tuple[bool, ...], str] = {
+    (False, False): "R",
+    (True, False): "G",
+    (False, True): "U",
+    (True, True): "B",
+}
 
 
 @dataclass(frozen=True)
@@ -224,10 +224,10 @@ class SegmentTask:
 
     Parameters
     ----------
+    cam, law : str
+        Names of the cam and of the segment's law.
     index : int
         Index of the segment in the file.
-    law : str
-        Name of its law.
     start, span : float
         Cam angle of its start, and its span, rad.
     rise : float
@@ -235,11 +235,12 @@ class SegmentTask:
     task : str
         Letters of both ends.
     continuity : int
-        Class of the joint at its start.
+        Class of the joint at its start, at most 4.
     """
 
-    index: int
+    cam: str
     law: str
+    index: int
     start: float
     span: float
     rise: float
@@ -247,29 +248,15 @@ class SegmentTask:
     continuity: int
 
 
-def segment_tasks(cam: CamConfig, law: Law) -> list[SegmentTask]:
-    """Return the tasks of the segments of a cam with its law, in order."""
-    motion, bounds = law.motion, law.bounds
-    classes, start, tasks = joints(law), 0.0, []
-    for index, segment in enumerate(cam.segments):
-        stop = start + segment.span.si
-        first, last = (int(np.abs(law.breaks - angle).argmin()) for angle in (start, stop))
+def segment_tasks(cam: CamConfig, law: Law) -> Iterator[SegmentTask]:
+    """Yield the tasks of the segments of a cam with its law, in order."""
+    motion, limits = law.motion, [REST_RTOL * bound for bound in law.bounds]
+    classes, start = joints(law), 0.0
+    for i, segment in enumerate(cam.segments):
+        span = segment.span.si
+        first, last = (int(np.abs(law.breaks - x).argmin()) for x in (start, start + span))
         ends = motion[:, 0, first], motion[:, -1, last - 1]
-        letters = [
-            LETTERS[bool(abs(s1) > REST_RTOL * bounds[1]), bool(abs(s2) > REST_RTOL * bounds[2])]
-            for _, s1, s2 in ends
-        ]
-        rise = float(ends[1][0] - ends[0][0])
-        tasks.append(
-            SegmentTask(
-                index=index,
-                law=segment.law,
-                start=start,
-                span=segment.span.si,
-                rise=rise,
-                task="-".join(letters),
-                continuity=classes[first].continuity,
-            )
-        )
-        start = stop
-    return tasks
+        letters = (LETTERS[tuple(bool(x) for x in (np.abs(end) > limits)[1:])] for end in ends)
+        rise, order = float(ends[1][0] - ends[0][0]), classes[first].continuity
+        yield SegmentTask(cam.name, segment.law, i, start, span, rise, "-".join(letters), order)
+        start += span

@@ -10,21 +10,22 @@ from cam_rig.errors import did_you_mean
 
 @dataclass(frozen=True)
 class LawNames:
-    """Other names of a law: of three makers' manuals, and of textbooks.
+    """Other names of a law, joined by commas: of three makers' manuals, and in general use.
 
-    The manuals are those of `MANUALS`. Names in `other` are in general use.
+    The manuals are those of `MANUALS`.
     """
 
     law: str
-    twincat: tuple[str, ...] = ()
-    codesys: tuple[str, ...] = ()
-    siemens: tuple[str, ...] = ()
-    other: tuple[str, ...] = ()
+    twincat: str
+    codesys: str
+    siemens: str
+    other: str
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> list[str]:
         """All other names."""
-        return (*self.twincat, *self.codesys, *self.siemens, *self.other)
+        texts = (self.twincat, self.codesys, self.siemens, self.other)
+        return [name for text in texts if text for name in text.split(", ")]
 
 
 #: Manuals from which the columns of `LAW_NAMES` are taken.
@@ -33,47 +34,33 @@ MANUALS = {
     "codesys": "CODESYS SoftMotion, overview of defined segment types",
     "siemens": "Siemens CamTool, configuration manual 12.2004, section 4.8",
 }
-#: Table of names. Each other name belongs to one law.
-LAW_NAMES = (
-    LawNames("constant_velocity", ("Linear", "POLYNOM1"), ("Line",), (), ("uniform motion",)),
-    LawNames("simple_harmonic", ("Sinusoid",), (), (), ("simple sinoid", "simple sine", "SHM")),
-    LawNames(
-        "cycloidal",
-        ("InclinedSinusoid", "BESTEHORN"),
-        ("InclinedSine",),
-        ("inclined sine curve",),
-        ("Bestehorn sinoid", "cycloid"),
-    ),
-    LawNames(
-        "modified_sine",
-        ("ModifiedSinusoid", "MODSINUSLINIE"),
-        ("ModifiedSine",),
-        ("modified sine curve",),
-        ("modified sinoid", "MS"),
-    ),
-    LawNames(
-        "modified_trapezoid",
-        ("AccelerationTrapezoid", "BESCHLTRAPEZ"),
-        (),
-        ("modified acceleration trapezoid",),
-        ("MT",),
-    ),
-    LawNames("poly345", ("POLYNOM5",), (), (), ("3-4-5 polynomial",)),
-    LawNames("poly4567", ("POLYNOM7",), (), (), ("4-5-6-7 polynomial",)),
-    LawNames("poly5", ("Polynomial5", "POLYNOM5_MM"), ("Poly5",), (), ("5th polynomial",)),
-    LawNames("poly7", ("Polynomial7", "POLYNOM7_MM"), ("Poly7",), (), ("7th polynomial",)),
-    LawNames("harmonic_combination", ("HarmonicCombination",), (), ("harmonic combination",)),
-    LawNames("sine_line_combination", ("SinusoidCombination", "SINUS_GERADE_KOMBI")),
-    LawNames("parabolic", other=("quadratic parabola", "constant acceleration", "parabola")),
-    LawNames("scca", other=("sine constant cosine acceleration",)),
-    LawNames("modified_constant_velocity", other=("MCV", "MCV50", "MSC50")),
-    LawNames("low_impact_crossover", other=("3-4-5-6-7 polynomial",)),
-    LawNames("poly8", other=("eighth-degree polynomial", "8th polynomial")),
-    LawNames("gutman13", other=("Gutman 1-3",)),
-    LawNames("freudenstein13", other=("Freudenstein 1-3",)),
-    LawNames("freudenstein135", other=("Freudenstein 1-3-5",)),
-    LawNames("dwell", other=("rest",)),
-)
+#: Table of names: law, TwinCAT, CODESYS, Siemens, others. Each other name belongs to one law.
+_TABLE = """
+constant_velocity | Linear, POLYNOM1 | Line | | uniform motion
+simple_harmonic | Sinusoid | | | simple sinoid, simple sine, SHM
+cycloidal | InclinedSinusoid, BESTEHORN | InclinedSine | inclined sine curve | Bestehorn sinoid
+modified_sine | ModifiedSinusoid, MODSINUSLINIE | ModifiedSine | modified sine curve |
+modified_trapezoid | AccelerationTrapezoid, BESCHLTRAPEZ | | modified acceleration trapezoid | MT
+poly345 | POLYNOM5 | | | 3-4-5 polynomial
+poly4567 | POLYNOM7 | | | 4-5-6-7 polynomial
+poly5 | Polynomial5, POLYNOM5_MM | Poly5 | | 5th polynomial
+poly7 | Polynomial7, POLYNOM7_MM | Poly7 | | 7th polynomial
+harmonic_combination | HarmonicCombination | | harmonic combination |
+sine_line_combination | SinusoidCombination, SINUS_GERADE_KOMBI | | |
+parabolic | | | | quadratic parabola, constant acceleration, parabola
+scca | | | | sine constant cosine acceleration
+modified_constant_velocity | | | | MCV, MCV50, MSC50
+low_impact_crossover | | | | 3-4-5-6-7 polynomial
+poly8 | | | | eighth-degree polynomial, 8th polynomial
+gutman13 | | | | Gutman 1-3
+freudenstein13 | | | | Freudenstein 1-3
+freudenstein135 | | | | Freudenstein 1-3-5
+dwell | | | | rest
+"""
+#: Rows of the table of names.
+LAW_NAMES = [
+    LawNames(*(cell.strip() for cell in line.split("|"))) for line in _TABLE.strip().splitlines()
+]
 
 
 def _spelling(name: str) -> str:
@@ -95,11 +82,7 @@ def law_name(name: str) -> str:
     >>> law_name("Inclined sine curve"), law_name("poly345")
     ('cycloidal', 'poly345')
     """
-    for text in (name, name.removeprefix("MOTIONFUNCTYPE_")):
-        law = _ALIASES.get(_spelling(text))
-        if law is not None:
-            return law
-    return name
+    return _ALIASES.get(_spelling(name.removeprefix("MOTIONFUNCTYPE_")), name)
 
 
 def suggest_law(name: str, names: list[str]) -> str:

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.segment_base import SegmentBase
+from cam_rig.schema.tuned import Shaping, Tuning
 
 #: Fraction of the lift, a plain number.
 Fraction = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False, strict=True)]
-#: Lift with a sign.
-Lift = Annotated[Quantity, must_be("length", ge=-100.0, le=100.0)]
-
-
-def _level_kind(value: object) -> str:
-    """Return the alternative of `Level` that a value belongs to."""
-    return "fraction" if isinstance(value, int | float) else "lift"
-
-
 #: Level at which a segment ends: a fraction of the lift, or a length.
 Level = Annotated[
-    Annotated[Fraction, Tag("fraction")] | Annotated[Lift, Tag("lift")],
-    Discriminator(_level_kind),
+    Annotated[Fraction, Tag("fraction")]
+    | Annotated[Quantity, must_be("length", ge=-100.0, le=100.0), Tag("lift")],
+    Discriminator(lambda value: "fraction" if isinstance(value, int | float) else "lift"),
 ]
 
 
@@ -40,18 +33,12 @@ class LevelSegment(SegmentBase):
         return self.to.si if isinstance(self.to, Quantity) else self.to * lift
 
 
-#: Largest absolute derivative of the lift, SI units.
-MAX_DERIVATIVE = 1e6
-#: Velocity s', of either sign.
-Velocity = Annotated[
-    Quantity, must_be("velocity over angle", ge=-MAX_DERIVATIVE, le=MAX_DERIVATIVE)
-]
-#: Acceleration s'', of either sign.
-Acceleration = Annotated[
-    Quantity, must_be("acceleration over angle", ge=-MAX_DERIVATIVE, le=MAX_DERIVATIVE)
-]
-#: Jerk s''', of either sign.
-Jerk = Annotated[Quantity, must_be("jerk over angle", ge=-MAX_DERIVATIVE, le=MAX_DERIVATIVE)]
+#: Smallest and largest derivative of the lift, SI units.
+_LIMITS: dict[str, float] = {"ge": -1e6, "le": 1e6}
+#: Velocity s', acceleration s'' and jerk s''', of either sign.
+Velocity = Annotated[Quantity, must_be("velocity over angle", **_LIMITS)]
+Acceleration = Annotated[Quantity, must_be("acceleration over angle", **_LIMITS)]
+Jerk = Annotated[Quantity, must_be("jerk over angle", **_LIMITS)]
 
 
 class SegmentEnd(Strict):
@@ -63,6 +50,11 @@ class SegmentEnd(Strict):
     velocity: Velocity | None = None
     acceleration: Acceleration | None = None
     jerk: Jerk | None = None
+
+
+MotionName = Literal["poly5", "poly7", "harmonic_combination", "sine_line_combination"]
+#: Names of the motions between any ends.
+MOTIONS: tuple[str, ...] = get_args(MotionName)
 
 
 class JoiningMotion(LevelSegment):
@@ -77,7 +69,7 @@ class JoiningMotion(LevelSegment):
         Derivatives at the ends (default: those of the neighbours).
     """
 
-    law: Literal["poly5", "poly7", "harmonic_combination", "sine_line_combination"]
+    law: MotionName
     start: SegmentEnd | None = None
     end: SegmentEnd | None = None
 
@@ -89,13 +81,28 @@ class JoiningMotion(LevelSegment):
         return self
 
 
+class Polydyne(Tuning, LevelSegment):
+    """Rise after which the mass on the stem of a rig rests, at one speed.
+
+    Parameters
+    ----------
+    follower : str
+        Name of the rise that the mass makes at the speed, of class C2 or smoother.
+    """
+
+    law: Literal["polydyne"]
+    follower: str = Field(min_length=1)
+
+
 class _Handbook(LevelSegment):
     """Base class of the handbooks' rises.
 
-    With `mirrored` the rise is mirrored in time: it starts as it would otherwise end.
+    With `mirrored` the rise is mirrored in time: it starts as it would otherwise end. `shaping`
+    shapes the rise for the stem of a rig.
     """
 
     mirrored: bool = Field(default=False, strict=True)
+    shaping: Shaping | None = None
 
     @property
     def parameters(self) -> dict[str, float | None]:

@@ -11,10 +11,11 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, mo
 from pydantic_core import PydanticKnownError
 
 from cam_rig.errors import did_you_mean
+from cam_rig.schema import motions
 from cam_rig.schema.law_names import law_name, suggest_law
-from cam_rig.schema.motions import Fraction, HandbookRise, JoiningMotion, SccaRise, Velocity
 from cam_rig.schema.quantity import MANY, Quantity, Strict, must_be
 from cam_rig.schema.segment_base import Length, Ratios, SegmentBase, Span, Table, WholeTurn
+from cam_rig.schema.tuned import Shaping
 from cam_rig.units import TURN
 
 #: Largest number of ordinates of a Bézier curve. Degree 100 is far beyond any cam, and stable.
@@ -238,14 +239,15 @@ class Rise(SegmentBase):
     """Rise or fall from the level of the segment before it to `to`.
 
     `to` is a fraction of the lift. A segment of constant velocity may have the velocity (m/rad)
-    instead. The half-rises ``…_start`` lead from rest to a constant
-    velocity, and ``…_end`` back to rest. A ``constant_velocity`` segment of the same slope fits
-    between them.
+    instead. `shaping` shapes the rise for the stem of a rig. The half-rises ``…_start`` lead from
+    rest to a constant velocity, and ``…_end`` back to rest. A ``constant_velocity`` segment of the
+    same slope fits between them.
     """
 
     law: RiseName
-    velocity: Velocity | None = None
-    to: Fraction | None = Field(default=None, validate_default=True)
+    shaping: Shaping | None = None
+    velocity: motions.Velocity | None = None
+    to: motions.Fraction | None = Field(default=None, validate_default=True)
 
     @field_validator("to", mode="before")
     @classmethod
@@ -256,11 +258,9 @@ class Rise(SegmentBase):
 
     @model_validator(mode="after")
     def _check_velocity(self) -> Rise:
-        if self.velocity is not None and self.law != "constant_velocity":
-            raise ValueError("velocity: unknown key; allowed: for constant_velocity only")
-        if self.velocity is not None and self.to is not None:
+        if self.velocity and (self.law != "constant_velocity" or self.to is not None):
             raise ValueError(
-                f"velocity: is {self.velocity}, to is {self.to:g}; allowed: one of both"
+                f"velocity: is {self.velocity}; allowed: for constant_velocity, not to"
             )
         return self
 
@@ -269,9 +269,10 @@ class Rise(SegmentBase):
 _Models = (
     Dwell
     | Rise
-    | JoiningMotion
-    | SccaRise
-    | HandbookRise
+    | motions.JoiningMotion
+    | motions.Polydyne
+    | motions.SccaRise
+    | motions.HandbookRise
     | Bezier
     | BSpline
     | Polynomial
@@ -296,8 +297,7 @@ def _use_law_name(value: Any) -> Any:
     if isinstance(value, dict) and "task" in value:
         task, others = value["task"], {key: x for key, x in value.items() if key != "task"}
         if "law" in value or task not in TASKS:
-            text = "law too" if "law" in value else repr(task)[:40]
-            raise ValueError(f"task: is {text}; allowed: {' or '.join(TASKS)}, or a law")
+            raise ValueError(f"task: is {task!r:.40}; allowed, without law: {' or '.join(TASKS)}")
         return {"law": task, **others}
     if not isinstance(value, dict) or not isinstance(name := value.get("law"), str):
         return value

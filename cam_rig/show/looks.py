@@ -58,7 +58,7 @@ LISTED_NAMES = (
     *("constant_velocity", "simple_harmonic", "bezier9"),
     *("bezier4_start", "bezier6_start", "bezier8_start"),
     *("bezier4_end", "bezier6_end", "bezier8_end"),
-    *("designed", "skewed_trapezoid", "motion_tasks"),
+    *("designed", "polydyne_300", "motion_tasks", "skewed_trapezoid", "shaped_300", "quiet"),
 )
 
 #: Number of looks reserved for listed names, including future names. The look of a user's cam does

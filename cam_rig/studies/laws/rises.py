@@ -48,20 +48,13 @@ RISE_COLUMNS = (
         doc="order of the highest derivative without a jump",
     ),
 )
-
-
-def _name_column(key: str, heading: str) -> Column:
-    """Return the column with the names of laws in a field of `LawNames`."""
-    return Column(key, heading=heading, of=lambda row: ", ".join(getattr(row, key)))
-
-
 #: Columns of the table of names.
 NAME_COLUMNS = (
     Column("law"),
-    _name_column("twincat", "TwinCAT"),
-    _name_column("codesys", "CODESYS"),
-    _name_column("siemens", "Siemens"),
-    _name_column("other", "others"),
+    Column("twincat", heading="TwinCAT"),
+    Column("codesys", heading="CODESYS"),
+    Column("siemens", heading="Siemens"),
+    Column("other", heading="others"),
 )
 #: Caption of a table of rises.
 CAPTION = "Peaks for unit rise and unit span"

@@ -18,7 +18,7 @@ from cam_rig.laws.cam import law_of
 from cam_rig.laws.law import MAX_CONTINUITY, Extreme, Joint, continuity, extremes, joints
 from cam_rig.laws.passages import LEVELS, passages
 from cam_rig.laws.segments import RISES
-from cam_rig.laws.tasks import SegmentTask, segment_tasks
+from cam_rig.laws.tasks import segment_tasks
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.schema.law_names import law_name, suggest_law
 from cam_rig.schema.load import cam_path, config_root
@@ -70,14 +70,6 @@ def _extreme_columns(kind: str) -> tuple[Column, Column]:
         Column(kind, "", ".6g", of=f"{kind}.value", cell=display_value, doc="in `unit`"),
         Column(f"{kind}_at", "°", ".4g", "at", f"{kind}.angle", doc="cam angle"),
     )
-
-
-@dataclass(frozen=True)
-class SegmentRow:
-    """A segment of a cam's law, with its task."""
-
-    cam: str
-    segment: SegmentTask
 
 
 @dataclass(frozen=True)
@@ -179,23 +171,13 @@ class CamLawsResult(Result):
         ),
         "segments": (
             Column("cam"),
-            Column("index", of="segment.index", doc="from 0, as in messages"),
-            Column("law", of="segment.law"),
-            Column("start", "°", ".5g", of="segment.start", doc="cam angle"),
-            Column("span", "°", ".5g", of="segment.span"),
-            Column("rise", "mm", ".5g", of="segment.rise"),
-            Column(
-                "task",
-                of="segment.task",
-                doc="ends: R rest, G constant velocity, U reversal, B motion",
-            ),
-            Column(
-                "continuity",
-                heading="joins",
-                of="segment.continuity",
-                cell=lambda row: f"C{row.segment.continuity}",
-                doc="class of the joint at its start, at most 4",
-            ),
+            Column("index", doc="from 0, as in messages"),
+            Column("law"),
+            Column("start", "°", ".5g", doc="cam angle"),
+            Column("span", "°", ".5g"),
+            Column("rise", "mm", ".5g"),
+            Column("task", doc="ends: R rest, G constant velocity, U reversal, B motion"),
+            Column("continuity", heading="joins", cell=lambda row: f"C{row.continuity}"),
         ),
         "heights": (
             Column("cam"),
@@ -244,11 +226,7 @@ class CamLawsResult(Result):
             self.table(
                 "segments",
                 "Tasks of the segments, and the continuity at their starts",
-                (
-                    SegmentRow(cam.name, task)
-                    for cam, law in self.cams
-                    for task in segment_tasks(cam, law)
-                ),
+                (task for cam in self.cams for task in segment_tasks(*cam)),
                 "Ends: R rest, G constant velocity, U reversal, B motion with both derivatives.",
             ),
             self.table(
