@@ -19,8 +19,7 @@ from cam_rig.laws.segments import segment_pieces, unit_rise
 from cam_rig.laws.spline import greville
 from cam_rig.laws.tasks import join_motions
 from cam_rig.laws.tuned import has_rests, polydyne, shape
-from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.motions import HandbookRise, JoiningMotion, LevelSegment, Polydyne, SccaRise
+from cam_rig.schema import CamConfig, RigConfig, motions
 from cam_rig.schema.segments import Bezier, BSpline, Dwell, Rise, Segment, TangentArcs
 from cam_rig.units import TURN, FloatArray
 
@@ -53,9 +52,9 @@ def build_law(cam: CamConfig) -> Law:
     fixed_pieces = [segment_pieces(segment, cam) for segment in cam.segments]
     pieces, levels = list[Pieces | None](), [_start_level(cam, fixed_pieces)]
     for i, (segment, fixed) in enumerate(zip(cam.segments, fixed_pieces, strict=True)):
-        if isinstance(segment, JoiningMotion):
+        if isinstance(segment, motions.JoiningMotion):
             pieces.append(None)
-            levels.append(segment.end_level(cam.lift.si))
+            levels.append(motions.level_m(segment.to, cam.lift.si))
             continue
         try:
             placed = fixed or _relative_pieces(segment, levels[-1], cam.lift.si)
@@ -99,7 +98,7 @@ def _require_declared_lift(cam: CamConfig, law: Law) -> None:
     A forgotten fall is the usual reason.
     """
     declared = cam.lift.si
-    exact = Rise | Dwell | SccaRise | HandbookRise
+    exact = Rise | Dwell | motions.SccaRise | motions.HandbookRise
     has_levels_only = all(isinstance(segment, exact) for segment in cam.segments)
     tolerance = STEP_TOLERANCE if has_levels_only else LIFT_TOLERANCE
     if abs(law.lift - declared) <= tolerance * declared:
@@ -123,7 +122,7 @@ def _start_level(cam: CamConfig, fixed_pieces: list[Pieces | None]) -> float:
     for segment, pieces in zip(reversed(cam.segments), reversed(fixed_pieces), strict=True):
         if isinstance(segment, Rise) and segment.velocity is not None:
             rise += segment.velocity.si * segment.span.si
-        elif isinstance(segment, Rise | LevelSegment):
+        elif isinstance(segment, Rise | motions.LevelSegment):
             return _end_level(segment, 0.0, cam.lift.si) + rise
         elif isinstance(segment, TangentArcs):
             return rise  # from the base circle, without the rounding of its pitch radius
@@ -140,15 +139,17 @@ def _relative_pieces(segment: Segment, level: float, lift: float) -> Pieces:
     span = float(segment.span.si)
     if isinstance(segment, Dwell):
         return [0.0, span], [np.array([level])]
-    assert isinstance(segment, Rise | HandbookRise | SccaRise | Polydyne)
+    assert isinstance(segment, Rise | motions.HandbookRise | motions.SccaRise | motions.Polydyne)
     breaks, pieces = _unit_pieces(segment)
     height = _end_level(segment, level, lift) - level
     return [span * u for u in breaks], [level + height * piece for piece in pieces]
 
 
-def _unit_pieces(segment: Rise | HandbookRise | SccaRise | Polydyne) -> Pieces:
+def _unit_pieces(
+    segment: Rise | motions.HandbookRise | motions.SccaRise | motions.Polydyne,
+) -> Pieces:
     """Return the pieces of a segment's rise from 0 to 1 over u from 0 to 1."""
-    if isinstance(segment, Polydyne):
+    if isinstance(segment, motions.Polydyne):
         return polydyne(segment)
     if isinstance(segment, Rise):
         pieces = unit_rise(segment.law)
@@ -162,17 +163,15 @@ def _unit_pieces(segment: Rise | HandbookRise | SccaRise | Polydyne) -> Pieces:
     return shape(pieces, segment.span.si, segment.shaping)
 
 
-def _end_level(segment: Rise | LevelSegment, level: float, lift: float) -> float:
+def _end_level(segment: Rise | motions.LevelSegment, level: float, lift: float) -> float:
     """Return the level (m) at which a segment ends that starts at ``level`` (m).
 
     ``lift`` is the lift of the cam, m.
     """
-    if isinstance(segment, LevelSegment):
-        return segment.end_level(lift)
-    if segment.velocity is not None:
+    if isinstance(segment, Rise) and segment.velocity is not None:
         return level + segment.velocity.si * segment.span.si
     assert segment.to is not None
-    return segment.to * lift
+    return motions.level_m(segment.to, lift)
 
 
 def arc_cam(cam: CamConfig) -> ConcaveFlankCam:

@@ -29,19 +29,14 @@ def hermite(start: Sequence[float], end: Sequence[float]) -> FloatArray:
 
     The r-th derivative at an end depends on r + 1 ordinates (equation 2.7).
     """
-    count = len(start)
-    degree = 2 * count - 1
-
-    def half(derivatives: Sequence[float], sign: float) -> list[float]:
-        scaled = [
-            sign**j * derivative * math.factorial(degree - j) / math.factorial(degree)
-            for j, derivative in enumerate(derivatives)
-        ]
-        return [
-            sum(math.comb(k, j) * scaled[j] for j in range(k + 1)) for k in range(len(derivatives))
-        ]
-
-    return np.array([*half(start, 1.0), *reversed(half(end, -1.0))])
+    degree = 2 * len(start) - 1
+    halves = []
+    for side, sign in ((start, 1.0), (end, -1.0)):
+        terms = [sign**j * x / math.perm(degree, j) for j, x in enumerate(side)]
+        halves.append(
+            [sum(math.comb(k, j) * terms[j] for j in range(k + 1)) for k in range(len(side))]
+        )
+    return np.array([*halves[0], *reversed(halves[1])])
 
 
 @lru_cache(maxsize=1)

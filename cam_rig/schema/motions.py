@@ -20,6 +20,11 @@ Level = Annotated[
 ]
 
 
+def level_m(level: Quantity | float, lift: float) -> float:
+    """Return a level of `Level` in m. ``lift`` is the lift of the cam, m."""
+    return level.si if isinstance(level, Quantity) else level * lift
+
+
 class LevelSegment(SegmentBase):
     """Base class of segments that end at a level.
 
@@ -27,10 +32,6 @@ class LevelSegment(SegmentBase):
     """
 
     to: Level
-
-    def end_level(self, lift: float) -> float:
-        """Return the level of the end in m. ``lift`` is that of the cam, m."""
-        return self.to.si if isinstance(self.to, Quantity) else self.to * lift
 
 
 #: Smallest and largest derivative of the lift, SI units.

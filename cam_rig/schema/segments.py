@@ -238,16 +238,16 @@ class Dwell(SegmentBase):
 class Rise(SegmentBase):
     """Rise or fall from the level of the segment before it to `to`.
 
-    `to` is a fraction of the lift. A segment of constant velocity may have the velocity (m/rad)
-    instead. `shaping` shapes the rise for the stem of a rig. The half-rises ``…_start`` lead from
-    rest to a constant velocity, and ``…_end`` back to rest. A ``constant_velocity`` segment of the
-    same slope fits between them.
+    `to` is a fraction of the lift, or a length. A segment of constant velocity may have the
+    velocity (m/rad) instead. `shaping` shapes the rise for the stem of a rig. The half-rises
+    ``…_start`` lead from rest to a constant velocity, and ``…_end`` back to rest. A
+    ``constant_velocity`` segment of the same slope fits between them.
     """
 
     law: RiseName
     shaping: Shaping | None = None
     velocity: motions.Velocity | None = None
-    to: motions.Fraction | None = Field(default=None, validate_default=True)
+    to: motions.Level | None = Field(default=None, validate_default=True)
 
     @field_validator("to", mode="before")
     @classmethod

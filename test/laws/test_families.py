@@ -318,12 +318,12 @@ def test_wrong_parameters_are_refused(keys, message):
 
 
 def test_a_level_may_be_a_length(make_cam):
-    """The level of a segment may be a fraction of the lift, or a length."""
+    """The level of any segment may be a fraction of the lift, or a length."""
     length = {"assumed": 12.5, "unit": "mm"}
     law = build_law(
         make_cam(
             rise(90.0, 1.0, "gutman13"),
-            rise(90.0, 0.0, "scca") | {"to": length},
+            rise(90.0, 0.0, "poly345") | {"to": length},
             rise(90.0, 0.0, "poly8") | {"mirrored": True},
             dwell(90.0),
         )

@@ -101,10 +101,13 @@ def _sweep_figure(result: VibrationResult) -> Figure:
             "color": colour(row.cam),
             "label": title_of(result.cam_set.titles, row.cam),
         }
-        in_contact = row.speeds <= lost[row.cam]
-        values = np.maximum(1e6 * row.amplitudes, MIN_AMPLITUDE_UM)
-        axes.plot(row.speeds[in_contact], values[in_contact], ls=line(row.cam)["ls"], **style)
-        axes.plot(row.speeds[~in_contact], values[~in_contact], ls=":", color=style["color"])
+        values, lost_contact = (
+            np.maximum(1e6 * row.amplitudes, MIN_AMPLITUDE_UM),
+            row.speeds > lost[row.cam],
+        )
+        for shown, dash in ((~lost_contact, line(row.cam)["ls"]), (lost_contact, ":")):
+            axes.plot(row.speeds[shown], values[shown], ls=dash, **style)
+            style.pop("label", None)
     axes.set(yscale="log", xlabel="cam speed [rpm]", ylabel="residual amplitude [µm]")
     logarithmic(axes.yaxis)
     fig.suptitle(wrapped(f"Residual vibration over the speed\n{result.cam_set.rig.title}"))
