@@ -15,6 +15,7 @@ from cam_rig.laws.families import FAMILIES
 from cam_rig.laws.law import Law, joints, peak
 from cam_rig.laws.segments import NAMED_RISES, RISES, unit_rise
 from cam_rig.schema import CamConfig
+from cam_rig.schema.motions import MOTIONS
 from cam_rig.schema.segment_base import SegmentBase
 from cam_rig.schema.segments import Rise, Segment
 from cam_rig.units import TURN, FloatArray
@@ -66,8 +67,12 @@ def rise_families() -> dict[str, RiseFamily]:
 
 
 def all_families() -> dict[str, RiseFamily]:
-    """Return the families of named rises and of the rises of the handbooks."""
-    return rise_families() | {"handbook": RiseFamily("Full rises, handbooks", tuple(FAMILIES))}
+    """Return the families of named rises, of the rises of the handbooks, and of motions."""
+    handbook = tuple(name for name in FAMILIES if name not in MOTIONS)
+    return rise_families() | {
+        "handbook": RiseFamily("Full rises, handbooks", handbook),
+        "motion": RiseFamily("Motions between rests", MOTIONS),
+    }
 
 
 @dataclass(frozen=True)

@@ -267,3 +267,12 @@ def test_the_repr_is_one_short_line_and_the_plot_has_four_panels(laws):
     for law in laws.values():
         assert len(repr(law)) < 120 and "\n" not in repr(law)
     assert len(cam_rig.plot_law(law).axes) >= 4
+
+
+def test_the_figure_of_all_laws_has_the_families_of_the_sources():
+    """The figure of all laws has four columns, and that of another family has one."""
+    for family, columns in ((None, 4), ("handbook", 1), ("motion", 1)):
+        result = cam_rig.list_laws(family)
+        assert len(result.plot().axes) == 4 * columns
+    listed = {name for family in catalogue.all_families().values() for name in family.rises}
+    assert listed == set(RISES)

@@ -92,8 +92,8 @@ def laws(
     family: Annotated[
         str | None,
         typer.Option(
-            help="Family of rises: polynomial, start or end (half-rises), classical, handbook "
-            "(default: all)."
+            help="Family of rises: polynomial, start or end (half-rises), classical, handbook, "
+            "motion (default: all)."
         ),
     ] = None,
 ) -> Result:
@@ -105,7 +105,8 @@ def laws(
     A second table has the names of laws in controllers and handbooks. Files and commands accept
     them too. The rises of the handbooks have the defaults of their parameters.
 
-    The plot shows the rises of each family in a column, s to s''' from top to bottom.
+    The plot shows the rises of each family of the sources in a column, s to s''' from top to
+    bottom. With --family it shows one family.
 
     In Python: cam_rig.list_laws(family)
 

@@ -239,8 +239,8 @@ def rises_figure(families: Iterable[catalogue.RiseFamily]) -> Figure:
 
 
 def laws_figure(result: LawsResult) -> Figure:
-    """Return a figure with one column per family."""
-    return rises_figure(result.families)
+    """Return a figure with one column per family of the sources, or with one other family."""
+    return rises_figure(result.families[: len(catalogue.FAMILY_TITLES)])
 
 
 def rises_result_figure(result: RisesResult) -> Figure:

@@ -176,8 +176,8 @@ def list_laws(family: str | None = None) -> LawsResult:
     Parameters
     ----------
     family : str, optional
-        Family of rises: ``polynomial``, ``start`` or ``end`` (half-rises), ``classical`` or
-        ``handbook`` (default: all laws).
+        Family of rises: ``polynomial``, ``start`` or ``end`` (half-rises), ``classical``,
+        ``handbook`` or ``motion`` (default: all laws).
 
     Returns
     -------
