@@ -75,14 +75,16 @@ _ALIASES = {_spelling(name): row.law for row in LAW_NAMES for name in row.names}
 def law_name(name: str) -> str:
     """Return the name of a law that files use, from any of its names.
 
-    Case, spaces and hyphens do not matter. A name that is not in the table is returned unchanged.
+    Case, spaces and hyphens do not matter. A name that is not in the table is returned in small
+    letters, with _ between its words.
 
     Examples
     --------
-    >>> law_name("Inclined sine curve"), law_name("poly345")
-    ('cycloidal', 'poly345')
+    >>> law_name("Inclined sine curve"), law_name("Double harmonic")
+    ('cycloidal', 'double_harmonic')
     """
-    return _ALIASES.get(_spelling(name.removeprefix("MOTIONFUNCTYPE_")), name)
+    spelling = _spelling(name.removeprefix("MOTIONFUNCTYPE_"))
+    return _ALIASES.get(spelling, re.sub(r"\W+", "_", name.lower()))
 
 
 def suggest_law(name: str, names: list[str]) -> str:

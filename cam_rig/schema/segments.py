@@ -305,7 +305,7 @@ def _use_law_name(value: Any) -> Any:
     is_known = law in SEGMENT_LAWS or did_you_mean(name, SEGMENT_LAWS)
     if not is_known and (hint := suggest_law(name, SEGMENT_LAWS)):
         raise ValueError(f"law: is {name[:40]!r}{hint}; allowed: a name of cam-rig laws")
-    return {**value, "law": law}
+    return {**value, "law": law if law in SEGMENT_LAWS else name}
 
 
 #: Segment of a cam: one model per law. The key ``law`` selects the model.

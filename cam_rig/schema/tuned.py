@@ -32,9 +32,11 @@ def _read_rig(value: Any, info: ValidationInfo) -> Any:
     if isinstance(value, str):
         folder = (info.context or {}).get("folder")
         roots = [config_root()] if folder is None else [Path(folder).parent, config_root()]
-        value = load_rig(Library(tuple(roots), Path(folder or "")).file("rigs", value))
-    if not isinstance(value, RigConfig):
+        value = load_rig(Library(tuple(roots)).path("rigs", value))
+    if isinstance(value, dict | StemOnRig):
         return value
+    if not isinstance(value, RigConfig):
+        raise ValueError(f"is {value!r:.40}; allowed: the name of a rig")
     if value.follower.stem_stiffness is None:
         raise ValueError(f"is {value.name!r} without stem_stiffness; allowed: a rig with a stem")
     keys = StemOnRig.model_fields.keys() - {"name"}

@@ -255,6 +255,8 @@ def test_each_other_name_belongs_to_one_law():
             for spelling in (name, name.upper(), name.replace(" ", "_"), name.replace("-", "")):
                 assert law_name(spelling) == row.law
     assert law_name("MOTIONFUNCTYPE_BESTEHORN") == "cycloidal"
+    assert law_name("Low-impact crossover") == "low_impact_crossover"
+    assert law_name("double harmonic") == "double_harmonic"
     assert {law_name(name) for name in SEGMENT_LAWS} == set(SEGMENT_LAWS)
     assert set(MANUALS) == {"twincat", "codesys", "siemens"}
 

@@ -212,6 +212,8 @@ REFUSALS = (
         "segments[0]: follower is 'poly4566' (did you mean 'poly4567'?); allowed: a rise",
     ),
     ("polydyne", {"follower": "poly4567", "rig": "tm22"}, "tm22.yaml: no such file (did you mean"),
+    ("polydyne", {"follower": "poly4567", "rig": 3}, "segments[0].rig: is 3; allowed: the name of"),
+    ("polydyne", {"follower": "poly4567", "rig": "../x"}, "rig: rigs: is '../x'; allowed: a name"),
     ("polydyne", {"follower": "poly4567", "rpm": -3.0}, "allowed: greater than 0 rad/s"),
     ("polydyne", {"follower": "poly4567", "rpm": math.nan}, "speed: is nan; allowed: finite"),
     ("polydyne", {"follower": "poly4567", "rpm": 1e5}, "mm; allowed: the same within 2 %"),
