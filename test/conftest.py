@@ -24,6 +24,7 @@ from cam_rig.laws import Law, build_law
 from cam_rig.runner.fork_server import ForkedProcess, ForkServer
 from cam_rig.runner.node_process import environment
 from cam_rig.schema import CamConfig, RigConfig, SceneConfig, load_cam, load_rig
+from cam_rig.schema.motions import SCCA_PARAMETERS
 from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.testing import running_rig
 
@@ -243,7 +244,7 @@ def make_cam() -> Callable[..., CamConfig]:
         name: str = "made",
         roller_radius: float | None = None,
     ) -> CamConfig:
-        ratios = ("ordinates", "knots", "value", "mean", "cosine", "sine")
+        ratios = ("ordinates", "knots", "value", "mean", "cosine", "sine", *SCCA_PARAMETERS)
         lengths = ("flank_radius", "nose_radius", "tolerance")
         units = dict.fromkeys(("span", "nose_span", "at"), "deg")
         units |= dict.fromkeys(ratios, "1") | dict.fromkeys(lengths, "m")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,13 @@ from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws.arc_law import concave_flank_cam
 from cam_rig.laws.arcs import ConcaveFlankCam
 from cam_rig.laws.bernstein import Pieces, join_pieces
+from cam_rig.laws.families import family_rise, mirror
 from cam_rig.laws.law import Law
 from cam_rig.laws.segments import segment_pieces, unit_rise
 from cam_rig.laws.spline import greville
-from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.laws.tasks import join_motions
+from cam_rig.laws.tuned import has_rests, polydyne, shape
+from cam_rig.schema import CamConfig, RigConfig, motions
 from cam_rig.schema.segments import Bezier, BSpline, Dwell, Rise, Segment, TangentArcs
 from cam_rig.units import TURN, FloatArray
 
@@ -46,14 +50,24 @@ def build_law(cam: CamConfig) -> Law:
         have the lift of the file.
     """
     fixed_pieces = [segment_pieces(segment, cam) for segment in cam.segments]
-    breaks, columns, level = [0.0], [], _start_level(cam, fixed_pieces)
-    for i, (segment, pieces) in enumerate(zip(cam.segments, fixed_pieces, strict=True)):
-        piece_breaks, piece_columns = pieces or _relative_pieces(segment, level, cam.lift.si)
-        _require_no_step(cam, f"segments[{i}]", float(piece_columns[0][0]) - level)
+    pieces, levels = list[Pieces | None](), [_start_level(cam, fixed_pieces)]
+    for i, (segment, fixed) in enumerate(zip(cam.segments, fixed_pieces, strict=True)):
+        if isinstance(segment, motions.JoiningMotion):
+            pieces.append(None)
+            levels.append(motions.level_m(segment.to, cam.lift.si))
+            continue
+        try:
+            placed = fixed or _relative_pieces(segment, levels[-1], cam.lift.si)
+        except LawError as error:
+            raise LawError(f"cam {cam.name!r}: segments[{i}]: {error}") from None
+        _require_no_step(cam, f"segments[{i}]", float(placed[1][0][0]) - levels[-1])
+        pieces.append(placed)
+        levels.append(float(placed[1][-1][-1]))
+    breaks, columns = [0.0], list[FloatArray]()
+    for piece_breaks, piece_columns in join_motions(cam, pieces, list(pairwise(levels))):
         breaks += [breaks[-1] + x for x in piece_breaks[1:]]
         columns += piece_columns
-        level = float(piece_columns[-1][-1])
-    _require_no_step(cam, "the end of the turn", level - float(columns[0][0]))
+    _require_no_step(cam, "the end of the turn", levels[-1] - float(columns[0][0]))
     breaks[-1] = TURN
     law = Law(cam.name, np.array(breaks), join_pieces(columns))
     _require_declared_lift(cam, law)
@@ -84,7 +98,8 @@ def _require_declared_lift(cam: CamConfig, law: Law) -> None:
     A forgotten fall is the usual reason.
     """
     declared = cam.lift.si
-    has_levels_only = all(isinstance(segment, Rise | Dwell) for segment in cam.segments)
+    exact = Rise | Dwell | motions.SccaRise | motions.HandbookRise
+    has_levels_only = all(isinstance(segment, exact) for segment in cam.segments)
     tolerance = STEP_TOLERANCE if has_levels_only else LIFT_TOLERANCE
     if abs(law.lift - declared) <= tolerance * declared:
         return
@@ -103,13 +118,16 @@ def _start_level(cam: CamConfig, fixed_pieces: list[Pieces | None]) -> float:
 
     It is the level at the end of the last segment, because the turn repeats.
     """
+    rise = 0.0
     for segment, pieces in zip(reversed(cam.segments), reversed(fixed_pieces), strict=True):
-        if isinstance(segment, Rise):
-            return segment.to * cam.lift.si
-        if isinstance(segment, TangentArcs):
-            return 0.0  # the base circle, without the rounding of its pitch radius
-        if pieces is not None:
-            return float(pieces[1][-1][-1])
+        if isinstance(segment, Rise) and segment.velocity is not None:
+            rise += segment.velocity.si * segment.span.si
+        elif isinstance(segment, Rise | motions.LevelSegment):
+            return _end_level(segment, 0.0, cam.lift.si) + rise
+        elif isinstance(segment, TangentArcs):
+            return rise  # from the base circle, without the rounding of its pitch radius
+        elif pieces is not None:
+            return float(pieces[1][-1][-1]) + rise
     return 0.0
 
 
@@ -119,11 +137,41 @@ def _relative_pieces(segment: Segment, level: float, lift: float) -> Pieces:
     The lift is ``level``. ``lift`` is the lift of the cam, m.
     """
     span = float(segment.span.si)
-    if not isinstance(segment, Rise):
+    if isinstance(segment, Dwell):
         return [0.0, span], [np.array([level])]
-    breaks, pieces = unit_rise(segment.law)
-    height = segment.to * lift - level
+    assert isinstance(segment, Rise | motions.HandbookRise | motions.SccaRise | motions.Polydyne)
+    breaks, pieces = _unit_pieces(segment)
+    height = _end_level(segment, level, lift) - level
     return [span * u for u in breaks], [level + height * piece for piece in pieces]
+
+
+def _unit_pieces(
+    segment: Rise | motions.HandbookRise | motions.SccaRise | motions.Polydyne,
+) -> Pieces:
+    """Return the pieces of a segment's rise from 0 to 1 over u from 0 to 1."""
+    if isinstance(segment, motions.Polydyne):
+        return polydyne(segment)
+    if isinstance(segment, Rise):
+        pieces = unit_rise(segment.law)
+    else:
+        pieces = family_rise(segment.law, segment.parameters)
+        pieces = mirror(pieces) if segment.mirrored else pieces
+    if segment.shaping is None:
+        return pieces
+    if not has_rests(segment.law):
+        raise LawError(f"shaping: the law is {segment.law}; allowed: a rise between dwells")
+    return shape(pieces, segment.span.si, segment.shaping)
+
+
+def _end_level(segment: Rise | motions.LevelSegment, level: float, lift: float) -> float:
+    """Return the level (m) at which a segment ends that starts at ``level`` (m).
+
+    ``lift`` is the lift of the cam, m.
+    """
+    if isinstance(segment, Rise) and segment.velocity is not None:
+        return level + segment.velocity.si * segment.span.si
+    assert segment.to is not None
+    return motions.level_m(segment.to, lift)
 
 
 def arc_cam(cam: CamConfig) -> ConcaveFlankCam:

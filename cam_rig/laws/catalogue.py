@@ -11,9 +11,11 @@ import numpy as np
 
 from cam_rig.laws import bernstein
 from cam_rig.laws.bernstein import join_pieces
+from cam_rig.laws.families import FAMILIES
 from cam_rig.laws.law import Law, joints, peak
-from cam_rig.laws.segments import NAMED_RISES, unit_rise
+from cam_rig.laws.segments import NAMED_RISES, RISES, unit_rise
 from cam_rig.schema import CamConfig
+from cam_rig.schema.motions import MOTIONS
 from cam_rig.schema.segment_base import SegmentBase
 from cam_rig.schema.segments import Rise, Segment
 from cam_rig.units import TURN, FloatArray
@@ -28,16 +30,18 @@ FAMILY_TITLES = {
 
 
 def list_parametric_laws() -> dict[str, str]:
-    """Return the laws that depend on numbers of the cam file.
+    """Return the laws whose peaks depend on numbers of the cam file.
 
     Each law is mapped to the keys of its numbers, joined by commas.
     """
     kinds = (kind for kind in get_args(get_args(Segment)[0]) if kind is not Rise)
     return {
-        get_args(kind.model_fields["law"].annotation)[0]: ", ".join(
+        name: ", ".join(
             key for key in kind.model_fields if key not in SegmentBase.model_fields | {"law": None}
         )
         for kind in kinds
+        for name in get_args(kind.model_fields["law"].annotation)
+        if name not in FAMILIES
     }
 
 
@@ -62,6 +66,15 @@ def rise_families() -> dict[str, RiseFamily]:
     return {key: RiseFamily(FAMILY_TITLES[key], tuple(rises)) for key, rises in names.items()}
 
 
+def all_families() -> dict[str, RiseFamily]:
+    """Return the families of named rises, of the rises of the handbooks, and of motions."""
+    handbook = tuple(name for name in FAMILIES if name not in MOTIONS)
+    return rise_families() | {
+        "handbook": RiseFamily("Full rises, handbooks", handbook),
+        "motion": RiseFamily("Motions between rests", MOTIONS),
+    }
+
+
 @dataclass(frozen=True)
 class Figures:
     """Peaks of a rise of unit lift and span, and its class of continuity.
@@ -75,21 +88,21 @@ class Figures:
     continuity: int
 
 
-@lru_cache(maxsize=len(NAMED_RISES))
+@lru_cache(maxsize=len(RISES))
 def rise_figures(name: str) -> Figures:
-    """Compute the peaks and the continuity of a named rise, from exact roots."""
+    """Compute the peaks and the continuity of a rise of `RISES`, from exact roots."""
     law = between_lines(name)
     velocity, acceleration, jerk = (abs(peak(law, order).value) for order in (1, 2, 3))
     return Figures(velocity, acceleration, jerk, min(joint.continuity for joint in joints(law)[1:]))
 
 
 def between_lines(name: str) -> Law:
-    """Return a law that contains a named rise of unit lift between its neighbours.
+    """Return a law that contains a rise of `RISES`, of unit lift, between its neighbours.
 
     The rise is at the cam angles 1 to 2 rad. The neighbours are the dwells or straight lines for
     which it is made.
     """
-    before, after = NAMED_RISES[name].slopes
+    before, after = NAMED_RISES[name].slopes if name in NAMED_RISES else (0.0, 0.0)
     breaks, columns = unit_rise(name)
     remainder = TURN - 2.0
     lines = np.array([-before, 0.0]), np.array([1.0, 1.0 + after * remainder])

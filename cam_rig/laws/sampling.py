@@ -297,6 +297,20 @@ Curve = Callable[[FloatArray, int], FloatArray]
 Section = tuple[float, float, Curve]
 
 
+def wave(constant: float, slope: float, size: float, frequency: float, phase: float) -> Curve:
+    """Return the function constant + slope·u − size·sin(frequency·u + phase).
+
+    The function also returns its derivatives.
+    """
+
+    def curve(u: FloatArray, order: int) -> FloatArray:
+        sine = size * frequency**order * np.sin(frequency * u + phase + 0.5 * np.pi * order)
+        line = (constant + slope * u, np.full_like(u, slope))
+        return np.asarray((line[order] if order < 2 else 0.0) - sine)
+
+    return curve
+
+
 @lru_cache(maxsize=4)
 def _nodes(degree: int) -> tuple[FloatArray, FloatArray]:
     """Return Chebyshev nodes on [0, 1], and the Bernstein basis values at them.
@@ -364,11 +378,11 @@ def fit_curve(
     return breaks, pieces
 
 
-def fit_sections(sections: list[Section]) -> Pieces:
+def fit_sections(sections: list[Section], degree: int = THIRD_DEGREE) -> Pieces:
     """Fit pieces in Bernstein form to consecutive curves, each as by `fit_curve`."""
     breaks, pieces = [sections[0][0]], []
     for start, stop, curve in sections:
-        section_breaks, section_pieces = fit_curve(curve, start, stop)
+        section_breaks, section_pieces = fit_curve(curve, start, stop, degree)
         breaks += section_breaks[1:]
         pieces += section_pieces
     return breaks, pieces

@@ -14,11 +14,13 @@ from cam_rig.errors import LawError
 from cam_rig.laws import spline as b_spline
 from cam_rig.laws.arc_law import arc_contour_pieces, tangent_arcs
 from cam_rig.laws.bernstein import Pieces, join_pieces
+from cam_rig.laws.families import FAMILIES, family_rise
 from cam_rig.laws.law import Law
-from cam_rig.laws.sampling import Curve, Section, fit_curve, fit_sections
+from cam_rig.laws.sampling import Curve, Section, fit_curve, fit_sections, wave
 from cam_rig.laws.spline import Rest, Smoothed, require_above_scatter, smooth
 from cam_rig.schema import CamConfig
 from cam_rig.schema import segments as kinds
+from cam_rig.schema.motions import LevelSegment
 from cam_rig.schema.segment_base import Table
 from cam_rig.units import TURN, FloatArray
 
@@ -158,7 +160,7 @@ def segment_pieces(segment: kinds.Segment, cam: CamConfig) -> Pieces | None:
         case Table():
             pieces = smooth_table(segment, cam).pieces
         case _:
-            assert isinstance(segment, kinds.Dwell | kinds.Rise)
+            assert isinstance(segment, kinds.Dwell | kinds.Rise | LevelSegment)
     return pieces
 
 
@@ -254,20 +256,6 @@ MOTION_AT_EIGHTH = TRAPEZOID * np.array([0.25 - 0.5 / PI, 2.0, 8.0 * PI])
 MIDDLE_SLOPE = TRAPEZOID * (2.0 + 2.0 * PI)
 
 
-def _wave(constant: float, slope: float, size: float, frequency: float, phase: float) -> Curve:
-    """Return the function constant + slope·u − size·sin(frequency·u + phase).
-
-    The function also returns its derivatives.
-    """
-
-    def curve(u: FloatArray, order: int) -> FloatArray:
-        sine = size * frequency**order * np.sin(frequency * u + phase + 0.5 * PI * order)
-        line = (constant + slope * u, np.full_like(u, slope))
-        return np.asarray((line[order] if order < 2 else 0.0) - sine)
-
-    return curve
-
-
 def _constant_acceleration(u: FloatArray, order: int) -> FloatArray:
     """Return the parabola of the modified trapezoid rise from u = 1/8 to 3/8.
 
@@ -293,18 +281,18 @@ def _complete_rise(first: list[Section], middle: Section) -> list[Section]:
 
 #: s = (πu − sin(4πu)/4)/(π + 4) to 1/8, then (2 + πu − 9/4·sin((4πu + π)/3))/(π + 4) to 7/8.
 MODIFIED_SINE = _complete_rise(
-    [(0.0, 0.125, _wave(0.0, PI * SINE, 0.25 * SINE, 4.0 * PI, 0.0))],
-    (0.125, 0.875, _wave(2.0 * SINE, PI * SINE, 2.25 * SINE, 4.0 * PI / 3.0, PI / 3.0)),
+    [(0.0, 0.125, wave(0.0, PI * SINE, 0.25 * SINE, 4.0 * PI, 0.0))],
+    (0.125, 0.875, wave(2.0 * SINE, PI * SINE, 2.25 * SINE, 4.0 * PI / 3.0, PI / 3.0)),
 )
 #: Amplitude of the sines of the modified trapezoid.
 _TRAPEZOID_SINE = 0.5 * TRAPEZOID / PI
 #: s = (2u − sin(4πu)/2π)/(π + 2) to 1/8, a parabola to 3/8, then another sine to 5/8.
 MODIFIED_TRAPEZOID = _complete_rise(
     [
-        (0.0, 0.125, _wave(0.0, 2.0 * TRAPEZOID, _TRAPEZOID_SINE, 4.0 * PI, 0.0)),
+        (0.0, 0.125, wave(0.0, 2.0 * TRAPEZOID, _TRAPEZOID_SINE, 4.0 * PI, 0.0)),
         (0.125, 0.375, _constant_acceleration),
     ],
-    (0.375, 0.625, _wave(0.5 - 0.5 * MIDDLE_SLOPE, MIDDLE_SLOPE, -_TRAPEZOID_SINE, 4.0 * PI, 0.0)),
+    (0.375, 0.625, wave(0.5 - 0.5 * MIDDLE_SLOPE, MIDDLE_SLOPE, -_TRAPEZOID_SINE, 4.0 * PI, 0.0)),
 )
 
 
@@ -345,9 +333,18 @@ NAMED_RISES: dict[str, NamedRise] = {
 }
 
 
-@lru_cache(maxsize=len(NAMED_RISES))
+#: Names of all rises: of the sources and of the handbooks.
+RISES = (*NAMED_RISES, *FAMILIES)
+
+
+@lru_cache(maxsize=len(RISES))
 def unit_rise(name: str) -> Pieces:
-    """Return the Bernstein pieces of a named rise, over u from 0 to 1."""
+    """Return the Bernstein pieces of a rise of `RISES`, over u from 0 to 1.
+
+    The parameters of a family are its defaults.
+    """
+    if name in FAMILIES:
+        return family_rise(name)
     shape = NAMED_RISES[name].shape
     return fit_sections(shape) if isinstance(shape, list) else ([0.0, 1.0], [shape])
 

@@ -162,7 +162,7 @@ def _key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
     for part, node in zip(problem["loc"], _nodes(kind, problem["loc"]), strict=False):
         if isinstance(part, int):
             out += f"[{part}]"
-        elif "discriminator" in node:
+        elif "discriminator" in node or "oneOf" in node:
             continue  # the tag of a union
         elif part in ("float", "list[float]") or part.startswith(("constrained-", "list[")):
             continue  # a member of the union of number and list of numbers

@@ -62,6 +62,9 @@ UNITS: dict[str, dict[str, float]] = {
     "temperature": {"degC": 1.0},
     "pressure": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
     "linear speed": {"m/s": 1.0},
+    "velocity over angle": {"m/rad": 1.0, "mm/rad": 1e-3},
+    "acceleration over angle": {"m/rad^2": 1.0, "mm/rad^2": 1e-3},
+    "jerk over angle": {"m/rad^3": 1.0, "mm/rad^3": 1e-3},
 }
 #: Unit -> factor to SI. Each unit has one dimension.
 FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}

@@ -43,8 +43,12 @@ class WholeTurn(SegmentBase):
         return self
 
 
+class OtherFile(Strict):
+    """Base class of the content of another file, whose numbers are not those of the cam."""
+
+
 def iterate_quantities(node: BaseModel, prefix: str) -> Iterator[tuple[str, Quantity]]:
-    """Yield path and number for each number of a config model.
+    """Yield path and number for each number of a config model, without other files.
 
     A path is a text such as "segments[0].span". `prefix` precedes it.
     """
@@ -57,7 +61,7 @@ def iterate_quantities(node: BaseModel, prefix: str) -> Iterator[tuple[str, Quan
         for suffix, item in items:
             if isinstance(item, Quantity):
                 yield f"{prefix}{key}{suffix}", item
-            elif isinstance(item, BaseModel):
+            elif isinstance(item, BaseModel) and not isinstance(item, OtherFile):
                 yield from iterate_quantities(item, f"{prefix}{key}{suffix}.")
 
 

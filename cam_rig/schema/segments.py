@@ -5,12 +5,17 @@ from __future__ import annotations
 import math
 from collections import Counter
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticKnownError
 
+from cam_rig.errors import did_you_mean
+from cam_rig.schema import motions
+from cam_rig.schema.law_names import law_name, suggest_law
 from cam_rig.schema.quantity import MANY, Quantity, Strict, must_be
 from cam_rig.schema.segment_base import Length, Ratios, SegmentBase, Span, Table, WholeTurn
+from cam_rig.schema.tuned import Shaping
 from cam_rig.units import TURN
 
 #: Largest number of ordinates of a Bézier curve. Degree 100 is far beyond any cam, and stable.
@@ -233,19 +238,41 @@ class Dwell(SegmentBase):
 class Rise(SegmentBase):
     """Rise or fall from the level of the segment before it to `to`.
 
-    `to` is a fraction of the lift. The half-rises ``…_start`` lead from rest to a constant
-    velocity, and ``…_end`` back to rest. A ``constant_velocity`` segment of the same slope fits
-    between them.
+    `to` is a fraction of the lift, or a length. A segment of constant velocity may have the
+    velocity (m/rad) instead. `shaping` shapes the rise for the stem of a rig. The half-rises
+    ``…_start`` lead from rest to a constant velocity, and ``…_end`` back to rest. A
+    ``constant_velocity`` segment of the same slope fits between them.
     """
 
     law: RiseName
-    to: float = Field(ge=-1.0, le=1.0, allow_inf_nan=False, strict=True)
+    shaping: Shaping | None = None
+    velocity: motions.Velocity | None = None
+    to: motions.Level | None = Field(default=None, validate_default=True)
+
+    @field_validator("to", mode="before")
+    @classmethod
+    def _check_to(cls, value: Any, info: ValidationInfo) -> Any:
+        if value is None and info.data.get("velocity") is None:
+            raise PydanticKnownError("missing")
+        return value
+
+    @model_validator(mode="after")
+    def _check_velocity(self) -> Rise:
+        if self.velocity and (self.law != "constant_velocity" or self.to is not None):
+            raise ValueError(
+                f"velocity: is {self.velocity}; allowed: for constant_velocity, not to"
+            )
+        return self
 
 
-#: Segment of a cam: one model per law. The key ``law`` selects the model.
-Segment = Annotated[
+#: Model of each segment of a cam, which the key ``law`` selects.
+_Models = (
     Dwell
     | Rise
+    | motions.JoiningMotion
+    | motions.Polydyne
+    | motions.SccaRise
+    | motions.HandbookRise
     | Bezier
     | BSpline
     | Polynomial
@@ -253,6 +280,33 @@ Segment = Annotated[
     | TangentArcs
     | ArcsByRadii
     | ArcsByCentres
-    | Table,
-    Field(discriminator="law"),
+    | Table
+)
+#: Names of laws in files.
+SEGMENT_LAWS = [
+    name for kind in get_args(_Models) for name in get_args(kind.model_fields["law"].annotation)
 ]
+
+
+#: Tasks that are laws themselves. Another task follows from the ends of a law.
+TASKS = ("dwell", "constant_velocity")
+
+
+def _use_law_name(value: Any) -> Any:
+    """Replace the task or another name of a law in a segment by the name that files use."""
+    if isinstance(value, dict) and "task" in value:
+        task, others = value["task"], {key: x for key, x in value.items() if key != "task"}
+        if "law" in value or task not in TASKS:
+            raise ValueError(f"task: is {task!r:.40}; allowed, without law: {' or '.join(TASKS)}")
+        return {"law": task, **others}
+    if not isinstance(value, dict) or not isinstance(name := value.get("law"), str):
+        return value
+    law = law_name(name)
+    is_known = law in SEGMENT_LAWS or did_you_mean(name, SEGMENT_LAWS)
+    if not is_known and (hint := suggest_law(name, SEGMENT_LAWS)):
+        raise ValueError(f"law: is {name[:40]!r}{hint}; allowed: a name of cam-rig laws")
+    return {**value, "law": law if law in SEGMENT_LAWS else name}
+
+
+#: Segment of a cam: one model per law. The key ``law`` selects the model.
+Segment = Annotated[_Models, Field(discriminator="law"), BeforeValidator(_use_law_name)]

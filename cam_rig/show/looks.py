@@ -59,7 +59,7 @@ LISTED_NAMES = (
     *("constant_velocity", "simple_harmonic", "bezier9"),
     *("bezier4_start", "bezier6_start", "bezier8_start"),
     *("bezier4_end", "bezier6_end", "bezier8_end"),
-    "designed",
+    *("designed", "polydyne_300", "motion_tasks", "skewed_trapezoid", "shaped_300", "quiet"),
 )
 
 #: Number of looks (colour, dash and marker) that are reserved for listed names, including future

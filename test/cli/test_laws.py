@@ -10,7 +10,7 @@ import pytest
 
 from cam_rig.errors import ConfigError
 from cam_rig.laws.catalogue import list_parametric_laws
-from cam_rig.laws.segments import NAMED_RISES
+from cam_rig.laws.segments import RISES
 from cam_rig.schema.load import find_scene
 from cam_rig.simulation.inputs import resolve_cams, resolve_rig, resolve_scene, scene_speeds
 
@@ -19,15 +19,17 @@ from .conftest import call, data_of, done, shipped, written
 
 
 def test_laws_as_json():
-    """`laws` lists all laws as JSON, with peaks and continuity class.
+    """`laws` lists all laws as JSON, with peaks, continuity class and other names.
 
     Laws with free parameters have null for these.
     """
     data = data_of("laws")
     laws = {row.pop("law"): row for row in data["laws"]}
-    assert set(laws) == {*NAMED_RISES, *list_parametric_laws()}
+    assert set(laws) == {*RISES, *list_parametric_laws()}
     keys = ("peak_velocity", "peak_acceleration", "peak_jerk", "continuity")
     assert all(laws[name][key] is None for name in list_parametric_laws() for key in keys)
+    names = {row["law"]: row for row in data["names"]}
+    assert names["cycloidal"]["codesys"] == "InclinedSine" and set(names) <= set(laws)
     figures = (1.7596, 5.5280, 69.466, 2)
     assert [laws["modified_sine"][key] for key in keys] == pytest.approx(figures, rel=2e-5)
 
@@ -106,6 +108,14 @@ def test_extremes_of_cams_as_json(laws):
     assert laws["worked_example_quintic"](row["largest_at"], 1) == pytest.approx(row["largest"])
     assert extremes["poly345", "lift"]["largest"] == pytest.approx(0.05)
     assert {joint["cam"] for joint in data["joints"]} == {"worked_example_quintic", "poly345"}
+
+
+def test_other_names_of_rises_are_accepted():
+    """`law` accepts another name of a rise, and suggests one for an unknown name."""
+    rows = rows_of("MODSINUSLINIE", "inclined sine", "bezier9")
+    assert {row["rise"] for row in rows} == {"modified_sine", "cycloidal", "bezier9"}
+    result = call("law", "simple sinus", "--csv", "-")
+    assert result.exit_code == 2 and "(did you mean 'simple sine'?)" in result.stderr
 
 
 def test_laws_of_one_family():

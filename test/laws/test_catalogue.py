@@ -9,7 +9,7 @@ from scipy.interpolate import BPoly
 import cam_rig
 from cam_rig.errors import LawError
 from cam_rig.laws import build_law, catalogue
-from cam_rig.laws.segments import NAMED_RISES
+from cam_rig.laws.segments import NAMED_RISES, RISES
 from cam_rig.schema.segments import Segment
 from cam_rig.show.figure import line as look
 from cam_rig.show.looks import in_words
@@ -22,7 +22,7 @@ from ..conftest import dwell, rise
 def test_the_catalogue_lists_every_law_of_a_cam_file():
     models = get_args(get_args(Segment)[0])
     tags = {tag for model in models for tag in get_args(model.model_fields["law"].annotation)}
-    assert tags == {*catalogue.list_parametric_laws(), *NAMED_RISES}
+    assert tags == {*catalogue.list_parametric_laws(), *RISES}
 
 
 def test_every_rise_is_in_one_family():
@@ -267,3 +267,12 @@ def test_the_repr_is_one_short_line_and_the_plot_has_four_panels(laws):
     for law in laws.values():
         assert len(repr(law)) < 120 and "\n" not in repr(law)
     assert len(cam_rig.plot_law(law).axes) >= 4
+
+
+def test_the_figure_of_all_laws_has_the_families_of_the_sources():
+    """The figure of all laws has four columns, and that of another family has one."""
+    for family, columns in ((None, 4), ("handbook", 1), ("motion", 1)):
+        result = cam_rig.list_laws(family)
+        assert len(result.plot().axes) == 4 * columns
+    listed = {name for family in catalogue.all_families().values() for name in family.rises}
+    assert listed == set(RISES)

@@ -96,6 +96,9 @@ CheckingHeight = Annotated[
         "(default: 1 and 1.27 mm).",
     ),
 ]
+Recognise = Annotated[
+    bool, typer.Option("--recognise", help="List the named laws that explain the readings.")
+]
 Tolerance = Annotated[
     float | None, _in_mm("Error of the gauge (default: the scatter of the readings).")
 ]
@@ -132,6 +135,7 @@ def fit_cam(
     rocker_ratio: RockerRatio = 1.0,
     lash: Lash = 0.0,
     checking_height: CheckingHeight = None,
+    recognise: Recognise = False,
     out: Out = None,
 ) -> Result:
     """Fit a cam to gauge readings: a spline with exact dwells, or tangent arcs.
@@ -141,11 +145,17 @@ def fit_cam(
     assumptions. A --tolerance below the readings' scatter is not followed. Arcs are fitted to all
     columns and files at once, and the result reports which was read with a flat follower.
 
+    With --recognise the named laws are fitted to each event between two dwells and ranked by their
+    likelihood, with the standard errors of start, span and rise. A law that is not significantly
+    worse than the best is named too.
+
     In Python: cam_rig.fit_cam(tables, shape, follower, column, tolerance, …, out)
 
     Examples
     --------
     cam-rig fit cam lifts.csv --tolerance 0.005 --plot out/fit.png
+
+    cam-rig fit cam lifts.csv --recognise
 
     cam-rig fit cam gl110.csv --shape arcs --out mine/cams/gl110.yaml
 
@@ -171,6 +181,7 @@ def fit_cam(
         rocker_ratio=rocker_ratio,
         lash=lash,
         checking_height=[1e-3 * h for h in checking_height or ()] or CHECKING_HEIGHTS,
+        recognise=recognise,
         out=out,
     )
     if out is not None:

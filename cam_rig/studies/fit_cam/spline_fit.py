@@ -22,6 +22,7 @@ from cam_rig.show.result import Column, Records, Result
 from cam_rig.studies.fit_cam.dwells import FoundDwell, find_dwells, likely_range
 from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.studies.fit_cam.outliers import MIN_OUTLIER_SCATTERS, exclude_outliers, is_sharp_nose
+from cam_rig.studies.fit_cam.recognition import RecognisedLaw, describe
 from cam_rig.studies.fit_cam.suspects import (
     MIN_REPORTED_SCATTERS,
     list_farthest,
@@ -87,6 +88,8 @@ class SplineFit(Result):
         Radius of the roller in m from an option or from the table, otherwise None.
     valve_train
         Valve train of the valve events.
+    recognised
+        Named laws by likelihood, if they were requested.
     """
 
     schema = "cam_rig.fit_spline.2"
@@ -119,6 +122,19 @@ class SplineFit(Result):
             Column("duration", "°", ".2f"),
             Column("crank_duration", "°", ".2f", "duration, crank", lambda e: 2.0 * e.duration),
             Column("lobe_centre", "°", ".2f"),
+        ),
+        "recognised": (
+            Column("event", "", "d"),
+            Column("law"),
+            Column("start", "°", ".3f", "from"),
+            Column("start_error", "°", ".2g", "±"),
+            Column("span", "°", ".3f"),
+            Column("span_error", "°", ".2g", "±"),
+            Column("rise", "mm", ".5g"),
+            Column("rise_error", "mm", ".2g", "±"),
+            Column("rms", "mm", ".2g", "residual, r.m.s."),
+            Column("worse", "", ".3g", doc="log-likelihood of the best law less that of this law"),
+            Column("explains", hidden=True, doc="true if the residual is the scatter"),
         ),
         "dwells": (
             Column("start", "°", ".2f", "from", "rest.start"),
@@ -154,6 +170,7 @@ class SplineFit(Result):
     base_radius: float | None = None
     roller_radius: float | None = None
     valve_train: ValveTrain = field(default_factory=ValveTrain)
+    recognised: tuple[RecognisedLaw, ...] = ()
 
     @property
     def scatter_error(self) -> float:
@@ -188,9 +205,11 @@ class SplineFit(Result):
             "angles of the cam"
         )
         outliers = "Readings that look like outliers"
+        laws = self.table("recognised", "Named laws, by likelihood", self.recognised)
         return [
             self.table("spline", f"{name}: spline", [self], single=True, transposed=True),
             self.table("dwells", "Dwells, exact in the law", self.dwells),
+            *([laws] if self.recognised else []),
             self.table("outliers", outliers, self.readings.outliers),
             self.table("valve", valve, valve_events(self.law, train)),
             self.table("fit", "The fit", [self], single=True, hidden=True),
@@ -207,6 +226,7 @@ class SplineFit(Result):
             f"The law is {smoothed.rms * 1e3:.3g} mm r.m.s. and {smoothed.largest * 1e3:.3g} mm at "
             f"most from {angles.size} readings, with {smoothed.knots} knots."
         )
+        yield from describe(self.recognised)
         yield from warn_of_unusual_lift(self.law.lift)
         yield from explain_missing_events(self.law, self.valve_train)
         yield from self._explain_tolerance()

@@ -26,6 +26,7 @@ from cam_rig.studies.fit_cam.gauge_table import (
     TableOptions,
     read_gauge_table,
 )
+from cam_rig.studies.fit_cam.recognition import recognise as recognise_laws
 from cam_rig.studies.fit_cam.spline_fit import SplineFit, fit_spline
 from cam_rig.studies.fit_cam.valve_events import CHECKING_HEIGHTS, ValveTrain
 
@@ -57,6 +58,7 @@ class FitRequest:
     flank: Flank = None
     valve_train: ValveTrain = field(default_factory=ValveTrain)
     take_first: bool = False
+    recognise: bool = False
 
     def __post_init__(self) -> None:
         """Raise ConfigError if a numeric option is out of range."""
@@ -96,6 +98,9 @@ class FitRequest:
             arcs = self._fit_arcs(readings, base_radius, roller_radius, is_radius)
             return replace(arcs, notes=tuple(notes))
         spline = fit_spline(readings[0], self.tolerance)
+        if self.recognise:
+            laws = recognise_laws(spline.readings, spline.dwells, spline.scatter)
+            spline = replace(spline, recognised=laws)
         if is_radius:
             base_radius = spline.zero
             notes.append(f"base radius {base_radius * 1e3:.6g} mm, the smallest of the radii")
@@ -129,6 +134,8 @@ class FitRequest:
         if self.shape == "arcs":
             if self.tolerance is not None:
                 raise ConfigError("--tolerance cannot be combined with --shape arcs")
+            if self.recognise:
+                raise ConfigError("--recognise cannot be combined with --shape arcs")
             return
         if file_count > 1:
             raise ConfigError(
@@ -259,6 +266,7 @@ class FitOptions(TypedDict, total=False):
     rocker_ratio: float
     lash: float
     checking_height: float | Sequence[float]
+    recognise: bool
     out: str | Path | None
 
 
@@ -290,6 +298,7 @@ def fit_cam(
     rocker_ratio: float = 1.0,
     lash: float = 0.0,
     checking_height: float | Sequence[float] = CHECKING_HEIGHTS,
+    recognise: bool = False,
     out: str | Path | None = None,
 ) -> SplineFit | ArcsFit:
     r"""Fit a spline with exact dwells, or tangent arcs, to gauge readings.
@@ -328,6 +337,8 @@ def fit_cam(
     checking_height : float or sequence of float, optional
         Lift of the valve in m, or several, at which opening and closing are reported
         (default: 1 mm and 0.05 in).
+    recognise : bool, optional
+        True to list the named laws that explain the events between dwells (default: False).
     out : str or Path, optional
         New .yaml file for `load_cam`. ``assumed`` of the result lists the assumptions that no
         reading supports.
@@ -373,6 +384,7 @@ def fit_cam(
         base_radius=base_radius,
         flank=flank,
         valve_train=ValveTrain(rocker_ratio, lash, tuple(heights)),
+        recognise=recognise,
     )
     fit = request.run([Path(file) for file in files])
     if target is None:

@@ -46,11 +46,14 @@ def law(
     csv: Path | None,
     json: str | None,
 ) -> None:
-    """Plot lift, velocity, acceleration and jerk over the cam angle; list peaks and joints.
+    """Plot lift, velocity, acceleration and jerk over the cam angle; list peaks, tasks and joints.
 
     Peaks are computed from the roots of the next derivative, not from samples. Derivatives are with
     respect to the cam angle in rad. Multiplied by powers of the cam's speed in rad/s, they are
     derivatives with respect to time.
+
+    The task of a segment has the letters of its ends: R rest, G constant velocity, U reversal, B
+    motion with velocity and acceleration.
 
     Several laws are drawn in one plot: as cams over the turn if every name is that of a cam,
     otherwise as bare rises of unit lift over a unit span. CSV and JSON contain the curves. With
@@ -90,7 +93,8 @@ def laws(
     family: Annotated[
         str | None,
         typer.Option(
-            help="Family of rises: polynomial, start or end (half-rises), classical (default: all)."
+            help="Family of rises: polynomial, start or end (half-rises), classical, handbook, "
+            "motion (default: all)."
         ),
     ] = None,
 ) -> Result:
@@ -99,7 +103,11 @@ def laws(
     The continuity Ck is the order of the highest derivative without a jump at the end of the rise.
     There a rise meets a dwell, and a half-rise meets a dwell or constant velocity.
 
-    The plot shows the rises of each family in a column, s to s''' from top to bottom.
+    A second table has the names of laws in controllers and handbooks. Files and commands accept
+    them too. The rises of the handbooks have the defaults of their parameters.
+
+    The plot shows the rises of each family of the sources in a column, s to s''' from top to
+    bottom. With --family it shows one family.
 
     In Python: cam_rig.list_laws(family)
 

@@ -30,10 +30,13 @@ COLOURS = tuple(map(web, DERIVATIVES))
 JOINT_ATOL_DEG = 1e-6
 #: Smallest span (deg) of a segment at which the name of its law is written in the figure.
 MIN_NAME_DEG = 12.0
-#: Smallest span (deg) of a segment at which the name of its law is horizontal. On shorter segments
-#: it is vertical.
-MIN_HORIZONTAL_DEG = 60.0
-#: Grey level of annotations (0 black, 1 white).
+#: Largest span (deg) of a segment whose name is vertical. Longer segments have horizontal names.
+MAX_VERTICAL_DEG = 60.0
+#: Height of the middle of a horizontal name, as a fraction of the panel.
+NAME_HEIGHT = 0.25
+#: Height of the start of a vertical name, as a fraction of the panel.
+VERTICAL_NAME_HEIGHT = 0.18
+#: Colour of annotations.
 GREY = "0.45"
 Style = dict[str, Any]
 #: Matplotlib options of the background of a label.
@@ -171,8 +174,11 @@ def _names(axes: Axes, cam: CamConfig) -> None:
         if span >= MIN_NAME_DEG:
             style: Style = {"ha": "center", "va": "center", "color": GREY, "zorder": 0}
             style |= {"transform": axes.get_xaxis_transform()}
-            rotation = 90 if span < MIN_HORIZONTAL_DEG else 0
-            axes.text(start + 0.5 * span, 0.25, in_words(segment.law), rotation=rotation, **style)
+            height = NAME_HEIGHT
+            if span <= MAX_VERTICAL_DEG:
+                style |= {"va": "bottom", "rotation": 90}
+                height = VERTICAL_NAME_HEIGHT
+            axes.text(start + 0.5 * span, height, in_words(segment.law), **style)
 
 
 def _arrow(axes: Axes, x: float, jump: float, side: str, colour: str | None = None) -> None:
@@ -238,8 +244,8 @@ def rises_figure(families: Iterable[catalogue.RiseFamily]) -> Figure:
 
 
 def laws_figure(result: LawsResult) -> Figure:
-    """Return the figure of a list of laws, with one column per family of rises."""
-    return rises_figure(result.families)
+    """Return a figure with one column per family of the sources, or with one other family."""
+    return rises_figure(result.families[: len(catalogue.FAMILY_TITLES)])
 
 
 def rises_result_figure(result: RisesResult) -> Figure:

@@ -15,8 +15,10 @@ import numpy as np
 from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.laws import catalogue
-from cam_rig.laws.catalogue import rise_families
-from cam_rig.laws.segments import NAMED_RISES
+from cam_rig.laws.catalogue import all_families
+from cam_rig.laws.families import FAMILIES
+from cam_rig.laws.segments import NAMED_RISES, RISES
+from cam_rig.schema.law_names import LAW_NAMES, MANUALS
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import FloatArray
 
@@ -49,13 +51,22 @@ RISE_COLUMNS = (
         doc="order of the highest derivative without a jump",
     ),
 )
-#: Caption of the table of rises.
+#: Columns of the table of names.
+NAME_COLUMNS = (
+    Column("law"),
+    Column("twincat", heading="TwinCAT"),
+    Column("codesys", heading="CODESYS"),
+    Column("siemens", heading="Siemens"),
+    Column("other", heading="others"),
+)
+#: Caption of a table of rises.
 CAPTION = "Peaks for unit rise and unit span"
 
 
 def _rise_rows(names: Iterable[str]) -> list[RiseRow]:
-    """Return the table rows of rises by their names."""
-    return [RiseRow(name, NAMED_RISES[name].source, catalogue.rise_figures(name)) for name in names]
+    """Return the rows of named rises."""
+    sources = {name: rise.source for name, rise in (NAMED_RISES | FAMILIES).items()}
+    return [RiseRow(name, sources[name], catalogue.rise_figures(name)) for name in names]
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,19 +89,22 @@ class LawsResult(Result):
 
     schema = "cam_rig.laws.1"
     plot_function = "cam_rig.studies.laws.figures:laws_figure"
-    columns: ClassVar = {"laws": RISE_COLUMNS}
+    columns: ClassVar = {"laws": RISE_COLUMNS, "names": NAME_COLUMNS}
 
     families: tuple[catalogue.RiseFamily, ...]
     free: bool
 
     def tables(self) -> list[Records]:
-        """Return the table `laws` in the order of the catalogue, one row per law."""
-        named = {name for family in self.families for name in family.rises}
-        rows = _rise_rows(name for name in NAMED_RISES if name in named)
+        """Return `laws` in the order of the catalogue, and `names`, one row per law."""
+        listed = {name for family in self.families for name in family.rises}
+        rows = _rise_rows(name for name in RISES if name in listed)
         if self.free:
             free = catalogue.list_parametric_laws().items()
             rows += [RiseRow(name, keys or "the level before", None) for name, keys in free]
-        return [self.table("laws", CAPTION, rows)]
+        names = [row for row in LAW_NAMES if row.law in listed or self.free]
+        notes = (f"{manual}." for manual in MANUALS.values())
+        caption = "Other names of laws, which files and commands accept"
+        return [self.table("laws", CAPTION, rows), self.table("names", caption, names, *notes)]
 
 
 def curve_column(key: str) -> Callable[[Any], Any]:
@@ -162,13 +176,14 @@ def by_order(motion: FloatArray) -> dict[str, FloatArray]:
 def list_laws(family: str | None = None) -> LawsResult:
     """List the laws by name with their peaks per unit rise and unit span.
 
-    The table also has the continuity at the ends of each rise. The command is ``cam-rig laws``.
+    The table also has the continuity at the ends of each rise, and another table has the names of
+    laws in controllers. The command is ``cam-rig laws``.
 
     Parameters
     ----------
     family : str, optional
-        Family of rises: ``polynomial``, ``start`` or ``end`` (half-rises) or ``classical``
-        (default: all laws).
+        Family of rises: ``polynomial``, ``start`` or ``end`` (half-rises), ``classical``,
+        ``handbook`` or ``motion`` (default: all laws).
 
     Returns
     -------
@@ -187,7 +202,7 @@ def list_laws(family: str | None = None) -> LawsResult:
     >>> table.law.tolist()[:2]
     ['poly345', 'poly4567']
     """
-    by_name = rise_families()
+    by_name = all_families()
     if family is None:
         return LawsResult(tuple(by_name.values()), free=True)
     if family not in by_name:

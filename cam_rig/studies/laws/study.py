@@ -12,13 +12,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cam_rig.arguments import check_arguments
-from cam_rig.errors import ConfigError, did_you_mean
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, catalogue
 from cam_rig.laws.cam import law_of
 from cam_rig.laws.law import MAX_CONTINUITY, Extreme, Joint, continuity, extremes, joints
 from cam_rig.laws.passages import LEVELS, passages
-from cam_rig.laws.segments import NAMED_RISES
+from cam_rig.laws.segments import RISES
+from cam_rig.laws.tasks import segment_tasks
 from cam_rig.schema import CamConfig, load_cam
+from cam_rig.schema.law_names import law_name, suggest_law
 from cam_rig.schema.load import cam_path, config_root
 from cam_rig.show.looks import PER_RADIAN
 from cam_rig.show.result import Column, Records, Result
@@ -171,6 +173,16 @@ class CamLawsResult(Result):
             Column("angle", "°", of="joint.angle", doc="cam angle"),
             Column("continuity", of="joint.continuity", doc="class, below that of smooth joints"),
         ),
+        "segments": (
+            Column("cam"),
+            Column("index", doc="from 0, as in messages"),
+            Column("law"),
+            Column("start", "°", ".5g", doc="cam angle"),
+            Column("span", "°", ".5g"),
+            Column("rise", "mm", ".5g"),
+            Column("task", doc="ends: R rest, G constant velocity, U reversal, B motion"),
+            Column("continuity", heading="joins", cell=lambda row: f"C{row.continuity}"),
+        ),
         "heights": (
             Column("cam"),
             *(_passage_column(level, True) for level in LEVELS),
@@ -202,7 +214,7 @@ class CamLawsResult(Result):
         return [row for row in rows if row.joint.continuity < MAX_CONTINUITY]
 
     def tables(self) -> list[Records]:
-        """Return the tables `curves`, `extremes`, `joints` (not smooth) and `heights`."""
+        """Return `curves`, `extremes`, rough `joints`, `segments` and `heights`."""
         unit, factor = catalogue.common_unit(cam for cam, _ in self.cams)
         if len(self.cams) == 1:
             unit, factor = self.cams[0][0].lift.unit, self.cams[0][0].lift.factor
@@ -215,6 +227,12 @@ class CamLawsResult(Result):
             self.array_table("curves"),
             self._extremes(rows),
             self.table("joints", "", self.rough_joints, hidden=True),
+            self.table(
+                "segments",
+                "Tasks of the segments, and the continuity at their starts",
+                (task for cam in self.cams for task in segment_tasks(*cam)),
+                "Ends: R rest, G constant velocity, U reversal, B motion with both derivatives.",
+            ),
             self.table(
                 "heights",
                 "Cam angles at which the lift passes fractions of itself",
@@ -304,7 +322,7 @@ def law_summary(
     if texts and _are_rises(texts, rises):
         if len(texts) < len(requested):
             raise ConfigError(f"cams and rises cannot be combined, got the rise {texts[0]!r}")
-        return RisesResult(tuple(texts))
+        return RisesResult(tuple(map(law_name, texts)))
     cams = []
     for source in requested:
         path = source.name if isinstance(source, CamConfig) else cam_path(source)
@@ -324,20 +342,20 @@ def _are_rises(names: Sequence[str], rises: bool) -> bool:
     for i, name in enumerate(names):
         if name in names[:i]:
             raise ConfigError(f"{name!r} is repeated; remove one")
-        if not _is_cam(name, cams) and name not in NAMED_RISES:
-            hint = did_you_mean(name, [*cams, *NAMED_RISES])
+        if not _is_cam(name, cams) and law_name(name) not in RISES:
+            hint = suggest_law(name, [*cams, *RISES])
             raise ConfigError(
                 f"{name[:40]!r}: no such cam or rise{hint}; cams: {', '.join(cams)}; "
-                f"rises: {', '.join(NAMED_RISES)}"
+                f"rises: {', '.join(RISES)}"
             )
     if not rises and all(_is_cam(name, cams) for name in names):
         return False
-    cam = next((name for name in names if name not in NAMED_RISES), None)
+    cam = next((name for name in names if law_name(name) not in RISES), None)
     if cam is not None:
         other = next((f"{name!r} is a rise" for name in names if not _is_cam(name, cams)), None)
         raise ConfigError(
             f"{cam!r} is a cam, {other or 'and --rises requires rises'}; cams and rises cannot be "
-            f"combined; the rises are {', '.join(NAMED_RISES)}"
+            f"combined; the rises are {', '.join(RISES)}"
         )
     return True
 

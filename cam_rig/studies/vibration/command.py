@@ -15,6 +15,9 @@ def vibration(
     cams: CamsOrScene = None,
     rig: RigOfScene = None,
     rpm: Annotated[list[float] | None, typer.Option(help="Speed, can be repeated.")] = None,
+    sweep: Annotated[
+        str | None, typer.Option(help="Speeds of the residual amplitude: 200:400:1 (from:to:step).")
+    ] = None,
     *,
     progress: Progress,
 ) -> Result:
@@ -27,7 +30,10 @@ def vibration(
     this speed. The plot shows the last speed. The default is up to four speeds of a scene, or 200,
     250, 300 and 350 rpm, which are below every jump speed of the paper's laws.
 
-    In Python: cam_rig.vibration(cams, rig, rpm)
+    With --sweep a table has the smallest and the largest residual amplitude of each cam over the
+    speed. The plot shows the amplitude over the speed, dotted above the jump speed of the cam.
+
+    In Python: cam_rig.vibration(cams, rig, rpm, sweep=sweep)
 
     Examples
     --------
@@ -36,7 +42,11 @@ def vibration(
     cam-rig vibration poly345 poly4567 --rig tm21 --rpm 300 --json -
 
     cam-rig vibration quick --rig paper_table2
+
+    cam-rig vibration poly4567 polydyne_300 shaped_300 --sweep 200:400:1 --plot out/tuned.png
     """
+    from cam_rig.simulation.inputs import parse_speeds
     from cam_rig.studies.vibration import study
 
-    return study.vibration(cams, rig, rpm or None, progress=progress)
+    speeds = None if sweep is None else parse_speeds(sweep)
+    return study.vibration(cams, rig, rpm or None, sweep=speeds, progress=progress)

@@ -20,7 +20,16 @@ from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import LowDwell, low_dwell, steady_turn, steady_twist
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.show.figure import CAM_ANGLE, colour, empty, line, styled, turn_axis, wrapped
+from cam_rig.show.figure import (
+    CAM_ANGLE,
+    colour,
+    empty,
+    line,
+    logarithmic,
+    styled,
+    turn_axis,
+    wrapped,
+)
 from cam_rig.show.looks import title_of
 from cam_rig.studies.vibration.study import VibrationResult
 from cam_rig.units import RPM, FloatArray
@@ -43,7 +52,12 @@ MAX_COLUMNS = 5
 #: Largest number of letters in each of the two title lines above a column.
 COLUMN_LETTERS = 14
 
-#: Plot options of the grey curves of the other cams in a column.
+#: Height of the figure of a sweep, in inches.
+SWEEP_HEIGHT = 3.8
+#: Smallest amplitude that a sweep shows, µm. Smaller ones are below any gauge, or rounding.
+MIN_AMPLITUDE_UM = 1e-3
+
+#: Plot options of the curves of the other cams.
 OTHERS: dict[str, Any] = {"color": "0.8", "lw": 0.6, "zorder": 1.5}
 
 #: Curves of a cam: abscissa and values for each row of panels.
@@ -54,8 +68,10 @@ Rows = list[tuple[FloatArray, FloatArray]]
 def figure(result: VibrationResult, rpm: float = 0.0) -> Figure:
     """Draw displacement, residual vibration, acceleration and twist at one speed.
 
-    ``rpm`` is one of the speeds of the result (default: the last).
+    ``rpm`` is one of the speeds of the result (default: the sweep over the speed, or the last).
     """
+    if result.sweep and not rpm:
+        return _sweep_figure(result)
     cam_set, rpm = result.cam_set, rpm or result.rpm[-1]
     rows = {cam: _rows(law, cam_set.rig, rpm * RPM) for cam, law in cam_set.laws.items()}
     cams, count = list(rows), len(LABELS) if cam_set.rig.shaft is not None else len(LABELS) - 1
@@ -74,6 +90,29 @@ def figure(result: VibrationResult, rpm: float = 0.0) -> Figure:
         _share(axes_row, LABELS[row % count])
     fig.suptitle(wrapped(f"Steady state at {rpm:g} rpm\n{cam_set.rig.title}"))
     fig.legend(handles=_legend(cams), loc="outside lower center", ncols=3, frameon=False)
+    return fig
+
+
+def _sweep_figure(result: VibrationResult) -> Figure:
+    """Draw the residual amplitude of each cam over the speed, dotted above its jump speed."""
+    fig = empty(SWEEP_HEIGHT)
+    axes, lost = fig.subplots(), {row.cam: row.contact_lost_rpm for row in result.rows}
+    for row in result.sweep:
+        style: dict[str, Any] = {
+            "color": colour(row.cam),
+            "label": title_of(result.cam_set.titles, row.cam),
+        }
+        values, lost_contact = (
+            np.maximum(1e6 * row.amplitudes, MIN_AMPLITUDE_UM),
+            row.speeds > lost[row.cam],
+        )
+        for shown, dash in ((~lost_contact, line(row.cam)["ls"]), (lost_contact, ":")):
+            axes.plot(row.speeds[shown], values[shown], ls=dash, **style)
+            style.pop("label", None)
+    axes.set(yscale="log", xlabel="cam speed [rpm]", ylabel="residual amplitude [µm]")
+    logarithmic(axes.yaxis)
+    fig.suptitle(wrapped(f"Residual vibration over the speed\n{result.cam_set.rig.title}"))
+    fig.legend(loc="outside lower center", ncols=3, frameon=False)
     return fig
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
+
+import numpy as np
 
 from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import FollowerParameters
@@ -24,7 +26,7 @@ from cam_rig.simulation.inputs import (
     resolve_speeds,
     scene_speeds,
 )
-from cam_rig.units import RPM
+from cam_rig.units import RPM, FloatArray
 
 #: Name of the cam with the law that the paper proposes.
 PROPOSED = "bezier15"
@@ -75,6 +77,15 @@ class Claim:
     measure: str = ""
 
 
+@dataclass(frozen=True)
+class SweepRow:
+    """Residual amplitudes (m) of a cam over the speeds (rpm) of a sweep."""
+
+    cam: str
+    speeds: FloatArray
+    amplitudes: FloatArray
+
+
 CLAIMS = (
     Column("claim"),
     Column("source", heading="in the paper"),
@@ -109,6 +120,19 @@ class VibrationResult(Result):
             Column("contact_lost_rpm", "rpm", doc="the jump speed", hidden=True),
         ),
         "claims": CLAIMS,
+        "sweep": (
+            Column("cam"),
+            Column("smallest", "µm", ".3g", of=lambda row: row.amplitudes.min()),
+            Column(
+                "quietest_rpm", "rpm", ".5g", "at", lambda row: row.speeds[row.amplitudes.argmin()]
+            ),
+            Column("largest", "µm", ".3g", of=lambda row: row.amplitudes.max()),
+            Column(
+                "loudest_rpm", "rpm", ".5g", "at", lambda row: row.speeds[row.amplitudes.argmax()]
+            ),
+            Column("speeds", hidden=True, doc="speeds of the sweep, rpm"),
+            Column("amplitudes", "µm", hidden=True, doc="residual amplitudes at the speeds"),
+        ),
     }
     notes = (
         Footnote(
@@ -129,6 +153,7 @@ class VibrationResult(Result):
 
     cam_set: CamSet
     rows: tuple[Row, ...]
+    sweep: tuple[SweepRow, ...] = ()
 
     @property
     def rpm(self) -> tuple[float, ...]:
@@ -151,10 +176,12 @@ class VibrationResult(Result):
         return list(_claims(self))
 
     def tables(self) -> list[Records]:
-        """Return the tables ``vibration``, with one row per cam and speed, and ``claims``."""
+        """Return ``vibration``, with one row per cam and speed, ``claims``, and ``sweep``."""
         caption = f"Steady-state vibration at {{rpm:g}} rpm, rig {self.cam_set.rig.name}"
         table = self.table("vibration", caption, self.rows, *self.notes, group_by="rpm")
-        return [table, claims_table(self.claims, self.rpm)]
+        caption = "Residual amplitude over the speeds of the sweep"
+        sweep = [self.table("sweep", caption, self.sweep)] if self.sweep else []
+        return [table, claims_table(self.claims, self.rpm), *sweep]
 
     def summary(self) -> list[str]:
         """Return a sentence with the number of speeds at which no claim is tested.
@@ -185,6 +212,7 @@ def vibration(
     rig: Rig = None,
     rpm: Speeds | None = None,
     *,
+    sweep: Speeds | None = None,
     progress: Progress = NULL_PROGRESS,
 ) -> VibrationResult:
     """Measure residual vibration, peak acceleration and twist in steady state.
@@ -203,6 +231,9 @@ def vibration(
         ``paper_table2``).
     rpm : float or sequence
         Speeds in rpm (default: four speeds of the scene, or 200, 250, 300 and 350 rpm).
+    sweep : float or sequence, optional
+        Speeds in rpm of the residual amplitude over the speed, which the figure then shows
+        (default: no sweep).
     progress : Progress
         Receiver of the progress.
 
@@ -226,7 +257,17 @@ def vibration(
     cam_set, scene = resolve_cams(cams, rig), find_scene(list_cams(cams))
     if rpm is None:
         rpm = VIBRATION_RPM if scene is None else scene_speeds(scene, len(VIBRATION_RPM))
-    return measure(cam_set, resolve_speeds(rpm), progress)
+    result = measure(cam_set, resolve_speeds(rpm), progress)
+    return result if sweep is None else replace(result, sweep=sweep_rows(cam_set, sweep))
+
+
+def sweep_rows(cam_set: CamSet, rpm: Speeds) -> tuple[SweepRow, ...]:
+    """Return the residual amplitudes of all cams over speeds in rpm."""
+    follower, speeds = FollowerParameters.on_stem(cam_set.rig, BY), np.array(resolve_speeds(rpm))
+    return tuple(
+        SweepRow(cam, speeds, steady.residual_vibration(law, follower, speeds * RPM))
+        for cam, law in cam_set.laws.items()
+    )
 
 
 #: Name of the computation of this study in the error message for a rig without a stem.

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import cam_rig
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import find_contact_loss_speed, find_jump
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
@@ -205,3 +206,24 @@ def test_a_law_too_steep_to_split_is_refused(laws, soft):
     words = r"residual vibration of .* in a vibration of .*; allowed"
     with pytest.raises(DynamicsError, match=words):
         residual_vibration(law, soft, np.array([3000.0 * RPM]))
+
+
+def test_a_sweep_has_the_amplitude_of_each_speed(tmp_path):
+    """A sweep has the residual amplitude of every speed, and its smallest and largest value.
+
+    The figure of a sweep has one curve per cam, and a dotted one above its jump speed.
+    """
+    cams, sweep = ["poly4567", "polydyne_300"], [290.0, 300.0, 310.0, 400.0]
+    result = cam_rig.vibration(cams, rpm=300.0, sweep=sweep)
+    rows = result.to_pandas("sweep").set_index("cam")
+    singles = cam_rig.vibration(cams, rpm=sweep).to_pandas("vibration")
+    for cam in cams:
+        single = singles[singles.cam == cam].residual_amplitude.to_numpy()
+        assert rows.amplitudes[cam] == pytest.approx(single, rel=1e-9, abs=1e-16)
+        assert rows.largest[cam] == pytest.approx(single.max(), rel=1e-9)
+    assert rows.quietest_rpm["polydyne_300"] == 300.0 and rows.smallest["polydyne_300"] < 1e-12
+    assert rows.largest["polydyne_300"] == pytest.approx(3.436e-6, rel=2e-3)
+    axes = result.plot().axes[0]
+    assert len(axes.lines) == 4
+    assert [len(curve.get_xdata()) for curve in axes.lines] == [3, 1, 3, 1]
+    assert "sweep" not in cam_rig.vibration(cams, rpm=300.0).data()
