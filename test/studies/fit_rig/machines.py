@@ -52,7 +52,7 @@ LIFT_NOISE = 10e-6
 
 
 class Score(NamedTuple):
-    """Error of one fitted parameter of a machine, in standard errors (`off`).
+    """Error of one fitted parameter of a machine, in standard errors (`errors`).
 
     `kind` is (model, kind of speeds, kind of noise), and `name` is that of the parameter.
     """
@@ -60,7 +60,7 @@ class Score(NamedTuple):
     seed: int
     kind: tuple[str, str, str]
     name: str
-    off: float
+    errors: float
 
 
 def jump_rpm(law, rig):
@@ -146,4 +146,4 @@ def scores_of(seed: int, rate: int = 500) -> list[Score]:
 
 def coverage(scores: Iterable[Score]) -> float:
     """Return the fraction of 95 % intervals that contain the truth."""
-    return float(np.mean([abs(score.relative_errors) < NORMAL_95 for score in scores]))
+    return float(np.mean([abs(score.errors) < NORMAL_95 for score in scores]))

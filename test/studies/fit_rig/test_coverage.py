@@ -43,7 +43,7 @@ def test_intervals_of_200_machines_contain_the_truth():
         for group in zip(titles, (*score.kind, score.name, "all"), strict=True):
             groups.setdefault(group, []).append(score)
     for (title, kind), scores in sorted(groups.items(), key=lambda row: titles.index(row[0][0])):
-        scatter = math.sqrt(np.mean([score.relative_errors**2 for score in scores]))  # r.m.s. score
+        scatter = math.sqrt(np.mean([score.errors**2 for score in scores]))  # r.m.s. score
         machines = len({score.seed for score in scores})
         within = f"{100.0 * coverage(scores):.1f} %"
         print(f"| {title}: {kind} | {machines} | {len(scores)} | {within} | {scatter:.2f} |")
@@ -116,7 +116,7 @@ def test_error_of_restitution(seed):
     17 to 28 standard errors, and no restitution need be identified. The same applies to seed 27. A
     normal error exceeds 4 standard errors once in 15 000 machines.
     """
-    off = {score.name: score.relative_errors for score in scores_of(seed)}
+    off = {score.name: score.errors for score in scores_of(seed)}
     assert abs(off.get("restitution", 0.0)) < (3.0 if seed in (61, 151) else 4.0)
     assert "restitution" in off or seed in (27, 61, 151)
     assert {"mass", "preload"} <= set(off) or seed not in (61, 151)
@@ -132,7 +132,7 @@ def test_errors_of_two_masses(seed):
     the stem, so that no parameter of the stem need be identified. One of seven normal errors
     exceeds 4 standard errors once in 2000 machines.
     """
-    off = {score.name: score.relative_errors for score in scores_of(seed)}
+    off = {score.name: score.errors for score in scores_of(seed)}
     assert {"mass", "spring_stiffness"} <= set(off)
     assert {"stem_stiffness", "roller_share"} <= set(off) or seed not in (115, 179)
     assert max(map(abs, off.values())) < 4.0
