@@ -3,18 +3,20 @@
 It displays a running rig or `ros2 bag play`. rig.launch.py includes it if rviz:=true.
 """
 
+import tempfile
+from pathlib import Path
+
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
 
 from cam_rig.messages import topics
 from cam_rig.messages.frames import Robot
 from cam_rig.messages.urdf import urdf
-from cam_rig.schema.load import resolve_path
+from cam_rig.schema.load import config_root, resolve_path
 from cam_rig.simulation.scene import open_scene
 
 #: Scene of a rig without the launch argument scene.
@@ -23,6 +25,19 @@ DEFAULT_SCENE = "tm21_sweep"
 REMAPPED = (topics.CLOCK, topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS, topics.FOLLOWER_MARKERS)
 #: Maximum rate (Hz of rig time) of published transforms, enough for 72 per turn up to 800 rpm.
 PUBLISH_FREQUENCY = 1000.0
+
+
+def write_layout(frame_prefix: str) -> str:
+    """Return the path of the layout for RViz, with the prefix in the frames that it names."""
+    layout = config_root() / "layouts" / "cam_rig.rviz"
+    if not frame_prefix:
+        return str(layout)
+    text = layout.read_text(encoding="utf-8")
+    text = text.replace("Fixed Frame: base_link", f"Fixed Frame: {frame_prefix}base_link")
+    text = text.replace('TF Prefix: ""', f"TF Prefix: {frame_prefix.rstrip('/')}")
+    copy = Path(tempfile.mkdtemp(prefix="cam_rig_")) / layout.name
+    copy.write_text(text, encoding="utf-8")
+    return str(copy)
 
 
 def make_nodes(context: LaunchContext) -> list[Node]:
@@ -45,9 +60,6 @@ def make_nodes(context: LaunchContext) -> list[Node]:
         f"{joints}.history": "keep_last",
         f"{joints}.depth": topics.MOTION_DEPTH,
     }
-    layout = PathJoinSubstitution(
-        [FindPackageShare("cam_rig"), "config", "layouts", "cam_rig.rviz"]
-    )
     publisher = Node(
         package="robot_state_publisher",
         executable="robot_state_publisher",
@@ -60,7 +72,7 @@ def make_nodes(context: LaunchContext) -> list[Node]:
     rviz = Node(
         package="rviz2",
         executable="rviz2",
-        arguments=["-d", layout],
+        arguments=["-d", write_layout(arguments["frame_prefix"])],
         parameters=[{"use_sim_time": True}],
         remappings=remaps,
         condition=IfCondition(LaunchConfiguration("rviz")),

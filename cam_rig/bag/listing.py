@@ -142,6 +142,10 @@ def _later(others: Iterable[Path], names: list[str]) -> list[Path]:
     `names` are the files that it lists.
     """
     last = NUMBERED.fullmatch(names[-1])
+    if last is None and (counter := COUNTED.fullmatch(names[-1])):
+        counted = [(COUNTED.fullmatch(file.name), file) for file in others]
+        later = [(int(match[1]), file) for match, file in counted if match]
+        return [file for number, file in sorted(later) if number > int(counter[1])]
     matches = [(file, NUMBERED.fullmatch(file.name)) for file in others]
     return [
         file

@@ -21,7 +21,7 @@ from cam_rig.bag.files import (
     part_of,
     require_new_bag,
 )
-from cam_rig.bag.listing import list_files, mcap_files, number_of, require_order
+from cam_rig.bag.listing import COUNTED, list_files, mcap_files, number_of, require_order
 from cam_rig.bag.partial_reader import (
     RECOVERED,
     Condition,
@@ -136,6 +136,12 @@ def recover_in_place(bag: Path) -> Recovery:
     The function may be killed and repeated.
     """
     files = _BagFiles(bag)
+    counted = [file.name for file in files.paths if COUNTED.fullmatch(file.name)]
+    if counted and not number_of(files.paths[-1]):
+        raise BagError(
+            f"{bag}: files named like {counted[0]} cannot be recovered in place; recover the bag "
+            f"with: cam-rig recover {shlex.quote(str(bag))} --output NEW_FOLDER"
+        )
     unclosed = [file for file in files.paths if not is_closed(file)]
     unclosed = unclosed or files.paths[-1:]  # only metadata.yaml is missing
     try:

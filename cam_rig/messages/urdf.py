@@ -241,8 +241,8 @@ def _joint(root: Element, robot: Robot, joint: RobotJoint) -> None:
         return
     SubElement(element, "axis", xyz="0 1 0" if joint.kind == "prismatic" else "0 0 1")
     if joint.kind == "continuous":
-        effort, speed = robot.max_torque, speed_limits(robot.loaded.scene)[1]
-        limits = {"effort": format_numbers((effort,)), "velocity": format_numbers((speed,))}
+        speed_text = format_numbers((_max_speed(robot),), JOINT_DIGITS)
+        limits = {"effort": format_numbers((robot.max_torque,)), "velocity": speed_text}
         SubElement(element, "limit", limits)
     if joint.limits is not None:
         # load at the scene's highest speed, in N and m/s, or in N m and rad/s of an arm
@@ -272,12 +272,17 @@ def _ros2_control(robot: Robot, namespace: str) -> Element:
         SubElement(hardware, "param", name=name).text = topic.within(namespace)
     cam = SubElement(element, "joint", name=CAM)
     command = SubElement(cam, "command_interface", name="velocity")
-    for name, speed in (("min", 0.0), ("max", speed_limits(robot.loaded.scene)[1])):
-        SubElement(command, "param", name=name).text = format_numbers((speed,))
+    for name, speed in (("min", 0.0), ("max", _max_speed(robot))):
+        SubElement(command, "param", name=name).text = format_numbers((speed,), JOINT_DIGITS)
     for joint in (cam, SubElement(element, "joint", name=FOLLOWER)):
         for quantity in ("position", "velocity", "effort"):
             SubElement(joint, "state_interface", name=quantity)
     return element
+
+
+def _max_speed(robot: Robot) -> float:
+    """Return the highest speed of commands (rad/s), less a margin for the rounding of its text."""
+    return (1.0 - 10.0**-JOINT_DIGITS) * speed_limits(robot.loaded.scene)[1]
 
 
 def _bodies(robot: Robot) -> dict[str, list[Body]]:

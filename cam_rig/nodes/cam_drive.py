@@ -43,6 +43,7 @@ class DriveControls:
 
     def __init__(self, node: CamDrive) -> None:
         self._node, self._program = node, node.program
+        self._joint_velocity: float | None = None  # rad/s, last command of a controller
         node.parameter_table.add_check("rpm", lambda rpm: self._program.require_speed(rpm * RPM))
         node.add_post_set_parameters_callback(self._on_parameters)
         node.subscribe(topics.CAM_RPM, self._on_rpm)
@@ -100,10 +101,11 @@ class DriveControls:
             raise RefusedError(f"{topic}: {result.reason}")
 
     def _on_joint_commands(self, message: JointState) -> None:
-        """Apply the velocity (rad/s) of the joint ``cam``, where 0 stops the cam.
+        """Apply a new velocity (rad/s) of the joint ``cam``, where 0 stops the cam.
 
         A message without this joint is for other robots. A controller repeats its command at each
-        of its cycles, so an unchanged velocity is ignored.
+        of its cycles. An unchanged velocity is therefore ignored, so that it does not cancel the
+        command of an operator.
         """
         topic, joint = topics.JOINT_COMMANDS.name, CAM_JOINTS[0]
         if joint not in message.name:
@@ -111,15 +113,17 @@ class DriveControls:
         if len(message.velocity) != len(message.name):
             raise RefusedError(f"{topic}: velocity must have one value per joint")
         velocity = message.velocity[message.name.index(joint)]
+        if velocity == self._joint_velocity:
+            return
         if velocity == 0.0:
             self._program.run(False)
-            return
-        if self._program.halted:
+        elif self._program.halted:
             raise RefusedError(f"{topic}: the emergency stop is active; call reset")
-        if velocity / RPM != self._node.get_parameter("rpm").value:
+        else:
+            self._program.require_speed(velocity)
             self._set_rpm(velocity / RPM, topic)
-        if not self._program.running:
             self.start()
+        self._joint_velocity = velocity
 
 
 class LawServerClient:
@@ -280,6 +284,8 @@ class CamDrive(ClockSource):
     def conclude(self, spin_once: Callable[..., None]) -> None:
         """Publish the end of the run, and warn if the last seconds were too slow."""
         self._warn_if_slow(MIN_PACE_WINDOW_S)
+        if self._simulation is not None:
+            self._simulation.update()  # answers a waiting request
         super().conclude(spin_once)
 
     def _publish_clock(self) -> None:
@@ -327,7 +333,7 @@ class CamDrive(ClockSource):
         """Return the current activity of the drive for its heartbeat message."""
         if self.program.halted:
             return Activity("emergency", (), "emergency stop, waiting for ~/reset")
-        if self._not_ready or self.program.running:
+        if self._not_ready or self.program.running or self.program.flow.in_flight:
             return super().activity()
         return Activity("stopped", (), "stopped, waiting for ~/start")
 

@@ -131,6 +131,11 @@ class ClockSource(RigNode):
 
     # Publishing of the states, as the acknowledgements of the consumers permit.
 
+    @property
+    def in_flight(self) -> int:
+        """Number of published ticks that not every consumer has acknowledged."""
+        return self._flow.in_flight
+
     def start_flow(self, consumers: list[str], flow: FlowControl) -> None:
         """Subscribe to the consumers' acknowledgements, and wait until all are ready.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,6 +20,15 @@ from cam_rig.schema.scene import MAX_SAMPLES_PER_TURN
 #: Type of a parameter -> description of its values, for messages and help texts.
 KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text",
          list: "a list of texts"}  # fmt: skip
+
+
+def require_frame_prefix(prefix: str) -> None:
+    """Raise ConfigError if a text cannot start the name of a frame."""
+    if not re.fullmatch(r"([A-Za-z_][\w/]*)?", prefix, re.ASCII):
+        raise ConfigError(
+            "frame_prefix must start with a letter, and contain letters, digits, _ and / only, got "
+            f"{prefix!r}"
+        )
 
 
 @dataclass(frozen=True)
@@ -125,7 +135,8 @@ _SAMPLES_PER_TURN = Spec(
 _FRAME_PREFIX = Spec(
     "frame_prefix",
     "",
-    "text before the names of the frames of messages for viewers, such as rig1/; not in bags",
+    "text before the frames of /joint_states, /follower/contact and the markers, such as rig1/",
+    check=require_frame_prefix,
 )
 #: Topics that every node publishes.
 COMMON = (topics.DIAGNOSTICS, topics.READY)

@@ -14,8 +14,9 @@ from cam_rig.units import to_rpm
 if TYPE_CHECKING:
     from cam_rig.nodes.clock_source import ClockSource
 
-#: Period (s, wall clock) at which the state is published while only speed or progress change.
-STATE_PERIOD_S = 1.0
+#: Time (s, wall clock) after which the state is published although only speed or progress change.
+#: With the period of the calls of `update`, 0.1 s, the gap between two messages is at most 1 s.
+STATE_PERIOD_S = 0.9
 
 
 class RigState:
@@ -53,12 +54,13 @@ class RigState:
 
     def _send(self, level: bytes, state: str, text: str, waits_for: str) -> None:
         node = self._node
+        turns = node.newest is not None and state in ("turning", "waiting")
         values = {
             "state": state,
             "waits_for": waits_for,
             "cam": self._cam,
-            "rpm": f"{0.0 if node.newest is None else to_rpm(node.newest.speed):.6g}",
-            "tick": str(node.ticks),
+            "rpm": f"{to_rpm(node.newest.speed) if turns and node.newest else 0.0:.6g}",
+            "tick": str(max(0, node.ticks - node.in_flight)),
             "ticks": str(node.total_ticks),
             "stamp_ns": str(max(0, node.newest_ns)),
         }

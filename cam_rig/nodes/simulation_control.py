@@ -151,28 +151,39 @@ class SimulationControl:
             text = "the rig must be paused; set the state to paused first"
         if text or steps == 0:
             return make_result(Result.RESULT_OPERATION_FAILED if text else Result.RESULT_OK, text)
-        first, completed = max(program.sent, 1), 0
-        program.run_ticks(steps)
-        self._progress = Future()
-        self._node.send_due()
-        while completed < steps and not self._node.done.done():
-            if not (program.running or program.flow.in_flight):
-                break  # stopped by another command
-            await self._progress
-            self._progress = Future()
-            if goal is not None and goal.is_cancel_requested:
-                program.run(False)
-            processed = max(completed, program.sent - first - program.flow.in_flight)
-            for count in range(completed + 1, processed + 1) if goal is not None else ():
-                feedback = {"completed_steps": count, "remaining_steps": steps - count}
-                goal.publish_feedback(SimulateSteps.Feedback(**feedback))
-            completed = processed
-        self._progress = None
+        try:
+            completed = await self._turn(steps, goal)
+        finally:
+            self._progress = None
         if completed == steps:
             return make_result()
         reason = "the run ended" if self._node.done.done() else "the cam was stopped"
         text = f"{reason} after {completed} of {steps} steps"
         return make_result(Result.RESULT_OPERATION_FAILED, text)
+
+    async def _turn(self, steps: int, goal: Any) -> int:
+        """Turn the cam by a number of ticks, and return the number of processed ticks.
+
+        Another command can stop the cam earlier, or start it, so that it turns on.
+        """
+        program = self._program
+        first, completed = max(program.sent, 1), 0
+        program.run_ticks(steps)
+        progress = self._progress = Future()
+        self._node.send_due()
+        while True:
+            processed = min(steps, program.sent - first - program.flow.in_flight)
+            for count in range(completed + 1, processed + 1) if goal is not None else ():
+                feedback = {"completed_steps": count, "remaining_steps": steps - count}
+                goal.publish_feedback(SimulateSteps.Feedback(**feedback))
+            completed = max(completed, processed)
+            is_stopped = not (program.running or program.flow.in_flight)  # by another command
+            if completed == steps or is_stopped or self._node.done.done():
+                return completed
+            await progress
+            progress = self._progress = Future()
+            if goal is not None and goal.is_cancel_requested:
+                program.run(False)
 
 
 def make_result(code: int = Result.RESULT_OK, text: str = "") -> Any:

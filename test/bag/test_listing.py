@@ -9,7 +9,7 @@ import yaml
 
 from cam_rig.bag.listing import list_files, mcap_files
 from cam_rig.bag.reader import read_counts
-from cam_rig.bag.recover import examine, recover
+from cam_rig.bag.recover import examine, recover, recover_in_place
 from cam_rig.errors import BagError
 from cam_rig.studies.simulate.recorded import read_recording
 
@@ -160,6 +160,15 @@ def test_files_named_as_in_lyrical_are_read_in_the_order_of_their_numbers(bag, s
     renamed = list_files(bag).files
     assert [int(file.name.partition("_")[0]) for file in renamed] == [*range(9, 9 + len(renamed))]
     assert len(renamed) > 2 and read_counts(bag) == read_counts(split)
+    listed = [file.name for file in renamed[:2]]
+    about = {"rosbag2_bagfile_information": {"relative_file_paths": listed, "files": [
+        {"path": name, "message_count": 0, "starting_time": {"nanoseconds_since_epoch": 0}}
+        for name in listed]}}  # fmt: skip
+    (bag / "metadata.yaml").write_text(yaml.safe_dump(about))
+    assert list_files(bag).files == renamed  # as after the death of the recorder
+    (bag / "metadata.yaml").unlink()
+    with pytest.raises(BagError, match="cannot be recovered in place; recover the bag with"):
+        recover_in_place(bag)
     renamed[1].unlink()
     with pytest.raises(BagError, match=r"10_\*\.mcap is missing, but later files exist"):
         list_files(bag)

@@ -197,7 +197,10 @@ def test_rviz_opens_the_shipped_layout(load):
     rviz = launch_nodes(load("robot.launch.py"), namespace="/rig1")["rviz2"]
     flag, layout = rviz["arguments"]
     assert flag == "-d"
-    assert LAUNCH.parent.joinpath(*layout.given[0][1:]).is_file()
+    assert Path(layout).samefile(LAUNCH.parent / "config" / "layouts" / "cam_rig.rviz")
+    prefixed = launch_nodes(load("robot.launch.py"), frame_prefix="rig1/")["rviz2"]
+    text = Path(prefixed["arguments"][1]).read_text(encoding="utf-8")
+    assert "Fixed Frame: rig1/base_link" in text and "TF Prefix: rig1\n" in text
     assert rviz["parameters"] == [{"use_sim_time": True}]
     assert ("/cam/markers", "/rig1/cam/markers") in rviz["remappings"]
     (include,) = of(load("rig.launch.py"), "IncludeLaunchDescription")

@@ -75,15 +75,19 @@ def test_a_controller_turns_and_stops_the_cam(make):
     assert not program.running
     command(20.0)
     assert program.running and program.schedule.state.speed == pytest.approx(20.0)
+    program.run(False)
+    command(20.0)
+    assert not program.running  # a repeated command does not cancel that of an operator
     for velocity in (-1.0, math.nan, math.inf, 1e9, 1e-9):
-        with pytest.raises(RefusedError, match="/joint_commands"):
+        with pytest.raises(RefusedError, match="speed must be 0, or between"):
             command(velocity)
     with pytest.raises(RefusedError, match="velocity must have one value per joint"):
         drive._controls._on_joint_commands(JointState(name=["cam"]))
+    program.run(True)
     program.take(0.0)
     program.halt()
     with pytest.raises(RefusedError, match="emergency stop"):
-        command(20.0)
+        command(21.0)
 
 
 def test_a_session_of_operator_commands(user, short_scene, tmp_path):

@@ -189,6 +189,27 @@ def test_steps_are_ticks(control):
     assert [f.remaining_steps for f in feedback] == [2, 1, 0]
 
 
+def test_another_command_during_a_step_leaves_the_control_usable(control):
+    """A start during a step, with more ticks at the next answer than requested, ends the step.
+
+    The feedback does not exceed the requested number, and later requests are accepted.
+    """
+    program, feedback = control._node.program, []
+    goal = SimpleNamespace(is_cancel_requested=False, publish_feedback=feedback.append)
+    coroutine = control._run_ticks(2, goal)
+    coroutine.send(None)
+    program.run(True)
+    for _ in range(5):
+        control._node.send_due()
+    control.update()
+    with pytest.raises(StopIteration) as end:
+        coroutine.send(None)
+    assert end.value.value.result == OK
+    assert [f.remaining_steps for f in feedback] == [1, 0]
+    program.run(False)
+    assert step(control, 1) == (OK, "")
+
+
 def test_a_step_that_cannot_be_completed_has_a_reason(control):
     """A request to step the simulation that cannot be completed fails with a reason.
 

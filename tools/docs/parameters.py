@@ -14,6 +14,7 @@ from pathlib import Path
 
 from cam_rig.messages.topics import TOPICS
 from cam_rig.nodes.parameters import PARAMETERS, Spec
+from cam_rig.nodes.recorder import MAX_NODES
 
 FOLDER = Path(__file__).parents[2] / "config" / "params"
 QOS_FILE = FOLDER.with_name("record_qos.yaml")
@@ -44,13 +45,15 @@ def qos_text() -> str:
         "#   ros2 bag record --all-topics --qos-profile-overrides-path config/record_qos.yaml",
     ]
     for topic in TOPICS:
+        # a late recorder receives the history of each publisher of a topic without an owner
+        publishers = 1 if topic.owner or not topic.latched else MAX_NODES
         durability = "transient_local" if topic.latched else "volatile"
         lines += [
             f"{topic.name}:",
             "  reliability: reliable",
             f"  durability: {durability}",
             "  history: keep_last",
-            f"  depth: {topic.depth}",
+            f"  depth: {topic.depth * publishers}",
         ]
     return "\n".join(lines) + "\n"
 
