@@ -123,7 +123,8 @@ def find_two_mass_jump(
     angle = zero.first_angle
     if duration is not None:  # ``first_angle`` is from a slightly faster run
         angle = min(angle, duration * zero.speed)
-    return Jump(zero.speed, angle % TURN, angle / zero.speed)
+    # JSON has no numbers of NumPy
+    return Jump(float(zero.speed), float(angle % TURN), float(angle / zero.speed))
 
 
 def solve_threshold(

@@ -49,6 +49,12 @@ def test_jump_speed_is_that_of_the_exact_model(laws, two_mass, cam, duration):
     assert jump.angle == pytest.approx(jump.speed * jump.time % (2.0 * np.pi), rel=1e-4)
 
 
+def test_a_jump_has_numbers_of_python(laws, two_mass):
+    """Speed, angle and time of a jump are Python floats, so that a page can send them as JSON."""
+    jump = find_jump(laws["poly345"], two_mass, None)
+    assert {type(value) for value in vars(jump).values()} == {float}
+
+
 @pytest.mark.parametrize("slowest", [1.0, 249.0, 340.0])
 def test_a_resonance_that_only_just_loses_contact(cams, two_mass, slowest):
     """A loss of contact that occurs only in a speed range of 0.4 rpm is found.
