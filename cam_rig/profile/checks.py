@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
 
 from cam_rig.errors import ReachError
 from cam_rig.extras import friendly_import_errors
@@ -345,6 +344,8 @@ def search_base_radius(margin: Callable[[float], float], base_radius: float) -> 
         The base radius in m. It is 0 if the margin is positive down to `MIN_BASE_RATIO` of the
         cam's base radius, and None if it is not positive up to `MAX_BASE_RATIO` of it.
     """
+    from scipy.optimize import brentq  # takes 0.1 s, and few checks need it
+
     good = margin(base_radius) > 0.0
     base, factor = base_radius, BASE_STEP if good else 1.0 / BASE_STEP
     while MIN_BASE_RATIO * base_radius < base < MAX_BASE_RATIO * base_radius:

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
-from scipy.stats import qmc
 
 from cam_rig.errors import ConfigError
 from cam_rig.studies.campaign.inputs import CampaignInput
@@ -58,6 +56,8 @@ def unit_points(
 
 
 def _sobol(seed: int, dimensions: int, first: int, last: int) -> FloatArray:
+    from scipy.stats import qmc  # takes 0.25 s, and a worker of a grid does not need it
+
     sequence = qmc.Sobol(dimensions, scramble=True, bits=SOBOL_BITS, rng=seed)
     parts = [np.empty((0, dimensions))]
     if first == 0 < last:  # separate, because scipy warns if the first draw is not a power of 2
@@ -201,6 +201,8 @@ class InputDraws:
         """
         if not self.config.correlated:
             return unit
+        from scipy.special import ndtr, ndtri
+
         normal, correlated = ndtri(unit), np.zeros_like(unit)
         for i, row in enumerate(self._mixing):
             for k, weight in enumerate(row[: i + 1]):
@@ -248,6 +250,8 @@ def draw(item: CampaignInput, unit: FloatArray) -> FloatArray:
         return np.asarray(item.origin + item.factor * (low + (high - low) * unit))
     if variation.uniform is not None:
         return np.asarray(item.mean + item.factor * variation.uniform * (2.0 * unit - 1.0))
+    from scipy.special import ndtr, ndtri
+
     spread, within = variation.normal or 0.0, variation.within
     if spread == 0.0:
         return np.full(unit.size, item.mean)
