@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeVar
 import typer
 
 from cam_rig.errors import CamRigError, ConfigError
-from cam_rig.show.command import command
+from cam_rig.show.command import RigOfCam, command
 from cam_rig.show.result import Result
 from cam_rig.show.terminal import say
 
@@ -88,9 +88,6 @@ def _load_named(kind: str, name: str, load: Callable[[], File]) -> File:
 
 #: Name of the default cam of board and bench.
 DEFAULT_CAM = "poly345"
-#: Name of the default rig of board and bench.
-DEFAULT_RIG = "paper_table2"
-
 #: Largest length of the path of a Unix socket, bytes, see unix(7).
 MAX_SOCKET_PATH_BYTES = 107
 
@@ -110,9 +107,6 @@ Names = Annotated[
         help=f"Cam file, or a name in config/cams, by default {DEFAULT_CAM}; two for --lab noise; "
         "with --grade also lab sheets, which end in .csv.",
     ),
-]
-Rig = Annotated[
-    str | None, typer.Option(help=f"Rig file, or a name in config/rigs (default: {DEFAULT_RIG}).")
 ]
 Port = Annotated[int, typer.Option(min=0, max=65535, help="Port on this machine (0: a free one).")]
 Out = Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for cam files, bags and sheets.")]
@@ -154,7 +148,7 @@ Tolerance = Annotated[
 @command("json", "csv", "plot")
 def panel(
     names: Names = None,
-    rig: Rig = None,
+    rig: RigOfCam = None,
     port: Port = 0,
     out: Out = Path("out"),
     lang: Lang = None,
@@ -207,9 +201,7 @@ def panel(
     if mark:
         return mark_sheets([*map(Path, sheets)], cams, rig, tolerance)
     room = ClassRoom(lab, tuple(seed or ()), host) if lab else None
-    _serve(
-        cams or [DEFAULT_CAM], rig or DEFAULT_RIG, port, out, not no_rerun, open_browser, room, lang
-    )
+    _serve(cams or [DEFAULT_CAM], rig, port, out, not no_rerun, open_browser, room, lang)
     return None
 
 
@@ -260,7 +252,7 @@ def _require_compatible(
 
 def _serve(
     cams: list[str],
-    rig: str,
+    rig: str | None,
     port: int,
     out: Path,
     rerun: bool,
@@ -272,7 +264,8 @@ def _serve(
     from cam_rig.extras import require
     from cam_rig.files import temporary_folder
     from cam_rig.panel.board.board import Board
-    from cam_rig.simulation.inputs import resolve_cam, resolve_rig
+    from cam_rig.schema.load import cam_path
+    from cam_rig.simulation.inputs import default_rig, resolve_cam, resolve_rig
 
     for library in ("starlette", "uvicorn", "websockets"):
         require(library)
@@ -284,7 +277,9 @@ def _serve(
     from cam_rig.runner.resources import user_folder
 
     expect_many()
-    cam_configs, rig_config = [resolve_cam(cam) for cam in cams], resolve_rig(rig, *cams)
+    cam_configs = [resolve_cam(cam) for cam in cams]
+    chosen = rig or str(default_rig([cam_path(cam) for cam in cams]))
+    rig_config = resolve_rig(chosen, *cams)
     first = cam_configs[0]
     with temporary_folder("cam_rig-panel-", user_folder()) as folder:
         runner = BenchRunner(rig_config, folder, out, rerun)
@@ -293,7 +288,7 @@ def _serve(
                 f"{runner.socket}: socket path of {size} bytes; allowed: {MAX_SOCKET_PATH_BYTES}; "
                 "remedy: a shorter XDG_RUNTIME_DIR or TMPDIR"
             )
-        board = Board(first, rig_config, out, rig)
+        board = Board(first, rig_config, out, rig or rig_config.name)
         sheets = room.pages(cam_configs, rig_config, out) if room else {}
         host = room.host if room else None
         pages: list[PanelPages] = [*sheets.values()]

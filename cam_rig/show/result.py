@@ -278,6 +278,11 @@ class Result:
     exit_code: int = 0
     assumed: tuple[str, ...] = ()
 
+    @property
+    def subject(self) -> str:
+        """Cam, rig and model of the result, the first line of a command. May be empty."""
+        return ""
+
     def tables(self) -> list[Records]:
         """Return the tables, the requested one first."""
         raise NotImplementedError
@@ -374,6 +379,13 @@ class Result:
             rows = "".join(f"<tr>{row}</tr>" for row in cells)
             html += f"<table><caption>{escape(table.caption)}</caption>{rows}</table>"
         return html
+
+
+def subject_line(cams: Iterable[str], rig: str, model: str = "") -> str:
+    """Return the subject of a result as a line: its cams, rig and model by their names."""
+    names = list(cams)
+    line = f"cam{'s' if len(names) > 1 else ''} {', '.join(names)}; rig {rig}"
+    return f"{line}; model {model}" if model else line
 
 
 class Progress:

@@ -276,15 +276,19 @@ class LoadedScene:
         _ = MODELS[self.scene.model].parameters(self.rig), self.radiation
 
     @property
-    def files(self) -> list[Path]:
-        """Paths of all files of the scene, with the scene file first."""
-        published = [] if self.published_file is None else [self.published_file]
+    def files(self) -> dict[Path, str]:
+        """Paths of all files of the scene, and the folder of ``config`` for each.
+
+        The scene file is first.
+        """
         points = [
             path.parent / name
             for cam, path in self.cam_files.items()
             for name in self.cams[cam].files
         ]
-        return [self.scene_file, self.rig_file, *self.cam_files.values(), *points, *published]
+        cams = dict.fromkeys((*self.cam_files.values(), *points), "cams")
+        published = {} if self.published_file is None else {self.published_file: "published"}
+        return {self.scene_file: "scenes", self.rig_file: "rigs", **cams, **published}
 
     def mount(
         self, name: str, again: bool = False, require: Callable[[Law], object] = lambda _: None

@@ -17,11 +17,14 @@ from cam_rig.bag.partial_reader import read_partial
 from cam_rig.bag.reader import read_counts
 from cam_rig.bag.writer import BagWriter
 from cam_rig.messages.topics import recorded_topic
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_scene
 
 from ..bag.bags import cut_off
+from ..conftest import scene_data
 from ..foreign_bags import number as write_number
 from ..foreign_bags import write_bag
-from .conftest import GOLDEN, call, done
+from .conftest import GOLDEN, call, done, shipped, written
 
 MESSAGES = sum(read_counts(GOLDEN).values())
 
@@ -279,3 +282,33 @@ def test_command_that_repeats_a_run_has_its_options(monkeypatch, tmp_path):
     ]
     done("run", "quick", "--bag", tmp_path / "bag", *words)
     assert commands == [" ".join(["cam-rig run quick", *words])]
+
+
+def test_run_on_another_rig(tmp_path, monkeypatch):
+    """`run --rig` gives the nodes a scene that differs from the file only in its rig.
+
+    The scene of one line of JSON has its cam, with a table of points, and its rig in its folder.
+    """
+    text = shipped("rigs", "tm21")
+    points = shipped("cams", "measured").replace("name: measured", "name: points")
+    scene = scene_data(cams=["points"], rig="first", speeds=[200])
+    files = {
+        "first.yaml": text.replace("name: tm21", "name: first"),
+        "second.yaml": text.replace("name: tm21", "name: second").replace(
+            "given: 1.3,", "given: 2,"
+        ),
+        "points.yaml": points,
+        "measured.csv": (config_root() / "cams" / "measured.csv").read_text(encoding="utf-8"),
+        "small.yaml": json.dumps(scene),
+    }
+    written(tmp_path, files)
+    loaded = []
+    monkeypatch.setattr("cam_rig.cli.run._run", lambda path, *_: loaded.append(open_scene(path)))
+    path = tmp_path / "small.yaml"
+    done("run", path, "--rig", "second", "--bag", tmp_path / "bag")
+    (run,) = loaded
+    assert (run.rig.name, run.follower.mass, run.scene_file.name) == ("second", 2.0, path.name)
+    before = open_scene(path)
+    assert run.scene.model_copy(update={"rig": "first"}) == before.scene
+    assert np.array_equal(run.laws["points"].ordinates, before.laws["points"].ordinates)
+    assert not run.scene_file.exists()

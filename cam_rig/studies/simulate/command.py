@@ -71,26 +71,28 @@ def listen(
 
 
 @command("json", "csv", "plot")
-def simulate(scene: Scene = DEFAULT_SCENE, *, progress: Progress) -> Result:
+def simulate(scene: Scene = DEFAULT_SCENE, rig: OtherRig = None, *, progress: Progress) -> Result:
     """Run a scene without ROS: one row per cam and speed, and the noise of each cam.
 
     A row contains level, peak and least force, lift-off rate, longest flight, fastest landing and
     torque of the settled turns.
 
-    In Python: cam_rig.run_scene(scene)
+    In Python: cam_rig.run_scene(scene, rig)
 
     Examples
     --------
     cam-rig simulate
 
+    cam-rig simulate quick --rig mine/rigs/bench.yaml
+
     cam-rig simulate config/scenes/tm21_sweep.yaml --plot out/sweep.png --csv out/sweep.csv --json -
     """
-    from cam_rig.simulation.scene import load_scene
+    from cam_rig.simulation.inputs import resolve_scene
     from cam_rig.simulation.schedule import tick_count
     from cam_rig.studies.simulate.study import run_scene
     from cam_rig.units import NS
 
-    loaded = load_scene(scene)
+    loaded = resolve_scene(scene, rig)
     start = time.perf_counter()
     progress.start(tick_count(loaded.scene), loaded.scene.name)
     run = run_scene(loaded, on_tick=progress.advance)

@@ -15,12 +15,20 @@ import numpy as np
 from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import Samples
 from cam_rig.errors import ConfigError
-from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
+from cam_rig.show.result import (
+    NULL_PROGRESS,
+    Column,
+    Footnote,
+    Progress,
+    Records,
+    Result,
+    subject_line,
+)
 from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
 from cam_rig.simulation.export import export
-from cam_rig.simulation.inputs import Cams, Rig, Speeds, resolve_cams, resolve_speeds
+from cam_rig.simulation.inputs import Cams, Rig, Speeds, resolve_cams, resolve_scene, resolve_speeds
 from cam_rig.simulation.regression import NoiseCurve, NoiseResult, compare
-from cam_rig.simulation.scene import RELATIVE_NOTE, LevelOrigin, LoadedScene, load_scene
+from cam_rig.simulation.scene import RELATIVE_NOTE, LevelOrigin, LoadedScene
 from cam_rig.simulation.schedule import tick_count
 from cam_rig.simulation.simulate import (
     MeasuredTick,
@@ -151,6 +159,11 @@ class SceneRun(Result):
 
     def __repr__(self) -> str:
         return f"SceneRun({self.source}: {', '.join(self.loaded.laws)}, {len(self.ticks)} ticks)"
+
+    @property
+    def subject(self) -> str:
+        """Cams, rig and model of the scene."""
+        return subject_line(self.loaded.laws, self.loaded.rig.name, self.loaded.scene.model)
 
     @property
     def complete(self) -> bool:
@@ -314,7 +327,10 @@ class SceneRun(Result):
 
 @check_arguments
 def run_scene(
-    scene: str | Path | LoadedScene, *, on_tick: Callable[[], None] = lambda: None
+    scene: str | Path | LoadedScene,
+    rig: Rig = None,
+    *,
+    on_tick: Callable[[], None] = lambda: None,
 ) -> SceneRun:
     """Simulate a scene without ROS, with the same results as the nodes.
 
@@ -324,6 +340,8 @@ def run_scene(
     ----------
     scene : str, Path or LoadedScene
         Name in ``config/scenes``, path, or result of `load_scene`.
+    rig : str, Path or Rig, optional
+        Name in ``config/rigs``, path, or the rig (default: the scene's).
     on_tick : callable
         Function called after each tick, for a progress bar.
 
@@ -347,7 +365,7 @@ def run_scene(
     >>> curve.rpm.round(), curve.level_db.round(1)
     (array([200., 300., 350., 400.]), array([78.5, 81.4, 83.2, 85.4]))
     """
-    loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    loaded = resolve_scene(scene, rig)
     speeds, ticks = SpeedRows.of(loaded), []
     for tick in simulate(loaded, speeds.take):
         ticks.append(tick)

@@ -14,7 +14,15 @@ from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import SteadyVibration, require_speeds
 from cam_rig.laws.cam import CamSet
 from cam_rig.schema.load import find_scene
-from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
+from cam_rig.show.result import (
+    NULL_PROGRESS,
+    Column,
+    Footnote,
+    Progress,
+    Records,
+    Result,
+    subject_line,
+)
 from cam_rig.simulation.inputs import (
     Cams,
     Rig,
@@ -123,6 +131,13 @@ class VibrationResult(Result):
 
     cam_set: CamSet
     rows: tuple[Row, ...]
+
+    @property
+    def subject(self) -> str:
+        """Cams, rig and models: that of the stem, and with a shaft that of torsion."""
+        rig = self.cam_set.rig
+        model = "elastic_stem" if rig.shaft is None else "elastic_stem and torsional"
+        return subject_line(self.cam_set.laws, rig.name, model)
 
     @property
     def rpm(self) -> tuple[float, ...]:
