@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.files import temporary_folder
+from cam_rig.files import atomic_write, temporary_folder
 from cam_rig.runner.fork_server import ForkServer
 from cam_rig.show.command import (
     DEFAULT_SCENE,
@@ -140,10 +140,27 @@ def run(
             subnet = discovery == Discovery.SUBNET
             _run(path, target, nodes, subnet, namespace, server, screen.page, repeat)
             if analyze:
-                from cam_rig.studies.simulate.bag_command import read_run
-
-                write_outputs(read_run(target), target / "noise.png", None, None)
+                print_analysis(target)
+            else:
+                say(f"next: cam-rig analyze {quote(target)}")
             screen.stay()
+
+
+def print_analysis(bag: Path) -> None:
+    """Print the summary of a bag and the next steps, and write picture and table into the bag."""
+    from cam_rig.studies.simulate.bag_command import read_run
+
+    run, picture, table = read_run(bag), bag / "noise.png", bag / "by_speed.csv"
+    write_outputs(run, picture, None, None)
+    with atomic_write(table) as part:
+        part.write_text(run.tables()[0].to_csv(), encoding="utf-8")
+    say(f"bag: {bag}", f"table by speed: {table}")
+    say(f"next: cam-rig view {quote(bag)}", f"      cam-rig analyze {quote(bag)} --table")
+
+
+def quote(path: Path) -> str:
+    """Return a path as an argument of a shell command."""
+    return shlex.quote(str(path))
 
 
 def _scene_on_rig(scene: str, rig: str, folder: Path) -> Path:

@@ -25,7 +25,6 @@ from cam_rig.report.sections import laws_table, origins, read_recorded, recorded
 from cam_rig.report.sheet import DesignSheet
 from cam_rig.show.looks import LONGEST_TITLE
 from cam_rig.show.tables import Cell, DataTable, Header, tabulate
-from cam_rig.simulation.by_speed import SpeedRow
 from cam_rig.simulation.scene import (
     ORDER_SPEEDS,
     RELATIVE_NOTE,
@@ -43,7 +42,7 @@ from cam_rig.studies.profile.study import ProfileResult
 from cam_rig.studies.simulate import figures as simulation_figures
 from cam_rig.studies.simulate.study import run_scene
 from cam_rig.studies.vibration.study import VibrationResult, measure
-from cam_rig.units import NS, RPM, FloatArray
+from cam_rig.units import NS, RPM
 
 StudyResult = TypeVar("StudyResult")
 
@@ -115,38 +114,25 @@ class SceneStudies:
 
 def _summary_table(scene: SceneStudies) -> DataTable:
     """Return a table with checks, contact loss, jump speed and levels of each cam."""
-    jumps = {row.cam: row.jump.rpm for row in scene.jumps.rows}
-    curves = scene.run.noise.curves
+    summaries = {row.cam: row for row in scene.run.summaries}
 
     def checks(cam: str, passed: bool) -> Cell:
         return sum(check.passed is passed for check in scene.checks.get(cam, ()))
-
-    def speed_rows(cam: str) -> list[SpeedRow]:
-        return [row for row in scene.run.by_speed if row.cam == cam]
-
-    def rows_without_contact(cam: str) -> list[SpeedRow]:
-        return [row for row in speed_rows(cam) if row.flight > 0.0 or row.min_force < 0.0]
-
-    def level(cam: str, extreme: Callable[[FloatArray], float]) -> Cell:
-        return float(extreme(curves[cam].level_db)) if cam in curves else None
 
     fields: list[tuple[Header, Callable[[str], Cell]]] = [
         (Header("cam"), lambda cam: scene.titles[cam]),
         (Header("checks passed", "", ".0f"), lambda cam: checks(cam, True)),
         (Header("failed", "", ".0f"), lambda cam: checks(cam, False)),
-        (Header("speeds", "", ".0f"), lambda cam: len(speed_rows(cam))),
-        (Header("without contact", "", ".0f"), lambda cam: len(rows_without_contact(cam))),
+        (Header("speeds", "", ".0f"), lambda cam: summaries[cam].speeds),
+        (Header("without contact", "", ".0f"), lambda cam: summaries[cam].lost),
         (
             Header("first at", "rpm", ".6g", missing="–"),
-            lambda cam: min((row.rpm for row in rows_without_contact(cam)), default=None),
+            lambda cam: summaries[cam].first_lost,
         ),
-        (
-            Header("longest flight", "ms", ".1f"),
-            lambda cam: max(1e3 * row.flight for row in speed_rows(cam)),
-        ),
-        (Header("jump speed", "rpm", ".1f", missing="–"), jumps.get),
-        (Header("lowest level", "dB", ".1f"), lambda cam: level(cam, np.min)),
-        (Header("highest", "dB", ".1f"), lambda cam: level(cam, np.max)),
+        (Header("longest flight", "ms", ".1f"), lambda cam: 1e3 * summaries[cam].longest_flight),
+        (Header("jump speed", "rpm", ".1f", missing="–"), lambda cam: summaries[cam].jump_speed),
+        (Header("lowest level", "dB", ".1f"), lambda cam: summaries[cam].lowest_level),
+        (Header("highest", "dB", ".1f"), lambda cam: summaries[cam].highest_level),
     ]
     return tabulate(
         "The cams in short",

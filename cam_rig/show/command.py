@@ -217,6 +217,9 @@ OtherRig = Annotated[
     str | None,
     typer.Option("--rig", help="Rig file, or a name in config/rigs (default: the scene's)."),
 ]
+ShowTable = Annotated[
+    bool, typer.Option("--table", help="Display every speed, and the regressions of the levels.")
+]
 SceneOfBag = Annotated[
     str | None,
     typer.Option(help="Scene that was run, for a bag without one (made by `ros2 bag record`)."),

@@ -16,9 +16,11 @@ from cam_rig.bag.files import bag_file
 from cam_rig.bag.partial_reader import read_partial
 from cam_rig.bag.reader import read_counts
 from cam_rig.bag.writer import BagWriter
+from cam_rig.cli.run import print_analysis
 from cam_rig.messages.topics import recorded_topic
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
+from cam_rig.studies.simulate.recorded import read_bag
 
 from ..bag.bags import cut_off
 from ..conftest import scene_data
@@ -312,3 +314,37 @@ def test_run_on_another_rig(tmp_path, monkeypatch):
     assert run.scene.model_copy(update={"rig": "first"}) == before.scene
     assert np.array_equal(run.laws["points"].ordinates, before.laws["points"].ordinates)
     assert not run.scene_file.exists()
+
+
+def test_run_ends_with_summary_files_and_next_steps(tmp_path, capsys):
+    """After a run with --analyze the summary, the paths and the next commands are printed.
+
+    The table by speed is a CSV file in the bag, which is read again.
+    """
+    bag = tmp_path / "a bag"
+    shutil.copytree(GOLDEN, bag)
+    print_analysis(bag)
+    lines = capsys.readouterr().err.splitlines()
+    run = read_bag(bag)
+    (tm21, _) = run.summaries
+    assert (tm21.speeds, tm21.lost, tm21.first_lost) == (4, 2, 350.0)
+    assert tm21.jump_speed == pytest.approx(318.6, abs=0.05)
+    assert (tm21.lowest_level, tm21.highest_level) == pytest.approx((74.3, 96.9), abs=0.05)
+    assert lines[-4:] == [
+        f"bag: {bag}",
+        f"table by speed: {bag / 'by_speed.csv'}",
+        f"next: cam-rig view '{bag}'",
+        f"      cam-rig analyze '{bag}' --table",
+    ]
+    assert (bag / "by_speed.csv").read_text(encoding="utf-8") == run.tables()[0].to_csv()
+    assert (bag / "noise.png").is_file()
+
+
+def test_rows_by_speed_are_displayed_on_request():
+    """Rows of many speeds and the regressions are displayed with --table only."""
+    short, long = (done("analyze", GOLDEN, *words).stderr for words in ((), ("--table",)))
+    assert " tm21       200  74.3" in short and "regression" not in short
+    assert "regression" in long and "cross at" in long and "cross at" not in short
+    sweep, whole = (done("simulate", *words).stderr for words in ((), ("--table",)))
+    assert " tm21       200  74.3" not in sweep and " tm21       200  74.3" in whole
+    assert "contact" in sweep and "318.6" in sweep

@@ -166,6 +166,8 @@ PARTS = {
 }
 #: Options for figures and files, which are methods of the result in Python.
 FILES = {
+    "analyze": {"table"},  # display only
+    "simulate": {"table"},
     "bounce": {"basins"},  # a separate function, `cam_rig.studies.bounce.basins`
     "contact": {"events", "min-radius"},
     "fit sound": {"dry-run"},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import wave
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,7 @@ import typer
 
 from cam_rig.errors import ConfigError
 from cam_rig.files import atomic_write, check_writable
-from cam_rig.show.command import DEFAULT_SCENE, OtherRig, Scene, command
+from cam_rig.show.command import DEFAULT_SCENE, OtherRig, Scene, ShowTable, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
 
@@ -71,11 +72,17 @@ def listen(
 
 
 @command("json", "csv", "plot")
-def simulate(scene: Scene = DEFAULT_SCENE, rig: OtherRig = None, *, progress: Progress) -> Result:
-    """Run a scene without ROS: one row per cam and speed, and the noise of each cam.
+def simulate(
+    scene: Scene = DEFAULT_SCENE,
+    rig: OtherRig = None,
+    table: ShowTable = False,
+    *,
+    progress: Progress,
+) -> Result:
+    """Run a scene without ROS: levels, jump speed and lost contact of each cam, and each speed.
 
-    A row contains level, peak and least force, lift-off rate, longest flight, fastest landing and
-    torque of the settled turns.
+    A row by speed contains level, peak and least force, lift-off rate, longest flight, fastest
+    landing and torque of the settled turns. More than 12 rows are displayed with --table only.
 
     In Python: cam_rig.run_scene(scene, rig)
 
@@ -102,4 +109,4 @@ def simulate(scene: Scene = DEFAULT_SCENE, rig: OtherRig = None, *, progress: Pr
         f"{len(run.ticks)} ticks, {rig_time:.1f} s of rig time in {duration:.2f} s "
         f"({rig_time / duration:.0f} x real time)"
     )
-    return run
+    return replace(run, show_table=table)

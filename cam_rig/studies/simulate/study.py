@@ -14,6 +14,8 @@ import numpy as np
 
 from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import Samples
+from cam_rig.dynamics.jump.any_follower import describe_run, follower_of
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S
 from cam_rig.errors import ConfigError
 from cam_rig.show.result import (
     NULL_PROGRESS,
@@ -27,7 +29,7 @@ from cam_rig.show.result import (
 from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
 from cam_rig.simulation.export import export
 from cam_rig.simulation.inputs import Cams, Rig, Speeds, resolve_cams, resolve_scene, resolve_speeds
-from cam_rig.simulation.regression import NoiseCurve, NoiseResult, compare
+from cam_rig.simulation.regression import MIN_SPEEDS, NoiseCurve, NoiseResult, compare
 from cam_rig.simulation.scene import RELATIVE_NOTE, LevelOrigin, LoadedScene
 from cam_rig.simulation.schedule import tick_count
 from cam_rig.simulation.simulate import (
@@ -39,8 +41,11 @@ from cam_rig.simulation.simulate import (
     step_levels,
 )
 from cam_rig.studies.simulate.motion import scene_of
+from cam_rig.studies.simulate.summary import SUMMARY, CamSummary, summarise
 from cam_rig.units import to_rpm
 
+#: Largest number of rows by speed that are displayed if `SceneRun.show_table` is False.
+MAX_SHOWN_ROWS = 12
 #: Columns of the table of one row per cam and speed, see `SpeedRow`.
 SPEEDS = (
     Column("cam"),
@@ -111,12 +116,15 @@ class SceneRun(Result):
         Accumulator that has received all samples (default: `by_speed` reads them from `blocks`).
     notes : tuple of str
         Sentences on missing data of a bag, and on possible errors in a recovered bag.
+    show_table : bool
+        True to display the tables ``speeds`` and ``noise`` of a run with many speeds too.
     """
 
     schema = "cam_rig.simulate.1"
     plot_function = "cam_rig.studies.simulate.figures:figure"
     columns: ClassVar = {
         "speeds": SPEEDS,
+        "summary": SUMMARY,
         "noise": (
             Column("cam"),
             *map(_coefficient, range(4)),
@@ -156,6 +164,7 @@ class SceneRun(Result):
     counts: dict[str, int] = field(default_factory=dict)
     speeds: SpeedRows | None = None
     notes: tuple[str, ...] = ()
+    show_table: bool = False
 
     def __repr__(self) -> str:
         return f"SceneRun({self.source}: {', '.join(self.loaded.laws)}, {len(self.ticks)} ticks)"
@@ -248,6 +257,20 @@ class SceneRun(Result):
                 speeds.take(tick)
         return speeds.rows(levels)
 
+    @cached_property
+    def summaries(self) -> tuple[CamSummary, ...]:
+        """One row per cam: level range, jump speed and first speed with lost contact.
+
+        It is empty for a bag without samples.
+        """
+        by_cam: dict[str, list[SpeedRow]] = {}
+        for row in self.by_speed:
+            by_cam.setdefault(row.cam, []).append(row)
+        curves, laws, rig = self.noise.curves, self.loaded.laws, self.loaded.rig
+        return tuple(
+            summarise(rows, curves.get(cam), laws[cam], rig) for cam, rows in by_cam.items()
+        )
+
     @check_arguments
     def export(self, path: str | Path, *, cam: str | None = None, rpm: float | None = None) -> None:
         """Write every sample of the run to a file, with name, speed and angle of the cam.
@@ -283,9 +306,10 @@ class SceneRun(Result):
         export(Path(path), self.blocks(), self.loaded, cam, rpm)
 
     def tables(self) -> list[Records]:
-        """Return the tables ``speeds`` and ``noise``, and tables that are only exported.
+        """Return the tables ``speeds``, ``summary`` and ``noise``, and tables for export.
 
-        The table ``speeds`` is empty for a bag without samples.
+        The table ``speeds`` is empty for a bag without samples. It is displayed up to
+        `MAX_SHOWN_ROWS` rows, and the regressions of ``noise`` only if `show_table` is True.
         """
         title, curves = self.loaded.scene.title, self.noise.curves.values()
         rate = int(self.loaded.scene.sample_rate.si)
@@ -298,10 +322,19 @@ class SceneRun(Result):
         ]
         published = self.loaded.published
         crossing = self.noise.crossover_rpm, published and published.crossover.rpm
+        is_long = len(self.by_speed) > MAX_SHOWN_ROWS and not self.show_table
+        jump = f"Jump speed: {describe_run(follower_of(self.loaded.rig), REST_DURATION_S)}."
         return [
-            self.table("speeds", f"{title}: by speed", self.by_speed, note, BOUNCING),
             self.table(
-                "noise", f"{title}: level over x in rpm", curves, *relative, hidden=not curves
+                "speeds", f"{title}: by speed", self.by_speed, note, BOUNCING, hidden=is_long
+            ),
+            self.table("summary", f"{title}: in short", self.summaries, jump, *relative),
+            self.table(
+                "noise",
+                f"{title}: level over x in rpm",
+                curves,
+                *relative,
+                hidden=not (curves and self.show_table),
             ),
             self.table("levels", "", levels, hidden=True),
             self.table("crossing", "", [crossing], single=True, hidden=True),
@@ -312,13 +345,15 @@ class SceneRun(Result):
     def summary(self) -> list[str]:
         """Return a line on the speed at which the two published cams are equally loud.
 
-        The result is empty if the run does not have both cams. It is a note if the run has no
-        sound.
+        The result is empty if the run does not have both cams, or too few speeds for regressions
+        and `show_table` is False. It is a note if the run has no sound.
         """
         published = self.loaded.published
         if self.loaded.no_sound_note:
             return [self.loaded.no_sound_note]
         if published is None or not set(published.crossover.between) <= set(self.noise.curves):
+            return []
+        if not self.show_table and any(c.rpm.size < MIN_SPEEDS for c in self.noise.curves.values()):
             return []
         rpm, names = self.noise.crossover_rpm, " and ".join(published.crossover.between)
         crossing = "none" if rpm is None else f"{rpm:.1f} rpm"
