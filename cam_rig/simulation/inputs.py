@@ -66,7 +66,7 @@ def resolve_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
     If `cams` is a scene, its cams and its rig are returned. The default cams are those of the
     paper's Table 2. The default rig is that of `default_rig`.
     """
-    items = list_cams(cams)
+    items = to_cam_list(cams)
     if (scene := find_scene(items)) is not None:
         loaded = resolve_scene(scene, rig)
         return CamSet(loaded.cams, loaded.laws, loaded.rig)
@@ -76,7 +76,7 @@ def resolve_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
     return cam_set(named, resolve_rig(default_rig(sources) if rig is None else rig, *files))
 
 
-def list_cams(cams: Cams) -> list[str | Path | CamConfig]:
+def to_cam_list(cams: Cams) -> list[str | Path | CamConfig]:
     """Return a single cam or several cams as a list, empty for None.
 
     Raises

@@ -34,6 +34,30 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.units import FloatArray, to_rpm
 
 
+def list_cams() -> list[str]:
+    """Return the names of the shipped cams, for `load_cam`, in alphabetical order.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> cam_rig.list_cams()[:3]
+    ['arcs_centres', 'arcs_convex', 'arcs_straight']
+    """
+    return sorted(file.stem for file in (config_root() / "cams").glob("*.yaml"))
+
+
+def list_rigs() -> list[str]:
+    """Return the names of the shipped rigs, for `load_rig`, in alphabetical order.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> cam_rig.list_rigs()
+    ['paper_flywheel', 'paper_table2', 'tm21', 'tm21_bouncing']
+    """
+    return sorted(file.stem for file in (config_root() / "rigs").glob("*.yaml"))
+
+
 @check_arguments
 def load_cam(cam: str | Path) -> CamConfig:
     """Load a cam: its law as segments of the turn, and its follower.

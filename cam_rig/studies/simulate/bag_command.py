@@ -82,9 +82,9 @@ def export(
     """Write every sample of a run to a file, with name, speed and angle of the cam.
 
     Columns: time_s, cam, rpm, angle_rad, angle_in_turn_rad, lift_m, velocity_m_s,
-    acceleration_m_s2, force_N, impulse_N_s. The schema of a Parquet file contains units and
-    meanings; it needs pyarrow. A WAV file has one channel of 32-bit floats for each quantity that
-    changes within a turn, and its comment names them. Memory does not grow with the run.
+    acceleration_m_s2, force_N, impulse_N_s, torque_N_m. The schema of a Parquet file contains units
+    and meanings; it needs pyarrow. A WAV file has one channel of 32-bit floats for each quantity
+    that changes within a turn, and its comment names them. Memory does not grow with the run.
 
     Examples
     --------

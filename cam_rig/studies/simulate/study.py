@@ -282,7 +282,7 @@ class SceneRun(Result):
         path : str or Path
             File with the suffix .parquet, .csv, .npz or .wav. Its columns are ``time_s``, ``cam``,
             ``rpm``, ``angle_rad``, ``angle_in_turn_rad``, ``lift_m``, ``velocity_m_s``,
-            ``acceleration_m_s2``, ``force_N`` and ``impulse_N_s``.
+            ``acceleration_m_s2``, ``force_N``, ``impulse_N_s`` and ``torque_N_m``.
         cam : str, optional
             Name of a cam (default: all cams).
         rpm : float, optional

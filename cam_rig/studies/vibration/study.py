@@ -27,10 +27,10 @@ from cam_rig.simulation.inputs import (
     Cams,
     Rig,
     Speeds,
-    list_cams,
     resolve_cams,
     resolve_speeds,
     scene_speeds,
+    to_cam_list,
 )
 from cam_rig.units import RPM
 
@@ -226,7 +226,7 @@ def vibration(
     >>> result.to_pandas().cam.tolist()
     ['poly345', 'cycloidal']
     """
-    cam_set, scene = resolve_cams(cams, rig), find_scene(list_cams(cams))
+    cam_set, scene = resolve_cams(cams, rig), find_scene(to_cam_list(cams))
     if rpm is None:
         rpm = VIBRATION_RPM if scene is None else scene_speeds(scene, len(VIBRATION_RPM))
     return measure(cam_set, resolve_speeds(rpm), progress)
