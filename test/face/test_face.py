@@ -156,7 +156,7 @@ def test_cam_is_loaded_by_name_or_path():
 
 #: Commands without a result: they start nodes, serve pages, or convert files.
 NO_COMPUTATION = {
-    *("run", "replay", "panel", "view"),
+    *("run", "replay", "panel", "lab", "mark", "view"),
     *("new", "export", "listen", "recover", "report", "urdf"),
 }
 #: Names of `import cam_rig` without a command, from which results are made.

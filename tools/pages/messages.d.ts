@@ -267,6 +267,8 @@ interface LabSheet {
   has_instrument: boolean;
   has_answer: boolean;
   has_sound: boolean;
+  /** True if the curve of a turn is the contact force. */
+  shows_force: boolean;
   unit: string;
   knob: Pair;
   plot: { x: Pair; y: Pair };

@@ -60,8 +60,9 @@ class LabTurn:
 
     `curve` has the resolution of its sensor, at equal steps of the cam angle from 0. `sound` is of
     full scale and is played in a loop. `measured` is the reading of the lab's instrument.
-    `was_lost` is true if contact was lost on the way up to this speed. The arrays are empty if the
-    turn cannot be observed.
+    `was_lost` is true if contact was lost on the way up to this speed. `lift` (mm) and `gap` (µm,
+    between cam and follower) are those of the picture, at the angles of `curve`. The arrays are
+    empty if the turn cannot be observed.
     """
 
     contact_lost: bool
@@ -69,6 +70,8 @@ class LabTurn:
     curve: FloatArray = field(default_factory=lambda: np.empty(0))
     sound: FloatArray = field(default_factory=lambda: np.empty(0))
     measured: float | None = None
+    lift: FloatArray = field(default_factory=lambda: np.empty(0))
+    gap: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 #: Lowest and highest value of a knob or an axis.
@@ -125,6 +128,8 @@ class LabSheet(ABC):
     #: Field of the set-up whose value selects a filled marker, unless it is the first option. None
     #: if no marker is filled.
     filled: ClassVar[str | None] = None
+    #: True if the curve of a turn is the contact force, so that the follower may leave the cam.
+    shows_force: ClassVar[bool] = True
     #: True if the page plays the sound of a turn.
     has_sound: ClassVar[bool] = True
     #: Name of the default second cam, None if the lab has one cam.

@@ -207,7 +207,7 @@ def jump_speed(
     >>> cam_rig.jump_speed("poly345", "paper_table2", preload=preloads).rpm.round(1).tolist()
     [344.9, 413.4, 417.2]
     >>> cam_rig.jump_speed("poly345", "tm21", standard_errors={"mass": 0.01, "preload": 0.5})
-    JumpSpeed(poly345: 438.27 ± 2.1 rpm, contact lost at 146.0° after 0.0555 s)
+    JumpSpeed(poly345: 438.29 ± 1.7 rpm, contact lost at 241.2° after 0.0917 s)
     """
     law, rig = resolve_law(law), resolve_rig(rig, law)
     numbers = {
