@@ -72,7 +72,8 @@ interface Board {
   ordinates: number[];
   start: number[];
   handles: SentHandle[];
-  cams: string[];
+  /** Titles by name. */
+  cams: Record<string, string>;
   points: number;
   orders: number;
   /** Arrays in base64. */

@@ -205,7 +205,7 @@ addEventListener("keydown", (event) => {
 });
 
 for (const width of PULL_WIDTHS_DEG) $("width").append(new Option(text(width ? "width_deg" : "width_one", { width }), String(width)));
-for (const name of board.cams) $("second").append(new Option(name, name));
+for (const [name, title] of Object.entries(board.cams)) $("second").append(new Option(title, name));
 $("second").addEventListener("change", async () => {
   const name = field("second").value;
   const answer = name ? await fetch(`/other/${name}`) : null;
