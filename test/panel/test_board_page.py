@@ -43,6 +43,12 @@ REFUSED = "Failed to load resource"  # Chromium's message for status 409
 class BoardPage(BrowserPage):
     """Page of the board."""
 
+    def open(self, address, path=""):
+        """Open the page with the controls for experts."""
+        super().open(address, path)
+        script = "e => { e.open = true; sessionStorage.setItem('expert', 'open'); }"
+        self.page.locator("#expert").evaluate(script)
+
     def stale(self, name):
         script = "id => document.getElementById(id).classList.contains('stale')"
         return bool(self.page.evaluate(script, name))

@@ -271,6 +271,9 @@ const connection = new Connection(
   receive,
   (isOpen) => showStatus(isOpen ? "" : text("disconnected")),
 );
+const expert = /** @type {HTMLDetailsElement} */ ($("expert"));
+expert.open ||= sessionStorage.getItem("expert") === "open";
+expert.addEventListener("toggle", () => sessionStorage.setItem("expert", expert.open ? "open" : ""));
 fillHeading(board);
 store.update();
 listenForLinks(board, readDrawing, ({ ordinates, rpm }) => changeAsStep({ ordinates: Float64Array.from(ordinates), rpm }));
