@@ -116,7 +116,7 @@ class DesignSheet:
     @property
     def has_assumed(self) -> bool:
         """True if a number of the rig or of the cam is assumed."""
-        return self._is_assumed(self.cam) or self._is_assumed(self.loaded.rig.follower)
+        return ASSUMED_MARK in (self._origin(dynamic=True), self._hertz_origin)
 
     @property
     def remarks(self) -> list[str]:
@@ -180,7 +180,7 @@ class DesignSheet:
 
     def _results(self) -> Iterator[Row]:
         """Yield jump speed, margin, spring forces, Hertz pressure and sizes of the contour."""
-        dynamic, shape = self._origin(True), self._origin(False)
+        dynamic, shape = self._origin(dynamic=True), self._origin(dynamic=False)
         if self.jump_rpm is not None:
             yield "jump speed", self.jump_rpm, "rpm", None, dynamic
             yield "margin, jump / working", self.jump_rpm / self.rpm, "", None, dynamic
@@ -193,7 +193,8 @@ class DesignSheet:
         if not self._missing_contact:
             case = contact_case(self.cam, self.law, self._follower, self.speed)
             pressure = case.scan.greatest_of(case.surfaces.pressure)
-            yield "Hertz pressure", 1e-6 * pressure.value, "MPa", _degrees(pressure), dynamic
+            row = "Hertz pressure", 1e-6 * pressure.value, "MPa", _degrees(pressure)
+            yield *row, self._hertz_origin
         convex, concave = sharpest_convex(self._scan), sharpest_concave(self._scan)
         for name, radius in (("smallest convex radius", convex), ("smallest hollow", concave)):
             if radius is not None and np.isfinite(radius.value):
@@ -203,12 +204,12 @@ class DesignSheet:
     def _peaks(self) -> Iterator[Row]:
         """Yield the largest and smallest value of each quantity over the turn."""
         orders = (*DERIVATIVES, JERK) if self._jerk_is_finite else DERIVATIVES
-        origin = self._origin(False)
+        origin = self._origin(dynamic=False)
         for order, (name, unit, factor) in enumerate(orders):
             low, high = extremes(self.law, order)
             scale = factor * self.speed**order
             yield _peak_row(name, unit, high, low, scale, origin)
-        dynamic, (_, row, _) = self._origin(True), self.turn
+        dynamic, (_, row, _) = self._origin(dynamic=True), self.turn
         low, high = self._sampled(self.force)
         low, high = replace(low, value=row.min_force), replace(high, value=row.peak_force)
         yield _peak_row("contact force F", "N", high, low, 1.0, dynamic)
@@ -273,14 +274,25 @@ class DesignSheet:
         first = int(np.argmax(values <= low + margin)), int(np.argmax(values >= high - margin))
         return Extreme(low, float(self.angle[first[0]])), Extreme(high, float(self.angle[first[1]]))
 
-    @staticmethod
-    def _is_assumed(model: BaseModel) -> bool:
-        return any(q.origin == "assumed" for _, q in iterate_quantities(model, ""))
+    def _origin(self, dynamic: bool, *others: Quantity) -> str:
+        """Return the origin of a computed number.
 
-    def _origin(self, dynamic: bool) -> str:
-        """Return the origin of a computed number. `dynamic` is True if the rig enters."""
-        models = (self.cam, self.loaded.rig.follower) if dynamic else (self.cam,)
-        return ASSUMED_MARK if any(map(self._is_assumed, models)) else "computed"
+        It depends on the cam and on the quantities `others`, and if `dynamic` is True on the rig.
+        """
+        models: list[BaseModel] = [self.cam.follower, *self.cam.segments]
+        models += [self.loaded.rig.follower] if dynamic else []
+        numbers = [self.cam.lift, *others]
+        numbers += [number for model in models for _, number in iterate_quantities(model, "")]
+        is_assumed = any(number.origin == "assumed" for number in numbers)
+        return ASSUMED_MARK if is_assumed else "computed"
+
+    @property
+    def _hertz_origin(self) -> str:
+        """Origin of the Hertz pressure, "computed" without it."""
+        if self._missing_contact:
+            return "computed"
+        keys = (*self._contact_keys, "poisson_ratio")
+        return self._origin(True, *(getattr(self.cam.parts, key) for key in keys))
 
 
 def _peak_row(name: str, unit: str, high: Extreme, low: Extreme, factor: float, origin: str) -> Row:

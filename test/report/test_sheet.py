@@ -123,6 +123,10 @@ def test_hertz_pressure_needs_width_and_material(studies):
     ]
     stated = sheet_of(studies(cam=CAM + CONTACT))
     assert 100.0 < rows(stated.tables["results"])["Hertz pressure"][0] < 1000.0
+    assert rows(stated.tables["peaks"])["velocity v [m/s]"][-1] == "computed"  # without a star
+    sure = sheet_of(studies(cam=CAM + CONTACT, rig=RIG.replace("assumed: 12", "given: 12")))
+    results = rows(sure.tables["results"])  # the ratio of Poisson is assumed
+    assert (results["Hertz pressure"][-1], results["jump speed"][-1]) == ("computed *", "computed")
     assert stated.remarks == [] and "face width" in rows(stated.tables["given"])
 
 
