@@ -4,6 +4,7 @@
 subject                                                 functions and classes
 ======================================================  ===========================================
 cam, rig or scene from a file                           load_cam, load_rig, load_scene
+names of the shipped cams and rigs                      list_cams, list_rigs
 user-defined cam or rig, and its file                   Cam(...), Rig(...), .replace(), .save()
 motion law s(θ) and its derivatives                     build_law, Law, plot_law
 peaks and joints of laws                                law_summary, list_laws
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
     from cam_rig.schema import CamConfig as Cam
     from cam_rig.schema import RigConfig as Rig
     from cam_rig.simulation.inputs import build_law
-    from cam_rig.simulation.scene import load_cam, load_rig, load_scene
+    from cam_rig.simulation.scene import list_cams, list_rigs, load_cam, load_rig, load_scene
     from cam_rig.studies.bounce.study import bounce_map
     from cam_rig.studies.campaign.study import campaign
     from cam_rig.studies.compare.study import compare
@@ -93,7 +94,9 @@ _HOMES = {
     "jump_speeds": "cam_rig.studies.jump.study",
     "jump_speed": "cam_rig.studies.jump.jump_speed",
     "law_summary": "cam_rig.studies.laws.study",
+    "list_cams": "cam_rig.simulation.scene",
     "list_laws": "cam_rig.studies.laws.rises",
+    "list_rigs": "cam_rig.simulation.scene",
     "load_cam": "cam_rig.simulation.scene",
     "load_rig": "cam_rig.simulation.scene",
     "load_scene": "cam_rig.simulation.scene",
@@ -108,11 +111,11 @@ _HOMES = {
     "vibration": "cam_rig.studies.vibration.study",
 }
 __all__ = [
-    "Cam", "CamRigError", "Law", "Rig", "__version__", "bounce_map", "build_law",
-    "campaign", "check_contours", "compare", "contact_stress", "contour", "design",
-    "fit_cam", "fit_rig", "fit_sound", "jump_speed", "jump_speeds", "law_summary", "list_laws",
-    "load_cam", "load_rig", "load_scene", "noise_study", "order_spectrum", "plot_law", "read_bag",
-    "run_scene", "simulate", "sound_level", "sweep", "vibration",
+    "Cam", "CamRigError", "Law", "Rig", "__version__", "bounce_map", "build_law", "campaign",
+    "check_contours", "compare", "contact_stress", "contour", "design", "fit_cam", "fit_rig",
+    "fit_sound", "jump_speed", "jump_speeds", "law_summary", "list_cams", "list_laws",
+    "list_rigs", "load_cam", "load_rig", "load_scene", "noise_study", "order_spectrum",
+    "plot_law", "read_bag", "run_scene", "simulate", "sound_level", "sweep", "vibration",
 ]  # fmt: skip
 
 

@@ -44,6 +44,8 @@ MAKERS = {
     "LoadedScene": ("a scene", "load_scene"),
     "Law": ("a Law", "build_law"),
     "FollowerMotion": ("a motion", "simulate"),
+    "Axes": ("axes", "matplotlib"),
+    "DataFrame": ("a data frame", "pandas"),
     "Executor": ("an executor", "concurrent.futures"),
     "Progress": ("a Progress", "cam_rig.show.result"),
 }

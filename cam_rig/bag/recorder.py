@@ -108,11 +108,9 @@ class BagRecorder:
             require_own_contour(self._loaded, cam_of(message), np.array(points).T)
 
     def _attach(self) -> None:
-        for path in self._loaded.files:
+        for path, folder in self._loaded.files.items():
             if path not in self._attached:
                 self._attached.add(path)
-                # A scene may be in any folder. The folders of the other files have fixed names.
-                folder = "scenes" if path == self._loaded.scene_file else path.parent.name
                 self._writer.attach(f"{folder}/{path.name}", path.read_bytes())
 
 

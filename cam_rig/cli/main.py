@@ -58,7 +58,11 @@ PANELS = {
         "noise": "cam_rig.studies.noise.command",
         "report": "cam_rig.report.command",
     },
-    "Teach": {"panel": "cam_rig.panel.command"},
+    "Teach": {
+        "panel": "cam_rig.panel.command",
+        "lab": "cam_rig.panel.lab.command",
+        "mark": "cam_rig.panel.lab.command",
+    },
 }
 #: Panel of the help of each command.
 PANEL_OF = {name: panel for panel, commands in PANELS.items() for name in commands}

@@ -18,10 +18,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cam_rig.files import atomic_write, temporary_folder
 from cam_rig.runner.fork_server import ForkServer
 from cam_rig.show.command import (
     DEFAULT_SCENE,
     Namespace,
+    OtherRig,
     Scene,
     SceneOfBag,
     command,
@@ -71,6 +73,7 @@ MaxBagDuration = Annotated[
 
 def run(
     scene: Scene = DEFAULT_SCENE,
+    rig: OtherRig = None,
     bag: Annotated[
         Path | None, typer.Option(help="Folder to record into, which must not exist.")
     ] = None,
@@ -101,6 +104,8 @@ def run(
 
     cam-rig run config/scenes/quick.yaml --bag bags/mine --analyze
 
+    cam-rig run quick --rig mine/rigs/bench.yaml
+
     cam-rig run --view
 
     cam-rig run quick --web --wait-for-client --pacing real_time
@@ -110,7 +115,11 @@ def run(
     cam-rig run --max-bag-size 100MB
     """
     options = dict(locals())  # before any other name is assigned
-    with user_errors(), ForkServer().begin() as server:  # it imports during the checks below
+    with (
+        user_errors(),
+        ForkServer().begin() as server,  # it imports during the checks below
+        temporary_folder("cam_rig-run-") as folder,
+    ):
         from cam_rig.bag.files import require_new_bag
         from cam_rig.bag.split import Split
         from cam_rig.live.flow_control import factor_of, pacing_of
@@ -119,7 +128,7 @@ def run(
         from cam_rig.schema.load import scene_path
         from cam_rig.viewer.command import open_screen
 
-        path = scene_path(scene)
+        path = scene_path(scene) if rig is None else _scene_on_rig(scene, rig, folder)
         factor_of(pacing := str(pacing_of(pacing)))
         limits = Split.parse(max_bag_size, max_bag_duration)
         namespace = parse_namespace(namespace)
@@ -131,10 +140,42 @@ def run(
             subnet = discovery == Discovery.SUBNET
             _run(path, target, nodes, subnet, namespace, server, screen.page, repeat)
             if analyze:
-                from cam_rig.studies.simulate.bag_command import read_run
-
-                write_outputs(read_run(target), target / "noise.png", None, None)
+                print_analysis(target)
+            else:
+                say(f"next: cam-rig analyze {quote(target)}")
             screen.stay()
+
+
+def print_analysis(bag: Path) -> None:
+    """Print the summary of a bag and the next steps, and write picture and table into the bag."""
+    from cam_rig.studies.simulate.bag_command import read_run
+
+    run, picture, table = read_run(bag), bag / "noise.png", bag / "by_speed.csv"
+    write_outputs(run, picture, None, None)
+    with atomic_write(table) as part:
+        part.write_text(run.tables()[0].to_csv(), encoding="utf-8")
+    say(f"bag: {bag}", f"table by speed: {table}")
+    say(f"next: cam-rig view {quote(bag)}", f"      cam-rig analyze {quote(bag)} --table")
+
+
+def quote(path: Path) -> str:
+    """Return a path as an argument of a shell command."""
+    return shlex.quote(str(path))
+
+
+def _scene_on_rig(scene: str, rig: str, folder: Path) -> Path:
+    """Write the files of a scene on another rig to a folder, and return the new scene file."""
+    from cam_rig.schema.load import read_yaml, to_yaml
+    from cam_rig.simulation.inputs import resolve_scene
+
+    loaded = resolve_scene(scene, rig)
+    for file, kind in loaded.files.items():
+        (folder / kind).mkdir(exist_ok=True)
+        shutil.copy(file, folder / kind)
+    target = folder / "scenes" / loaded.scene_file.name
+    data = read_yaml(target) | {"rig": loaded.rig_file.stem}
+    target.write_text(to_yaml(data), encoding="utf-8")
+    return target
 
 
 def _command_line(options: Mapping[str, Path | str | bool | Enum | None]) -> str:
@@ -238,7 +279,6 @@ def replay(
     """
     from cam_rig.bag.files import require_new_bag
     from cam_rig.bag.replay import ReplayResult
-    from cam_rig.files import temporary_folder
 
     if output is not None:
         require_new_bag(output)

@@ -38,14 +38,18 @@ def report(
     bag: Annotated[
         Path | None, typer.Option(help="Recording of the scene to compare with the run.")
     ] = None,
+    revision: Annotated[str, typer.Option(help="Revision on the design sheet.")] = "",
     *,
     json: str | None,
     progress: Progress,
 ) -> None:
     """Write everything about a scene's cams as one self-contained page.
 
-    The page contains laws and their peaks, contour and checks, force over the turn, lift-offs and
-    flights, jump speed, residual vibration, sound levels, orders, and the source of each number. An
+    The first page is a design sheet on A4 for each cam, at the highest speed of the scene, with
+    fields for designer and checker. It is followed by laws and their peaks, contour and checks,
+    force over the turn, lift-offs and flights, jump speed, residual vibration, sound levels,
+    orders, and the source of each number. A section whose numbers the files lack is left out, and
+    the page lists the missing numbers. An
     .html page has the date of today, or that of SOURCE_DATE_EPOCH (seconds since 1970). An .md page
     has a date only if SOURCE_DATE_EPOCH is set. `make paper` writes the page of the paper's
     experiments.
@@ -53,6 +57,8 @@ def report(
     Examples
     --------
     cam-rig report quick --out out/quick.html
+
+    cam-rig report mine/scenes/feeder.yaml --revision B --out out/feeder.html
 
     cam-rig report tm21_sweep --bag bags/tm21_sweep --json out/report.json
     """
@@ -64,7 +70,7 @@ def report(
         raise ConfigError(f"{out}: unknown kind of page; allowed: .html, .md")
     check_writable(out)
     kind = out.suffix.lower().lstrip(".")
-    made = page_made(scene, {"--rig": rig, "--bag": bag, "--out": out})
+    made = page_made(scene, {"--rig": rig, "--bag": bag, "--out": out}, revision)
     progress.start(None, "the run")
     studies = SceneStudies(resolve_scene(scene, rig), bag)
     contents = fill(SECTIONS, studies, kind == "html", progress)
@@ -75,17 +81,18 @@ def report(
     write_json(data(contents.values()) if json else {}, json)
 
 
-def page_made(scene: str, options: Mapping[str, object]) -> Made:
-    """Return the command that regenerates a page, and its date.
+def page_made(scene: str, options: Mapping[str, object], revision: str = "") -> Made:
+    """Return the command that regenerates a page, its date and its revision.
 
-    `options` are the values of the options, None for an option that is not used.
+    `options` are the values of the options of paths, None for an option that is not used.
     """
     from cam_rig.report.document import Made
 
     parts = ["cam-rig", "report", _public_path(scene)]
     for option, value in options.items():
         parts += [] if value is None else [option, _public_path(str(value))]
-    return Made(shlex.join(parts), page_date(Path(str(options["--out"]))))
+    parts += ["--revision", revision] if revision else []
+    return Made(shlex.join(parts), page_date(Path(str(options["--out"]))), revision=revision)
 
 
 def page_date(out: Path) -> str:

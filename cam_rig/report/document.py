@@ -31,14 +31,15 @@ LIBRARIES = ("numpy", "scipy")
 
 @dataclass(frozen=True)
 class Made:
-    """Origin of a page: the command that regenerates it, its date and its random seeds.
+    """Origin of a page: the command that regenerates it, its date, random seeds and revision.
 
-    Date and seeds are empty texts if they are not set.
+    Date, seeds and revision are empty texts if they are not set.
     """
 
     command: str
     date: str = ""
     seeds: str = ""
+    revision: str = ""
 
     @property
     def versions(self) -> str:
@@ -65,6 +66,8 @@ class Content:
         Results for the JSON output, by the name of their command.
     dpi : float, optional
         Resolution of rasterised parts of the figures.
+    left_out : str
+        Reason why the section is not on the page, or empty. Its results are in the JSON output.
     """
 
     tables: Sequence[DataTable] = ()
@@ -72,6 +75,7 @@ class Content:
     values: Mapping[str, Any] = field(default_factory=dict)
     results: Mapping[str, Any] = field(default_factory=dict)
     dpi: float | None = None
+    left_out: str = ""
 
     @cached_property
     def figure_uris(self) -> dict[str, list[str]]:
@@ -217,6 +221,8 @@ def render(
         Folder with further templates of sections (default: only those of the package).
     """
     templates, numbering, text = environment(kind, folder), Numbering(), ""
+    left_out = {s.title: content.left_out for s, content in contents.items() if content.left_out}
+    contents = {s: content for s, content in contents.items() if not content.left_out}
     with_figures = [] if kind == "md" else contents.values()
     parts = {
         "figures": {
@@ -225,12 +231,14 @@ def render(
         "numbering": numbering,
         "numbers": {section.key: i for i, section in enumerate(contents, start=1)},
         "found": source,
+        "made": made,
+        "left_out": left_out,
     }
     for _ in range(2):
         parts["page"] = templates.get_template(f"layout.{kind}").make_module(parts)
         main, appendix = _render_sections(templates, contents, parts)
         text = templates.get_template(f"report.{kind}").render(
-            parts, title=title, made=made, sections=main, appendix=appendix
+            parts, title=title, sections=main, appendix=appendix
         )
         numbering.restart()
     return text if kind == "html" else re.sub("\n{3,}", "\n\n", text).strip() + "\n"

@@ -1,6 +1,7 @@
 """Sections of the page of a scene, with the results of each study of its cams.
 
-If a study raises an error, the page contains the error.
+If a study raises an error, the page contains the error. A section without any result is left out,
+and the page lists the reason.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from matplotlib.figure import Figure
 from pydantic import BaseModel
 
 from cam_rig.errors import CamRigError
@@ -20,9 +22,9 @@ from cam_rig.profile.cam_checks import CheckedCam, check_cam
 from cam_rig.profile.checks import Check
 from cam_rig.report.document import Content, Section
 from cam_rig.report.sections import laws_table, origins, read_recorded, recorded_table
+from cam_rig.report.sheet import DesignSheet
 from cam_rig.show.looks import LONGEST_TITLE
 from cam_rig.show.tables import Cell, DataTable, Header, tabulate
-from cam_rig.simulation.by_speed import SpeedRow
 from cam_rig.simulation.scene import (
     ORDER_SPEEDS,
     RELATIVE_NOTE,
@@ -40,7 +42,7 @@ from cam_rig.studies.profile.study import ProfileResult
 from cam_rig.studies.simulate import figures as simulation_figures
 from cam_rig.studies.simulate.study import run_scene
 from cam_rig.studies.vibration.study import VibrationResult, measure
-from cam_rig.units import NS, RPM, FloatArray
+from cam_rig.units import NS, RPM
 
 StudyResult = TypeVar("StudyResult")
 
@@ -100,44 +102,37 @@ class SceneStudies:
         rows = tuple(row for result in results.values() for row in result.rows)
         return JumpResult(self.cam_set, rows)
 
+    def left_out(self, section: str) -> str:
+        """Return the reason why no cam has a result of a section, each error once."""
+        prefixes = tuple(f"{title}: " for title in self.titles.values())
+        errors = [error for error in self.refused[section] if error.startswith(prefixes)]
+        return "; ".join(dict.fromkeys(error.split(": ", 1)[1] for error in errors))
+
 
 # Section "In short", a table with a summary row for each cam.
 
 
 def _summary_table(scene: SceneStudies) -> DataTable:
     """Return a table with checks, contact loss, jump speed and levels of each cam."""
-    jumps = {row.cam: row.jump.rpm for row in scene.jumps.rows}
-    curves = scene.run.noise.curves
+    summaries = {row.cam: row for row in scene.run.summaries}
 
     def checks(cam: str, passed: bool) -> Cell:
         return sum(check.passed is passed for check in scene.checks.get(cam, ()))
-
-    def speed_rows(cam: str) -> list[SpeedRow]:
-        return [row for row in scene.run.by_speed if row.cam == cam]
-
-    def rows_without_contact(cam: str) -> list[SpeedRow]:
-        return [row for row in speed_rows(cam) if row.flight > 0.0 or row.min_force < 0.0]
-
-    def level(cam: str, extreme: Callable[[FloatArray], float]) -> Cell:
-        return float(extreme(curves[cam].level_db)) if cam in curves else None
 
     fields: list[tuple[Header, Callable[[str], Cell]]] = [
         (Header("cam"), lambda cam: scene.titles[cam]),
         (Header("checks passed", "", ".0f"), lambda cam: checks(cam, True)),
         (Header("failed", "", ".0f"), lambda cam: checks(cam, False)),
-        (Header("speeds", "", ".0f"), lambda cam: len(speed_rows(cam))),
-        (Header("without contact", "", ".0f"), lambda cam: len(rows_without_contact(cam))),
+        (Header("speeds", "", ".0f"), lambda cam: summaries[cam].speeds),
+        (Header("without contact", "", ".0f"), lambda cam: summaries[cam].lost),
         (
             Header("first at", "rpm", ".6g", missing="–"),
-            lambda cam: min((row.rpm for row in rows_without_contact(cam)), default=None),
+            lambda cam: summaries[cam].first_lost,
         ),
-        (
-            Header("longest flight", "ms", ".1f"),
-            lambda cam: max(1e3 * row.flight for row in speed_rows(cam)),
-        ),
-        (Header("jump speed", "rpm", ".1f", missing="–"), jumps.get),
-        (Header("lowest level", "dB", ".1f"), lambda cam: level(cam, np.min)),
-        (Header("highest", "dB", ".1f"), lambda cam: level(cam, np.max)),
+        (Header("longest flight", "ms", ".1f"), lambda cam: 1e3 * summaries[cam].longest_flight),
+        (Header("jump speed", "rpm", ".1f", missing="–"), lambda cam: summaries[cam].jump_speed),
+        (Header("lowest level", "dB", ".1f"), lambda cam: summaries[cam].lowest_level),
+        (Header("highest", "dB", ".1f"), lambda cam: summaries[cam].highest_level),
     ]
     return tabulate(
         "The cams in short",
@@ -149,6 +144,30 @@ def _summary_table(scene: SceneStudies) -> DataTable:
 
 
 # Sections of the page.
+
+
+def _sheet(scene: SceneStudies) -> Content:
+    """Return the design sheets of the first cams, each on a separate page in print."""
+    from cam_rig.report.sheet_figures import contour_figure, curves_figure
+
+    jumps = {row.cam: row.jump.rpm for row in scene.jumps.rows}
+
+    def sheet_of(cam_set: CamSet) -> DesignSheet:
+        cam, law = cam_set.pairs[0]
+        checks = scene.checks.get(cam.name, ())
+        sheet = DesignSheet(scene.loaded, cam, law, jumps.get(cam.name), checks)
+        _ = sheet.tables  # here, where an error is reported
+        return sheet
+
+    by_cam = scene.study_each_cam("sheet", sheet_of)
+    if not by_cam:
+        return Content(left_out=scene.left_out("sheet"))
+    sheets = dict(list(by_cam.items())[:MAX_DRAWN_CAMS])
+    figures: dict[str, Callable[[], Figure]] = {}
+    for cam, sheet in sheets.items():
+        figures[f"dimensions_{cam}"] = partial(contour_figure, sheet)
+        figures[f"curves_{cam}"] = partial(curves_figure, sheet)
+    return Content((), figures, {"sheets": sheets})
 
 
 def _summary(scene: SceneStudies) -> Content:
@@ -210,26 +229,37 @@ def _vibration(scene: SceneStudies) -> Content:
     rpm = spread_speeds(speeds_of(scene.loaded.scene), VIBRATION_SPEEDS)
     by_cam = scene.study_each_cam("vibration", lambda cam_set: measure(cam_set, rpm))
     if not by_cam:
-        return Content(results={"vibration": None})
+        return Content(results={"vibration": None}, left_out=scene.left_out("vibration"))
     rows = tuple(row for result in by_cam.values() for row in result.rows)
     vibration = VibrationResult(scene.cam_set.select(by_cam), rows)
     tables = vibration.tables()[0].to_display(scene.titles)
-    return Content(tables, {"vibration": vibration.plot}, results={"vibration": vibration})
+    figure = partial(vibration.plot, published=False)
+    return Content(tables, {"vibration": figure}, results={"vibration": vibration})
 
 
-def _sound(scene: SceneStudies) -> Content:
-    """Return the section on sound: levels over speed, and orders.
+def _orders(scene: SceneStudies) -> Content:
+    """Return the section on orders.
 
-    The orders are left out if the model has no closed form of its force.
+    It is left out if the model has no closed form of its force.
     """
     model, rig = scene.loaded.scene.model, scene.loaded.rig
     speeds = [rpm * RPM for rpm in spread_speeds(speeds_of(scene.loaded.scene), ORDER_SPEEDS)]
     by_cam = scene.study_each_cam(
-        "sound", lambda cam_set: waterfall(cam_set.laws, model, rig, speeds)[0]
+        "orders", lambda cam_set: waterfall(cam_set.laws, model, rig, speeds)[0]
     )
+    if not by_cam:
+        return Content(results={"orders": None}, left_out=scene.left_out("orders"))
     orders = OrdersResult(tuple(by_cam.values()), scene.titles)
-    no_sound = scene.loaded.no_sound_note
-    tables = [] if no_sound else [_levels(scene)]
+    tables = orders.speeds.to_display(scene.titles)
+    return Content(tables, {"orders": orders.plot}, {"highest": HIGHEST}, {"orders": orders})
+
+
+def _sound(scene: SceneStudies) -> Content:
+    """Return the section on sound: levels over speed, and those of a recording."""
+    if scene.loaded.missing_for_sound:
+        keys = " and ".join(scene.loaded.missing_for_sound)
+        return Content(left_out=f"rig {scene.loaded.rig.name}: {keys}: missing in the rig file")
+    tables = [_levels(scene)]
     if scene.recorded is not None:
         simulated = {cam: curve.level_db for cam, curve in scene.run.noise.curves.items()}
         published, rpm = scene.loaded.published, np.array(speeds_of(scene.loaded.scene))
@@ -238,13 +268,7 @@ def _sound(scene: SceneStudies) -> Content:
             cam: scene.loaded.published_levels(cam, rpm) for cam in simulated if cam in curves
         }
         tables.append(recorded_table(scene.recorded, simulated, scene.titles, levels))
-    return Content(
-        tables + (orders.speeds.to_display(scene.titles) if by_cam else []),
-        ({} if no_sound else {"noise": scene.run.plot})
-        | ({"orders": orders.plot} if by_cam else {}),
-        {"highest": HIGHEST, "no_sound": no_sound},
-        {"orders": orders if by_cam else None},
-    )
+    return Content(tables, {"noise": scene.run.plot})
 
 
 def _levels(scene: SceneStudies) -> DataTable:
@@ -278,6 +302,7 @@ def _numbers(scene: SceneStudies) -> Content:
 
 
 SECTIONS = (
+    Section("scene/sheet", "Design sheet", _sheet),
     Section("scene/summary", "In short", _summary),
     Section("scene/cams", "Cams and laws", _cams),
     Section("scene/contour", "Contour and checks", _contour),
@@ -285,5 +310,6 @@ SECTIONS = (
     Section("scene/jump", "Jump speed", _jump),
     Section("scene/vibration", "Residual vibration", _vibration),
     Section("scene/sound", "Sound", _sound),
+    Section("scene/orders", "Orders of the contact force", _orders),
     Section("numbers", "Given, assumed, identified", _numbers, aside=True),
 )

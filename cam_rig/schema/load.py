@@ -30,6 +30,8 @@ Config = TypeVar("Config", bound=BaseModel)
 MAX_BYTES = MIB
 #: Pattern of the name of a config file, without its suffix.
 NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
+#: Pattern of a top-level key of a YAML file.
+TOP_LEVEL_KEY = re.compile(r"(?m)^(\w+):")
 
 
 def config_root() -> Path:
@@ -131,12 +133,22 @@ class Library:
 
     roots: tuple[Path, ...]  #: folders like ``config``
     folder: Path = Path()  #: folder of the file, to which paths in it are relative
+    neighbours: tuple[Path, ...] = ()  #: folders whose cams and rigs are not in subfolders
+
+    @classmethod
+    def next_to(cls, *files: Path, folder: Path = Path()) -> Library:
+        """Return the folders for files in ``X/scenes/`` or ``X/cams/``.
+
+        These are ``X``, the folders of the files themselves, and ``config``.
+        """
+        roots = [file.absolute().parent.parent for file in files]
+        neighbours = dict.fromkeys(file.absolute().parent for file in files)
+        return cls(tuple(dict.fromkeys((*roots, config_root()))), folder, tuple(neighbours))
 
     @classmethod
     def for_scene(cls, scene: Path) -> Library:
-        """Return the folders for a scene in ``X/scenes/``: first ``X``, then ``config``."""
-        root = scene.absolute().parent.parent
-        return cls(tuple(dict.fromkeys((root, config_root()))), scene.parent)
+        """Return the folders for a scene, see `next_to`."""
+        return cls.next_to(scene, folder=scene.parent)
 
     def path(self, folder: str, name: str) -> Path:
         """Return the path of ``folder/name.yaml`` in the first root that contains it.
@@ -157,7 +169,27 @@ class Library:
                 f"{folder}: is {name[:40]!r}; allowed: a name of up to 100 small letters, digits "
                 "and _, a letter first"
             )
-        return [root / folder / f"{name}.yaml" for root in self.roots]
+        *roots, shipped = [root / folder / f"{name}.yaml" for root in self.roots]
+        near = [path / f"{name}.yaml" for path in self.neighbours]
+        return [*roots, *(path for path in near if is_kind(path, folder)), shipped]
+
+
+#: Folder of a kind of file -> top-level keys that it has, and keys that it has not.
+KEYS_OF_KIND = {"cams": ({"segments"}, set[str]()), "rigs": ({"follower"}, {"segments"})}
+
+
+def is_kind(path: Path, folder: str) -> bool:
+    """Return True if a file has the keys of a cam or rig, by the name of the kind's folder.
+
+    The file is not validated.
+    """
+    required, excluded = KEYS_OF_KIND.get(folder, (set[str](), set[str]()))
+    if not required or not file_exists(path) or path.stat().st_size > MAX_BYTES:
+        return False
+    with suppress(OSError):
+        keys = set(TOP_LEVEL_KEY.findall(path.read_text(encoding="utf-8-sig", errors="replace")))
+        return required <= keys and not excluded & keys
+    return False
 
 
 # Functions of a path that read and validate a file of a folder of ``config``.
@@ -176,13 +208,21 @@ def resolve_rig_path(rig: str | Path, *files: Path) -> Path:
     """Return the path of a rig's file from its path or its name.
 
     A name is searched for in the folders of rigs next to those of `files`, which are scenes or
-    cams, then in ``config/rigs``.
+    cams, then next to the files themselves, then in ``config/rigs``.
     """
     path = resolve_path("rigs", rig)
     if path == Path(rig) or not files:
         return path
-    roots = [file.absolute().parent.parent for file in files]
-    return Library(tuple(dict.fromkeys((*roots, config_root())))).path("rigs", str(rig))
+    return Library.next_to(*files).path("rigs", str(rig))
+
+
+def rigs_next_to(*cams: Path) -> list[Path]:
+    """Return the files of rigs in the folders ``../rigs`` and ``.`` of cam files."""
+    folders = dict.fromkeys(cam.parent.parent / "rigs" for cam in cams)
+    rigs = [file for folder in folders for file in sorted(folder.glob("*.yaml"))]
+    for folder in dict.fromkeys(cam.parent for cam in cams):
+        rigs += [file for file in sorted(folder.glob("*.yaml")) if is_kind(file, "rigs")]
+    return rigs
 
 
 def tables_path() -> Path:

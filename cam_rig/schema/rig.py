@@ -117,6 +117,11 @@ class Shaft(Strict):
     flywheel_inertia: Annotated[Quantity, must_be("inertia", gt=0.0, ge=1e-6, le=1e9)] | None = None
 
 
+def _si(number: Quantity | None) -> float | None:
+    """Return a number in SI units, or None if it is missing."""
+    return None if number is None else number.si
+
+
 #: Number in SI, text with number and unit such as "3.2 N/mm", or quantity with its origin.
 NumberLike = float | str | Quantity
 
@@ -153,6 +158,8 @@ class RigConfig(NamedConfig):
     >>> rig = cam_rig.Rig("bench", mass=1.3, spring="3.2 N/mm", preload=30.0)
     >>> rig
     Rig('bench': mass 1.3 kg, spring_stiffness 3.2 N/mm, damping 0 N*s/m, preload 30 N)
+    >>> rig.mass, rig.spring_stiffness, rig.restitution  # kg, N/m, and no restitution
+    (1.3, 3200.0, None)
     >>> rig.replace(preload="4 kN")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     cam_rig.errors.ConfigError: rig 'bench': follower.preload: has unit 'kN', not a force; ...
@@ -196,6 +203,46 @@ class RigConfig(NamedConfig):
         numbers = ((key, number) for key, number in self.follower if number is not None)
         texts = (f"{key} {str(number).partition(' (')[0]}" for key, number in numbers)
         return f"Rig({self.name!r}: {', '.join(texts)})"
+
+    @property
+    def mass(self) -> float:
+        """Mass of the follower, kg."""
+        return self.follower.mass.si
+
+    @property
+    def spring_stiffness(self) -> float:
+        """Stiffness of the closing spring, N/m."""
+        return self.follower.spring_stiffness.si
+
+    @property
+    def damping(self) -> float:
+        """Damping parallel to the closing spring, N·s/m."""
+        return self.follower.damping.si
+
+    @property
+    def preload(self) -> float:
+        """Force of the spring at zero lift, N."""
+        return self.follower.preload.si
+
+    @property
+    def stem_stiffness(self) -> float | None:
+        """Stiffness of the stem, N/m, or None."""
+        return _si(self.follower.stem_stiffness)
+
+    @property
+    def roller_share(self) -> float | None:
+        """Fraction of the mass on the cam's side of the stem, or None."""
+        return _si(self.follower.roller_share)
+
+    @property
+    def stem_damping(self) -> float | None:
+        """Damping of the stem, N·s/m, or None."""
+        return _si(self.follower.stem_damping)
+
+    @property
+    def restitution(self) -> float | None:
+        """Coefficient of restitution of a landing, or None."""
+        return _si(self.follower.restitution)
 
     @property
     def calibrated_on(self) -> str:

@@ -203,20 +203,25 @@ Rig = Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")]
 RigOfCam = Annotated[
     str | None,
     typer.Option(
-        help="Rig file, or a name in config/rigs (default: the only one in rigs next to "
-        "the cam, else paper_table2)."
+        "--rig",
+        help="Rig file, or a name in config/rigs (default: the only one next to the cam, else that "
+        "of the cam's name; for shipped cams paper_table2).",
     ),
 ]
 RigOfScene = Annotated[
     str | None,
     typer.Option(
-        help="Rig file, or a name in config/rigs (default: the scene's, for cams the only one in "
-        "rigs next to them, else paper_table2)."
+        "--rig",
+        help="Rig file, or a name in config/rigs (default: the scene's; for cams the only one next "
+        "to them, else that of the cam's name; for shipped cams paper_table2).",
     ),
 ]
 OtherRig = Annotated[
     str | None,
     typer.Option("--rig", help="Rig file, or a name in config/rigs (default: the scene's)."),
+]
+ShowTable = Annotated[
+    bool, typer.Option("--table", help="Display every speed, and the regressions of the levels.")
 ]
 SceneOfBag = Annotated[
     str | None,
@@ -333,6 +338,8 @@ def write_outputs(
     """Print a result, write its outputs, and exit with its exit code unless it is 0."""
     if result is None:
         return
+    if result.subject:
+        say(result.subject)
     show(*result.to_display())
     say(*result.summary())
     echo_assumptions(result.assumed)

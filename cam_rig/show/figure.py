@@ -7,25 +7,26 @@ matplotlib. Cams can be distinguished in print and by colour-blind readers.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-from cam_rig.errors import CONTROLS, printable
+from cam_rig.errors import CONTROLS, ConfigError, printable
 from cam_rig.show.looks import DASHES, GAP, MARKERS, SERIES, cam_look, log_tick, web
 from cam_rig.units import FloatArray
 
@@ -54,9 +55,43 @@ MAX_DECADES = 3.5
 MARKER_GAP = 0.14
 
 
+#: Part of a user's figure into which a figure is drawn, or None for a new figure.
+_TARGET: ContextVar[SubFigure | None] = ContextVar("_TARGET", default=None)
+
+
 def empty(height: float) -> Figure:
-    """Return a figure without axes, with the width of a page and a height in inches."""
+    """Return a figure without axes, with the width of a page and a height in inches.
+
+    Within `draw_into` it is the part of the user's figure.
+    """
+    if (target := _TARGET.get()) is not None:
+        return cast(Figure, target)
     return Figure(figsize=(WIDTH, height), layout="constrained")
+
+
+def draw_into(axes: Axes | None, draw: Callable[[], Figure]) -> Figure:
+    """Call a function that draws a figure, and return the figure.
+
+    If `axes` are not None, they are replaced by a part of their figure, into which the function
+    draws. The part may contain several panels.
+
+    Raises
+    ------
+    ConfigError
+        If the axes are not in a grid, as those of ``plt.subplots`` are.
+    """
+    if axes is None:
+        return draw()
+    position, parent, figure = axes.get_subplotspec(), axes.figure, axes.get_figure(root=True)
+    if position is None or figure is None:
+        raise ConfigError("ax must be axes of a grid, as plt.subplots or add_subplot returns")
+    axes.remove()
+    token = _TARGET.set(parent.add_subfigure(position))
+    try:
+        draw()
+    finally:
+        _TARGET.reset(token)
+    return figure
 
 
 @styled

@@ -25,6 +25,7 @@ from cam_rig.show.layout import TableLayout
 from cam_rig.show.tables import Cell, DataTable, Header
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
@@ -288,6 +289,11 @@ class Result:
     exit_code: int = 0
     assumed: tuple[str, ...] = ()
 
+    @property
+    def subject(self) -> str:
+        """Cam, rig and model of the result, the first line of a command. May be empty."""
+        return ""
+
     def tables(self) -> list[Records]:
         """Return the tables of the result.
 
@@ -352,27 +358,36 @@ class Result:
             raise ConfigError(f"key must be one of {', '.join(tables)}, got {shorten(key)}")
         return tables[key or next(iter(tables))].to_pandas()
 
-    def plot(self, **options: Any) -> Figure:
+    def plot(self, ax: Axes | None = None, **options: Any) -> Figure:
         """Plot the result.
 
         A notebook displays the figure if it is the last value of a cell.
 
         Parameters
         ----------
+        ax : matplotlib.axes.Axes, optional
+            Axes of a figure that are replaced by the plot, which may have several panels (default:
+            a new figure).
         **options
             Keyword arguments of the function that `plot_function` names.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            New figure, or that of `ax`.
 
         Raises
         ------
         ConfigError
-            If the result has no figure, or matplotlib is not installed.
+            If the result has no figure, matplotlib is not installed, or `ax` is not in a grid.
         """
         if not self.plot_function:
             raise ConfigError(f"{type(self).__name__} has no figure; use its tables")
         module, name = self.plot_function.split(":")
         with friendly_import_errors():
             draw = getattr(import_module(module), name)
-        return enable_notebook_display(draw(self, **options))
+            from cam_rig.show.figure import draw_into
+        return enable_notebook_display(draw_into(ax, lambda: draw(self, **options)))
 
     def __repr__(self) -> str:
         """Return the tables and their numbers of rows."""
@@ -387,6 +402,13 @@ class Result:
             rows = "".join(f"<tr>{row}</tr>" for row in cells)
             html += f"<table><caption>{escape(table.caption)}</caption>{rows}</table>"
         return html
+
+
+def subject_line(cams: Iterable[str], rig: str, model: str = "") -> str:
+    """Return the subject of a result as a line: its cams, rig and model by their names."""
+    names = list(cams)
+    line = f"cam{'s' if len(names) > 1 else ''} {', '.join(names)}; rig {rig}"
+    return f"{line}; model {model}" if model else line
 
 
 class Progress:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import shutil
 import struct
 import zipfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.extras import friendly_import_errors, require
 from cam_rig.files import atomic_write, temporary_folder
+from cam_rig.laws import Law
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import TickSamples
 from cam_rig.units import FloatArray, to_rpm
@@ -37,20 +38,33 @@ class ExportColumn(NamedTuple):
     name: str  #: contains the unit
     unit: str
     meaning: str
-    attribute: str  #: attribute of `TickSamples` with the numbers
+    values: Callable[[TickSamples, Law], FloatArray]  #: numbers of a tick, on the law of its cam
+
+
+def _attribute(name: str) -> Callable[[TickSamples, Law], FloatArray]:
+    """Return the function of a tick that returns one of its attributes."""
+    return lambda tick, _: np.asarray(getattr(tick, name))
+
+
+def _torque(tick: TickSamples, law: Law) -> FloatArray:
+    """Return the torque F s′ (N·m) of the contact force on the cam."""
+    return tick.force * law(tick.angle_in_turn, 1)
 
 
 #: Columns of numbers of an exported file, in their order.
 COLUMNS = (
-    ExportColumn("time_s", "s", "rig time", "time"),
-    ExportColumn("rpm", "rpm", "cam speed", "rpm"),
-    ExportColumn("angle_rad", "rad", "cam angle θ with all its turns", "angle"),
-    ExportColumn("angle_in_turn_rad", "rad", "cam angle θ from 0 to 2π", "angle_in_turn"),
-    ExportColumn("lift_m", "m", "follower displacement", "lift"),
-    ExportColumn("velocity_m_s", "m/s", "follower velocity", "velocity"),
-    ExportColumn("acceleration_m_s2", "m/s²", "follower acceleration", "acceleration"),
-    ExportColumn("force_N", "N", "contact force, 0 in flight", "force"),
-    ExportColumn("impulse_N_s", "N·s", "landings since the sample before", "impulse"),
+    ExportColumn("time_s", "s", "rig time", _attribute("time")),
+    ExportColumn("rpm", "rpm", "cam speed", _attribute("rpm")),
+    ExportColumn("angle_rad", "rad", "cam angle θ with all its turns", _attribute("angle")),
+    ExportColumn(
+        "angle_in_turn_rad", "rad", "cam angle θ from 0 to 2π", _attribute("angle_in_turn")
+    ),
+    ExportColumn("lift_m", "m", "follower displacement", _attribute("lift")),
+    ExportColumn("velocity_m_s", "m/s", "follower velocity", _attribute("velocity")),
+    ExportColumn("acceleration_m_s2", "m/s²", "follower acceleration", _attribute("acceleration")),
+    ExportColumn("force_N", "N", "contact force, 0 in flight", _attribute("force")),
+    ExportColumn("impulse_N_s", "N·s", "landings since the sample before", _attribute("impulse")),
+    ExportColumn("torque_N_m", "N·m", "torque F s' of the contact force on the cam", _torque),
 )
 
 
@@ -100,10 +114,10 @@ class Contents:
             yield chunk
 
 
-def chunks(ticks: Iterable[TickSamples]) -> Iterator[Chunk]:
-    """Join the samples of ticks to chunks of rows of a file, and yield them.
+def chunks(ticks: Iterable[TickSamples], laws: Mapping[str, Law]) -> Iterator[Chunk]:
+    """Join ticks to chunks of rows, and yield them.
 
-    A tick is the time between two cam states. At most one chunk is in memory.
+    At most one chunk is in memory. `laws` are the laws by the name of the cam.
     """
     pending: list[TickSamples] = []
     count = 0
@@ -111,14 +125,16 @@ def chunks(ticks: Iterable[TickSamples]) -> Iterator[Chunk]:
         pending.append(tick)
         count += tick.time.size
         if count >= CHUNK_ROWS:
-            yield _join(pending)
+            yield _join(pending, laws)
             pending, count = [], 0
     if count:
-        yield _join(pending)
+        yield _join(pending, laws)
 
 
-def _join(ticks: list[TickSamples]) -> Chunk:
-    numbers = [np.hstack([getattr(tick, column.attribute) for tick in ticks]) for column in COLUMNS]
+def _join(ticks: list[TickSamples], laws: Mapping[str, Law]) -> Chunk:
+    numbers = [
+        np.hstack([column.values(tick, laws[tick.cam]) for tick in ticks]) for column in COLUMNS
+    ]
     cams, counts = zip(*((tick.cam, tick.time.size) for tick in ticks), strict=True)
     return Chunk(np.stack(numbers), cams, counts)
 
@@ -352,7 +368,7 @@ def export(
     rate = int(loaded.scene.sample_rate.si)
     contents, scene = Contents(rate), loaded.scene
     about = {"scene": scene.name, "model": scene.model, "rig": loaded.rig.name}
-    rows = contents.track(chunks(_select(ticks, cam, rpm, contents.available)))
+    rows = contents.track(chunks(_select(ticks, cam, rpm, contents.available), loaded.laws))
     with atomic_write(path) as part:
         FORMATS[path.suffix.lower()](part, rows, about, rate)
         if not contents.rows:

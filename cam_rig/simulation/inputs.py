@@ -21,9 +21,11 @@ from cam_rig.schema.load import (
     cam_path,
     config_root,
     find_scene,
+    has_shipped_motion,
     resolve_path,
     resolve_rig_path,
     rig_path,
+    rigs_next_to,
     tables_path,
 )
 from cam_rig.simulation.scene import LoadedScene, open_scene, speeds_of, spread_speeds
@@ -39,8 +41,8 @@ Cam = str | Path | CamConfig
 LawOrCam = Law | str | Path | CamConfig
 #: A rig that must be given: a name in ``config/rigs``, a path or an object.
 RequiredRig = str | Path | RigConfig
-#: A rig: a name in ``config/rigs``, a path or a rig. None means the rig of the scene, or the
-#: only rig next to the cams, or paper_table2.
+#: A rig: a name in ``config/rigs``, a path or a rig. None means the rig of the scene, or that of
+#: `default_rig`.
 Rig = str | Path | RigConfig | None
 #: A scene: a name in ``config/scenes``, a path, or a result of `load_scene`.
 Scene = str | Path | LoadedScene
@@ -67,16 +69,17 @@ def resolve_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
     the laws in Table 2 of the published study on which the project is based: bezier15, poly345,
     poly4567, cycloidal and bezier_segments. The default rig is that of `default_rig`.
     """
-    items = list_cams(cams)
+    items = to_cam_list(cams)
     if (scene := find_scene(items)) is not None:
         loaded = resolve_scene(scene, rig)
         return CamSet(loaded.cams, loaded.laws, loaded.rig)
     named = read_cams(items)
-    files = [source for source, _ in named if isinstance(source, Path)]
-    return cam_set(named, resolve_rig(default_rig(files) if rig is None else rig, *files))
+    sources = [source if isinstance(source, Path) else cam for source, cam in named]
+    files = [source for source in sources if isinstance(source, Path)]
+    return cam_set(named, resolve_rig(default_rig(sources) if rig is None else rig, *files))
 
 
-def list_cams(cams: Cams) -> list[str | Path | CamConfig]:
+def to_cam_list(cams: Cams) -> list[str | Path | CamConfig]:
     """Return a single cam or several cams as a list, empty for None.
 
     Raises
@@ -172,32 +175,45 @@ def resolve_rig(rig: RequiredRig, *cams: LawOrCam) -> RigConfig:
     return load_rig(resolve_rig_path(rig, *files))
 
 
-def default_rig(cams: Sequence[Path], default: str = DEFAULT_RIG) -> Path:
-    """Return the path of the only rig next to a user's cams, or of a shipped rig.
+def default_rig(cams: Sequence[Path | CamConfig], shipped: str = DEFAULT_RIG) -> Path:
+    """Return the rig of cams for which neither a rig nor a scene is given.
 
-    A note on the choice is printed. The folder of the rig is ``../rigs`` relative to that of the
-    cam. The shipped rig `default` is used without a note if all cams are shipped.
+    All commands and functions use this rule. It is the only rig next to the cams, in ``../rigs`` or
+    in their folders, else the rig with the name of the cam. Shipped cams are on the rig `shipped`.
+    The choice of another rig than `shipped` is printed.
 
     Raises
     ------
     ConfigError
-        If there are several rigs: adding a file must not change which rig is used.
+        If the rule leaves several rigs or none: the message lists the rigs to choose from.
     """
-    user_cams = [cam for cam in cams if not cam.resolve().is_relative_to(config_root().resolve())]
-    if not user_cams:
-        return rig_path(default)
-    folders = sorted({cam.parent.parent / "rigs" for cam in user_cams})
-    rigs = [file for folder in folders for file in sorted(folder.glob("*.yaml"))]
+    root = config_root().resolve()
+    files = [
+        cam for cam in cams if isinstance(cam, Path) and not cam.resolve().is_relative_to(root)
+    ]
+    names = {file.stem for file in files} | {
+        cam.name for cam in cams if isinstance(cam, CamConfig) and not has_shipped_motion(cam)
+    }
+    if not names:
+        return rig_path(shipped)
+    rigs = rigs_next_to(*files)
     if len(rigs) == 1:
         _print_note(f"rig {rigs[0]}, the only one next to the cam; name a rig to use another")
         return rigs[0]
-    if rigs:
-        more = f" and {len(rigs) - MAX_LISTED_RIGS} more" if len(rigs) > MAX_LISTED_RIGS else ""
-        names = ", ".join(map(str, rigs[:MAX_LISTED_RIGS])) + more
-        raise ConfigError(f"next to the cam are {len(rigs)} rigs; allowed: name one of {names}")
-    note = f"rig {default}, a shipped one, as no rig is next to the cam; name a rig to use another"
-    _print_note(note)
-    return rig_path(default)
+    named = [rig for rig in (*rigs, *_shipped_rigs()) if {rig.stem} == names]
+    if named:
+        _print_note(f"rig {named[0]}, with the name of the cam; name a rig to use another")
+        return named[0]
+    position = f"next to the cam are {len(rigs)} rigs" if rigs else "no rig is next to the cam"
+    choices = [str(rig) for rig in rigs] or [rig.stem for rig in _shipped_rigs()]
+    more = f" and {len(choices) - MAX_LISTED_RIGS} more" if len(choices) > MAX_LISTED_RIGS else ""
+    raise ConfigError(
+        f"{position}; allowed: name one of {', '.join(choices[:MAX_LISTED_RIGS])}{more}"
+    )
+
+
+def _shipped_rigs() -> list[Path]:
+    return sorted((config_root() / "rigs").glob("*.yaml"))
 
 
 def _print_note(text: str) -> None:

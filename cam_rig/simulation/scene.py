@@ -34,6 +34,30 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.units import FloatArray, to_rpm
 
 
+def list_cams() -> list[str]:
+    """Return the names of the shipped cams, for `load_cam`, in alphabetical order.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> cam_rig.list_cams()[:3]
+    ['arcs_centres', 'arcs_convex', 'arcs_straight']
+    """
+    return sorted(file.stem for file in (config_root() / "cams").glob("*.yaml"))
+
+
+def list_rigs() -> list[str]:
+    """Return the names of the shipped rigs, for `load_rig`, in alphabetical order.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> cam_rig.list_rigs()
+    ['paper_flywheel', 'paper_table2', 'tm21', 'tm21_bouncing']
+    """
+    return sorted(file.stem for file in (config_root() / "rigs").glob("*.yaml"))
+
+
 @check_arguments
 def load_cam(cam: str | Path) -> CamConfig:
     """Load a cam: its law as segments of the turn, and its follower.
@@ -283,15 +307,19 @@ class LoadedScene:
         _ = MODELS[self.scene.model].parameters(self.rig), self.radiation
 
     @property
-    def files(self) -> list[Path]:
-        """Paths of all files of the scene, with the scene file first."""
-        published = [] if self.published_file is None else [self.published_file]
+    def files(self) -> dict[Path, str]:
+        """Paths of all files of the scene, and the folder of ``config`` for each.
+
+        The scene file is first.
+        """
         points = [
             path.parent / name
             for cam, path in self.cam_files.items()
             for name in self.cams[cam].files
         ]
-        return [self.scene_file, self.rig_file, *self.cam_files.values(), *points, *published]
+        cams = dict.fromkeys((*self.cam_files.values(), *points), "cams")
+        published = {} if self.published_file is None else {self.published_file: "published"}
+        return {self.scene_file: "scenes", self.rig_file: "rigs", **cams, **published}
 
     def mount(
         self, name: str, again: bool = False, require: Callable[[Law], object] = lambda _: None

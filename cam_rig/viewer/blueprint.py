@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import AbsoluteTimeRange
 
 from cam_rig.errors import ConfigError
+from cam_rig.messages.frames import Robot
 from cam_rig.show.chart import plane_view, tens_range
 from cam_rig.show.looks import shortened
 from cam_rig.simulation.scene import LoadedScene
@@ -18,6 +20,7 @@ from cam_rig.viewer import Layout, bounce_chart, level_chart, quantities, scene2
 from cam_rig.viewer.bounce_chart import ROW, bounce_axes, can_rebound
 from cam_rig.viewer.level_chart import band_axes
 from cam_rig.viewer.quantities import CLOSE_GAP, GAP, Range, Ranges, plot_rows
+from cam_rig.viewer.robot_view import CONTACT, ROBOT, SOUND, robot_root
 from cam_rig.viewer.run_recorder import ABOUT, RESULTS
 from cam_rig.viewer.run_view import BANDS, EVENTS
 from cam_rig.viewer.timeline import CAM_DEGREES, RIG_TIME, TURN_DEGREES
@@ -31,7 +34,9 @@ PLAYING: dict[str, Any] = {"state": "collapsed", "play_state": "playing"}
 #: Playback speed of layouts that overlay turns of the cam, in degrees of the cam per second of
 #: wall-clock time.
 DEGREES_PER_SECOND = 90.0
-#: Rig time (s) on each side of the time cursor that the curves of a finished run show.
+#: Position of the eye of the 3D view: forward, left and up, in sizes of the rig.
+EYE = (2.6, 0.9, 0.9)
+#: Rig time (s) of a finished run that the curves show before and after the time cursor.
 AROUND_CURSOR_S = 0.5
 
 
@@ -133,14 +138,28 @@ def _run(
 ) -> rrb.Container:
     turn_bounds = TurnAxes(plot_rows(loaded.scene.model), ranges).bounds()
     bounces = [_bounces(loaded, ranges)] if can_rebound(loaded) else []
+    recorded = rrb.StateTimelineView(origin=CONTACT, name="Contact and flight"), _robot(loaded)
     tabs = rrb.Tabs(
         *bounces,
         plane_view(turn_chart.VIEW, "One turn", *turn_bounds),
         _over_time(loaded, bucket, ranges, _axis_around_cursor(window)),
-        _sound(loaded, duration),
+        _sound(loaded, duration, window is None and not loaded.missing_for_sound),
+        *(recorded if window is None else []),
         _texts(),
     )
     return rrb.Horizontal(_scene(loaded, scene2d.VIEW), tabs, column_shares=[3, 5])
+
+
+def _robot(loaded: LoadedScene) -> rrb.Spatial3DView:
+    """Return the view of the rig from the front, where the cam turns counterclockwise."""
+    size = max(Robot.of(loaded, cam).size for cam in loaded.cams)
+    return rrb.Spatial3DView(
+        contents=[f"/{robot_root(cam)}/cam_rig/visual_geometries/**" for cam in loaded.cams],
+        name="Rig in 3D",
+        spatial_information=rrb.SpatialInformation(target_frame=ROBOT),
+        eye_controls=rrb.EyeControls3D(position=np.multiply(size, EYE), look_target=(0, 0, 0)),
+        line_grid=rrb.LineGrid3D(visible=False),
+    )
 
 
 def _bounces(loaded: LoadedScene, ranges: Ranges) -> rrb.Spatial2DView:
@@ -189,7 +208,7 @@ def _over_time(
     return rrb.Horizontal(left, right, name=name)
 
 
-def _sound(loaded: LoadedScene, duration: float) -> rrb.Container:
+def _sound(loaded: LoadedScene, duration: float, has_audio: bool) -> rrb.Container:
     ends = [rr.TimeRangeBoundary.absolute(seconds=s) for s in (0.0, duration)]
     time_axis = rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))
     over_run = rrb.Vertical(
@@ -197,7 +216,10 @@ def _sound(loaded: LoadedScene, duration: float) -> rrb.Container:
         _plot(quantities.SPEED.entity, "Cam speed [rpm]", time_axis),
     )
     lower = rrb.Horizontal(_bands(loaded, BANDS), over_run, column_shares=[3, 2])
-    return rrb.Vertical(_noise(loaded), lower, name="Sound")
+    audio = [rrb.AudioView(origin=SOUND, name="Sound of the run")] if has_audio else []
+    return rrb.Vertical(
+        _noise(loaded), lower, *audio, name="Sound", row_shares=[3, 3, 1][: 2 + len(audio)]
+    )
 
 
 def _compare(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:

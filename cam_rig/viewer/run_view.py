@@ -22,6 +22,7 @@ from cam_rig.viewer import quantities
 from cam_rig.viewer.bounce_chart import BounceChart, can_rebound
 from cam_rig.viewer.level_chart import BandChart, third_octaves
 from cam_rig.viewer.quantities import Mark, SceneRanges, SeriesLine, SeriesWriter, gap_of, plot_rows
+from cam_rig.viewer.robot_view import ContactLane, RobotView, RunSound
 from cam_rig.viewer.scene2d import Scene2D, frame_mask
 from cam_rig.viewer.timeline import Canvas, FramePace, Turn, lift_offs
 from cam_rig.viewer.turn_chart import MAX_TITLE, TurnChart
@@ -114,6 +115,10 @@ class RunView:
         bounces = can_rebound(loaded)
         self._bounces = BounceChart(canvas, loaded, ranges.all_cams) if bounces else None
         self._new_turns, self._finished = list[tuple[CamState, Turn]](), pace is None
+        has_sound = self._finished and not loaded.missing_for_sound
+        self._robot = RobotView(canvas, loaded) if self._finished else None
+        self._lane = ContactLane(canvas) if self._finished else None
+        self._sound = RunSound(canvas, loaded) if has_sound else None
         self._events: list[tuple[float, float, str, str]] = []
 
     def tick(
@@ -149,6 +154,12 @@ class RunView:
         frame = frame_mask(angle, start.until(end).mean_speed / self._rate)
         if frame.any():
             self._scene.frames(time[frame], angle[frame], lift[frame], force[frame])
+            if self._robot is not None:
+                self._robot.frames(time[frame], angle[frame], lift[frame])
+        if self._lane is not None:
+            self._lane.add(time, angle, force)
+        if self._sound is not None:
+            self._sound.add(start, end, force, impulse)
         landed = impulse > 0.0
         for row in zip(time[landed], angle[landed], impulse[landed], strict=True):
             turns, within = divmod(row[1], TURN)
@@ -166,10 +177,9 @@ class RunView:
         self._time_series.add(quantities.LEVEL, end, level)
 
     def close(self, end: CamState) -> None:
-        """Draw the speed of the cam up to the end of the run.
-
-        `end` is the last cam state.
-        """
+        """Draw the speed of the cam up to the end of the run, and write its sound."""
+        if self._sound is not None:
+            self._sound.close()
         if self._last is not None:
             self._time_series.add(quantities.SPEED, end, self._last.speed)
 
@@ -210,6 +220,8 @@ class RunView:
         self.flush()
         if last is None or state.cam != last.cam:
             self._scene.mount(state, profile)
+            if self._robot is not None:
+                self._robot.mount(state)
         title = f"{shortened(self._loaded.cams[state.cam].title, MAX_TITLE)}, "
         self._scene.speed(state, title)
         if not self._finished:  # live: no turn at this speed is complete yet

@@ -16,12 +16,17 @@ from cam_rig.bag.files import bag_file
 from cam_rig.bag.partial_reader import read_partial
 from cam_rig.bag.reader import read_counts
 from cam_rig.bag.writer import BagWriter
+from cam_rig.cli.run import print_analysis
 from cam_rig.messages.topics import recorded_topic
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_scene
+from cam_rig.studies.simulate.recorded import read_bag
 
 from ..bag.bags import cut_off
+from ..conftest import scene_data
 from ..foreign_bags import number as write_number
 from ..foreign_bags import write_bag
-from .conftest import GOLDEN, call, done
+from .conftest import GOLDEN, call, done, shipped, written
 
 MESSAGES = sum(read_counts(GOLDEN).values())
 
@@ -279,3 +284,67 @@ def test_command_that_repeats_a_run_has_its_options(monkeypatch, tmp_path):
     ]
     done("run", "quick", "--bag", tmp_path / "bag", *words)
     assert commands == [" ".join(["cam-rig run quick", *words])]
+
+
+def test_run_on_another_rig(tmp_path, monkeypatch):
+    """`run --rig` gives the nodes a scene that differs from the file only in its rig.
+
+    The scene of one line of JSON has its cam, with a table of points, and its rig in its folder.
+    """
+    text = shipped("rigs", "tm21")
+    points = shipped("cams", "measured").replace("name: measured", "name: points")
+    scene = scene_data(cams=["points"], rig="first", speeds=[200])
+    files = {
+        "first.yaml": text.replace("name: tm21", "name: first"),
+        "second.yaml": text.replace("name: tm21", "name: second").replace(
+            "given: 1.3,", "given: 2,"
+        ),
+        "points.yaml": points,
+        "measured.csv": (config_root() / "cams" / "measured.csv").read_text(encoding="utf-8"),
+        "small.yaml": json.dumps(scene),
+    }
+    written(tmp_path, files)
+    loaded = []
+    monkeypatch.setattr("cam_rig.cli.run._run", lambda path, *_: loaded.append(open_scene(path)))
+    path = tmp_path / "small.yaml"
+    done("run", path, "--rig", "second", "--bag", tmp_path / "bag")
+    (run,) = loaded
+    assert (run.rig.name, run.follower.mass, run.scene_file.name) == ("second", 2.0, path.name)
+    before = open_scene(path)
+    assert run.scene.model_copy(update={"rig": "first"}) == before.scene
+    assert np.array_equal(run.laws["points"].ordinates, before.laws["points"].ordinates)
+    assert not run.scene_file.exists()
+
+
+def test_run_ends_with_summary_files_and_next_steps(tmp_path, capsys):
+    """After a run with --analyze the summary, the paths and the next commands are printed.
+
+    The table by speed is a CSV file in the bag, which is read again.
+    """
+    bag = tmp_path / "a bag"
+    shutil.copytree(GOLDEN, bag)
+    print_analysis(bag)
+    lines = capsys.readouterr().err.splitlines()
+    run = read_bag(bag)
+    (tm21, _) = run.summaries
+    assert (tm21.speeds, tm21.lost, tm21.first_lost) == (4, 2, 350.0)
+    assert tm21.jump_speed == pytest.approx(318.6, abs=0.05)
+    assert (tm21.lowest_level, tm21.highest_level) == pytest.approx((74.3, 96.9), abs=0.05)
+    assert lines[-4:] == [
+        f"bag: {bag}",
+        f"table by speed: {bag / 'by_speed.csv'}",
+        f"next: cam-rig view '{bag}'",
+        f"      cam-rig analyze '{bag}' --table",
+    ]
+    assert (bag / "by_speed.csv").read_text(encoding="utf-8") == run.tables()[0].to_csv()
+    assert (bag / "noise.png").is_file()
+
+
+def test_rows_by_speed_are_displayed_on_request():
+    """Rows of many speeds and the regressions are displayed with --table only."""
+    short, long = (done("analyze", GOLDEN, *words).stderr for words in ((), ("--table",)))
+    assert " tm21       200  74.3" in short and "regression" not in short
+    assert "regression" in long and "cross at" in long and "cross at" not in short
+    sweep, whole = (done("simulate", *words).stderr for words in ((), ("--table",)))
+    assert " tm21       200  74.3" not in sweep and " tm21       200  74.3" in whole
+    assert "contact" in sweep and "318.6" in sweep

@@ -89,7 +89,7 @@ ELSEWHERE = {
     "noise": "test_studies.py",
     "fit rig": "../studies/fit_rig/test_command.py",
     "fit cam": "../studies/fit_cam/test_command.py",
-    "panel": "../panel/test_lab.py",
+    "mark": "../panel/test_lab.py",
 }
 
 

@@ -13,6 +13,8 @@ from cam_rig.laws.catalogue import list_parametric_laws
 from cam_rig.laws.segments import RISES
 from cam_rig.schema.load import find_scene
 from cam_rig.simulation.inputs import resolve_cams, resolve_rig, resolve_scene, scene_speeds
+from cam_rig.simulation.scene import load_cam
+from cam_rig.studies.simulate.study import run_scene
 
 from ..conftest import scene_data
 from .conftest import call, data_of, done, shipped, written
@@ -236,3 +238,47 @@ def test_only_rig_next_to_a_cam_is_used_and_named(own, tmp_path):
         ("design", cam, "--minimise", "peak_acceleration", "--pieces", 4),
     ):
         assert call(*command).stderr.startswith(f"rig {tmp_path / 'mine' / 'rigs' / 'mine.yaml'}")
+
+
+def test_rig_of_the_name_of_the_cam(own, tmp_path):
+    """Among several rigs next to a cam, the rig of the cam's name is used, and a line names it."""
+    copytree(own.parents[1], tmp_path / "mine")
+    cam, rigs = tmp_path / "mine" / "cams" / "lug.yaml", tmp_path / "mine" / "rigs"
+    text = (rigs / "mine.yaml").read_text(encoding="utf-8").replace("name: mine", "name: lug")
+    (rigs / "lug.yaml").write_text(text, encoding="utf-8")
+    result = done("jump", cam)
+    assert result.stderr.startswith(f"rig {rigs / 'lug.yaml'}, with the name of the cam")
+    assert "\ncam lug; rig lug; model one_mass\n" in result.stderr
+
+
+def test_rig_is_never_guessed(own, tmp_path, capsys):
+    """A cam without a rig next to it is refused, as a file or an object, with names of rigs."""
+    cam = tmp_path / "alone" / "lug.yaml"
+    cam.parent.mkdir()
+    copy(own.parents[1] / "cams" / "lug.yaml", cam)
+    for cams in ([cam], ["poly345", cam], [load_cam(cam)]):
+        with pytest.raises(ConfigError, match=r"no rig is next to the cam; .* paper_table2, tm21"):
+            resolve_cams(cams)
+    copy(own.parents[1] / "rigs" / "mine.yaml", cam.parent)
+    assert resolve_cams([cam]).rig.name == "mine" and "the only one" in capsys.readouterr().err
+    assert resolve_cams([load_cam("poly345")]).rig.name == "paper_table2"
+
+
+def test_scene_cam_and_rig_in_one_folder(own, tmp_path):
+    """Cam and rig are found in the folder of their scene. Another kind of file is not taken."""
+    folder = own.parents[1]
+    for file in (folder / "cams" / "lug.yaml", folder / "rigs" / "mine.yaml", own):
+        copy(file, tmp_path)
+    loaded = resolve_scene(tmp_path / "scene.yaml")
+    assert loaded.rig_file == tmp_path / "mine.yaml" and set(loaded.laws) == {"lug"}
+    copy(tmp_path / "mine.yaml", tmp_path / "lug.yaml")  # a rig in place of the cam
+    with pytest.raises(ConfigError, match=r"lug\.yaml: no such file"):
+        resolve_scene(tmp_path / "scene.yaml")
+
+
+def test_simulate_on_another_rig(own):
+    """`simulate --rig` runs the scene on another rig. The first line names cam, rig and model."""
+    result = done("simulate", own, "--rig", "paper_table2", "--json", "-")
+    assert "\ncam lug; rig paper_table2; model one_mass\n" in result.stderr
+    loaded = resolve_scene(own, "paper_table2")
+    assert json.loads(result.stdout)["speeds"] == run_scene(loaded).data()["speeds"]

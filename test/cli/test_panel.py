@@ -121,7 +121,7 @@ def test_cam_without_a_law_is_one_line(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     for argument, words in ((cam, "rises by 0 mm, lift is 1 mm"), ("nobody", "no such file")):
-        result = call("panel", argument)
+        result = call("panel", argument, "--rig", "tm21")
         assert result.exit_code == 2 and words in result.stderr
         assert result.stderr.count("\n") == 1
 

@@ -101,7 +101,16 @@ def test_json_of_simulate():
     The levels agree with published levels within the limits of the comparison.
     """
     data = data_of("simulate", "tm21_sweep")
-    assert set(data) == {"schema", "speeds", "noise", "levels", "crossing", "run", "messages"}
+    assert set(data) == {
+        "schema",
+        "speeds",
+        "summary",
+        "noise",
+        "levels",
+        "crossing",
+        "run",
+        "messages",
+    }
     assert [len({row["cam"] for row in data["speeds"]}), len(data["speeds"])] == [3, 63]
     assert {type(row["torque_mean"]) for row in data["speeds"]} == {float}
     cams = {row["cam"]: row for row in data["noise"]}

@@ -68,7 +68,7 @@ def undrawn(monkeypatch):
     monkeypatch.setattr("cam_rig.report.document.uris", lambda *_: [PICTURE, PICTURE])
 
 
-SECTIONS = ("summary", "cams", "contour", "turn", "jump", "vibration", "sound", "numbers")
+SECTIONS = ("sheet", "summary", "cams", "contour", "turn", "jump", "vibration", "sound", "orders")
 OWN_CAM = """
 name: own
 title: My <measured> cam
@@ -115,8 +115,11 @@ def test_page_of_a_user_defined_scene(own_scene, tmp_path, monkeypatch):
     out, data = tmp_path / "own.html", tmp_path / "own.json"
     done(own_scene, "--out", out, "--json", data)
     page = out.read_text(encoding="utf-8")
-    assert tuple(re.findall(r'<(?:section|details) id="(?!more-)(.*?)">', page)) == SECTIONS
-    assert page.count("<figure ") == 10
+    assert tuple(re.findall(r'<(?:section|details) id="(?!more-)(.*?)">', page)) == (
+        *SECTIONS,
+        "numbers",
+    )
+    assert page.count("<figure ") == 14
     assert [
         words for words in too_long(page) if "allowed:" not in words
     ] == []  # errors may be long

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pandas
 import pytest
 from matplotlib.figure import Figure
 
@@ -170,17 +171,19 @@ def test_cam_is_loaded_by_name_or_path():
 
 #: Commands without a result: they start nodes, serve pages, or convert files.
 NO_COMPUTATION = {
-    *("run", "replay", "panel", "view"),
+    *("run", "replay", "panel", "lab", "mark", "view"),
     *("new", "export", "listen", "recover", "report", "urdf"),
 }
 #: Public names without a command of the same name, which are parts of a computation.
 PARTS = {
     *("Cam", "CamRigError", "Law", "Rig", "__version__"),
-    *("build_law", "load_cam", "load_rig", "load_scene"),
+    *("build_law", "list_cams", "list_rigs", "load_cam", "load_rig", "load_scene"),
     *("contour", "jump_speed", "plot_law", "simulate", "sound_level", "sweep"),
 }
 #: Options for figures and files by command. In Python they are methods of the result.
 FILES = {
+    "analyze": {"table"},  # display only
+    "simulate": {"table"},
     "bounce": {"basins"},  # a separate function, `cam_rig.studies.bounce.basins`
     "contact": {"events", "min-radius"},
     "fit sound": {"dry-run"},
@@ -266,7 +269,86 @@ def test_every_function_belongs_to_a_command_or_is_a_part():
     assert {named_in_help(verb) for verb in COMPUTING} == set(cam_rig.__all__) - PARTS
 
 
-# -- a type checker of a user's code finds the types of parameters and results
+# -- figures in a user's figure, floats of a rig, torque, data frames, standard errors
+
+
+@pytest.mark.parametrize("layout", ["constrained", None])
+def test_plot_into_axes(law, rig, layout):
+    """`plot(ax=)` draws all panels in place of the axes, and returns the figure of the axes."""
+    figure = Figure(figsize=(14.0, 10.0), layout=layout)
+    (first, second), (third, fourth) = figure.subplots(2, 2)
+    fourth.plot([1.0, 2.0], [1.0, 2.0])
+    motion = cam_rig.simulate(law, rig, rpm=300, turns=1, sample_rate=2000)
+    assert motion.plot(ax=first) is figure
+    assert cam_rig.plot_law(law, ax=second) is figure
+    assert cam_rig.contour("poly345").plot(ax=third, positions=12) is figure
+    assert [len(part.axes) for part in figure.subfigs] == [2, 4, 3]
+    assert len(figure.axes) == 10 and fourth in figure.axes
+    figure.draw_without_rendering()
+    assert len(motion.plot().axes) == 2  # a new figure again
+    with pytest.raises(cam_rig.CamRigError, match="ax must be axes of a grid"):
+        motion.plot(ax=figure.add_axes((0.0, 0.0, 0.1, 0.1)))
+
+
+def test_numbers_of_a_rig_are_floats_in_si():
+    """The numbers of the follower are attributes of the rig in SI units, or None."""
+    rig = cam_rig.Rig(mass="1300 g", spring="3.2 N/mm", preload=30.0)
+    assert (rig.mass, rig.spring_stiffness, rig.damping, rig.preload) == (1.3, 3200.0, 0.0, 30.0)
+    assert rig.stem_stiffness is rig.roller_share is rig.stem_damping is rig.restitution is None
+    tm21 = cam_rig.load_rig("tm21")
+    for key, number in tm21.follower:
+        assert getattr(tm21, key) == (None if number is None else number.si)
+
+
+def test_shipped_names_can_be_loaded():
+    """`list_cams` and `list_rigs` return the names that `load_cam` and `load_rig` accept."""
+    assert [cam_rig.load_cam(name).name for name in cam_rig.list_cams()] == cam_rig.list_cams()
+    assert [cam_rig.load_rig(name).name for name in cam_rig.list_rigs()] == cam_rig.list_rigs()
+
+
+def test_torque_of_a_motion_and_in_an_export(tmp_path):
+    """The torque is F s′: its peak is that of the row by speed, in a motion and in a file."""
+    run = cam_rig.read_bag(GOLDEN)
+    row = run.by_speed[4]
+    run.export(tmp_path / "a.npz", cam=row.cam, rpm=row.rpm)
+    with np.load(tmp_path / "a.npz") as columns:
+        assert columns["torque_N_m"].max() == pytest.approx(row.peak_torque, rel=1e-9)
+    motion = cam_rig.simulate(row.cam, "tm21", rpm=row.rpm, turns=2, sample_rate=1000)
+    assert motion.torque.max() == pytest.approx(row.peak_torque, rel=1e-3)
+    assert np.array_equal(motion.to_pandas()["torque"], motion.torque)
+
+
+def test_fit_cam_of_a_data_frame(tmp_path):
+    """A data frame gives the same fit as the file with its content."""
+    rows = {"angle [deg]": [5.0 * i for i in range(72)], "lift [mm]": [i % 36 for i in range(72)]}
+    frame = pandas.DataFrame(rows)
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    fits = [cam_rig.fit_cam(table, tolerance=1e-3) for table in (frame, tmp_path / "a.csv")]
+    assert np.array_equal(fits[0].law.ordinates, fits[1].law.ordinates)
+
+
+def test_standard_error_of_a_jump_speed():
+    """The standard error is the spread of the jump speeds of many rigs, to first order."""
+    rig, draws = cam_rig.load_rig("tm21"), np.random.default_rng(1).normal(size=(2, 400))
+    draws -= draws.mean(axis=1, keepdims=True)
+    draws = np.linalg.solve(np.linalg.cholesky(draws @ draws.T / draws.shape[1]), draws)
+    errors = {"mass": 0.01, "preload": 0.5}
+    jump = cam_rig.jump_speed("poly345", rig, standard_errors=errors)
+    many = cam_rig.jump_speed(
+        "poly345", rig, mass=rig.mass + 0.01 * draws[0], preload=rig.preload + 0.5 * draws[1]
+    )
+    assert jump.standard_error == pytest.approx(many.rpm.std(), rel=0.02)
+    assert f"± {jump.standard_error:.2g} rpm" in repr(jump)
+    assert cam_rig.jump_speed("poly345", rig).standard_error is None
+    assert cam_rig.jump_speed("poly345", rig, standard_errors={"mass": 0.0}).standard_error == 0.0
+    for wrong in ({"mas": 1.0}, {"mass": -1.0}, {"stem_damping": 1.0}):
+        with pytest.raises(cam_rig.CamRigError, match="standard_errors must be numbers"):
+            cam_rig.jump_speed("poly345", rig, standard_errors=wrong)
+    with pytest.raises(cam_rig.CamRigError, match="cannot be combined with mass"):
+        cam_rig.jump_speed("poly345", rig, mass=2.0, standard_errors=errors)
+
+
+# -- a type checker of a user's code knows the types of parameters and results
 
 
 #: Script of a user. Each comment is the type that a type checker must find.

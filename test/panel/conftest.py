@@ -355,10 +355,10 @@ class RunningPanel(Visitor):
         return self.process.wait(WAIT_S)
 
 
-def start_panel(out, *options, stderr=subprocess.PIPE):
-    """Start a process of `cam-rig panel` without Rerun."""
-    command = [Path(sys.executable).parent / "cam-rig", "panel", "--no-rerun", "--out", out]
-    arguments = [*map(str, command), *options]
+def start_panel(out, *options, command=("panel",), stderr=subprocess.PIPE):
+    """Start a process of `cam-rig panel`, or of another command, without Rerun."""
+    words = [Path(sys.executable).parent / "cam-rig", *command, "--no-rerun", "--out", out]
+    arguments = [*map(str, words), *options]
     return subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=stderr, text=True)
 
 

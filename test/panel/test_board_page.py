@@ -43,6 +43,12 @@ REFUSED = "Failed to load resource"  # Chromium's message for status 409
 class BoardPage(BrowserPage):
     """Page of the drawing board in a browser."""
 
+    def open(self, address, path=""):
+        """Open the page with the controls for experts."""
+        super().open(address, path)
+        script = "e => { e.open = true; sessionStorage.setItem('expert', 'open'); }"
+        self.page.locator("#expert").evaluate(script)
+
     def stale(self, name):
         script = "id => document.getElementById(id).classList.contains('stale')"
         return bool(self.page.evaluate(script, name))
@@ -557,3 +563,26 @@ def test_a_link_opens_the_same_law(page, board, served, chromium):
 def clear_refusals(page):
     """Remove the browser's messages about refused requests from the errors of a page."""
     page.errors[:] = [error for error in page.errors if REFUSED not in error]
+
+
+def test_contour_has_axis_base_circle_and_undercut(page, board):
+    """The contour has the axis and the base circle. An undercut has a ring with its name.
+
+    The second law is selected by the title of a cam, and the legend has the colour of the bars.
+    """
+    page.settled()
+    shown = page.page
+    scale = float(shown.locator("#contour .base").get_attribute("r"))
+    assert shown.locator("#contour circle.zero").count() == 2 and scale > 20.0
+    assert shown.locator("#contour .mark").count() == 0
+    page.drag(3, -180)
+    shown.locator("#contour .mark").first.wait_for()
+    name = shown.locator("#contour .mark title").first.text_content()
+    assert name == "Undercut: no cam has this part of the contour."
+    shown.select_option("#second", label="Cycloidal")
+    assert shown.locator("#second").input_value() == "cycloidal"
+    colours = [
+        shown.locator(where).first.evaluate("e => getComputedStyle(e).stroke")
+        for where in ("#key path", "#spectrum .curve:not(.ghost):not(.second)")
+    ]
+    assert colours[0] == colours[1]

@@ -198,7 +198,8 @@ def test_no_response_contains_a_hidden_number(hidden):
     for i in range(len(sheet.setups)):
         status, turn = hidden.send("/lab/turn", hidden.request_data(i, 300.0) | {"sound": True})
         assert status == 200
-        assert set(turn) == {"contact_lost", "was_lost", "curve", "measured", "sound", "rate"}
+        keys = {"contact_lost", "was_lost", "curve", "measured", "lift", "gap", "sound", "rate"}
+        assert set(turn) == keys
         assert all(abs(force * 10.0 - round(force * 10.0)) < 1e-9 for force in turn["curve"])
         received += numbers(turn["rate"])
         received += numbers(hidden.send("/lab/record", hidden.request_data(i, 300.0))[1])
@@ -208,6 +209,17 @@ def test_no_response_contains_a_hidden_number(hidden):
     revealed = [(n, s) for n in received for s in secret if abs(n - s) <= 1e-4 * s]
     assert len(received) > 100 and len(secret) > 20
     assert revealed == []
+
+
+@pytest.mark.parametrize("rpm", [300.0, 480.0])
+def test_the_picture_shows_the_lift_of_the_turn(plain, rpm):
+    """Lift and gap of the picture are those of the follower: on the cam, or above it in flight."""
+    sheet = plain.pages.notebook.sheet
+    _, turn = plain.send("/lab/turn", plain.request_data(0, rpm))
+    lift, gap, force = (np.array(turn[name]) for name in ("lift", "gap", "curve"))
+    angle = np.arange(lift.size) * (2.0 * np.pi / lift.size)
+    assert lift == pytest.approx(1e3 * sheet.law(angle) + 1e-3 * gap, abs=0.05)
+    assert (gap.max() > 100.0) == turn["contact_lost"] and (gap[force > 1.0] < 50.0).all()
 
 
 def test_theory_is_available_only_without_a_seed(hidden, plain):
@@ -293,17 +305,17 @@ def test_invalid_data_and_an_unwritable_folder_are_refused_and_not_recorded(plai
     assert book.recorded.readings == ()
 
 
-# -- `cam-rig panel --grade`: difference of each answer, and files that are not sheets
+# -- cam-rig mark: difference of each answer, and files that are not sheets -----------
 
 
 def mark(*arguments):
-    """Return exit code, stdout and stderr of `cam-rig panel --grade`."""
-    result = call("panel", "--grade", *arguments)
+    """Return exit code, stdout and stderr of `cam-rig mark`."""
+    result = call("mark", *arguments)
     return result.exit_code, result.stdout, result.stderr
 
 
 def error(text, *arguments):
-    """Check that `--grade` refuses its arguments in one line, and return this line."""
+    """Check that `cam-rig mark` refuses its arguments in one line, and return the line."""
     code, _, err = mark(*arguments)
     assert (code, err.count("\n"), text in err) == (2, 1, True), err
     return err
@@ -353,7 +365,7 @@ def test_a_sheet_that_a_spreadsheet_saved_is_read(tmp_path):
 
 
 DAMAGED = (
-    ("# cam_rig lab sheet: jump\n", "", "not a lab sheet; allowed: a file that cam-rig panel"),
+    ("# cam_rig lab sheet: jump\n", "", "not a lab sheet; allowed: a file that cam-rig lab"),
     ("sheet: jump", "sheet: fly", "is 'fly'; allowed: jump, vibration"),
     ("cam: poly345", "cam: ../../x", "cam is '../../x'; allowed: a name"),
     ("cam: poly345", "cam: nothing", "no such file"),
@@ -403,19 +415,16 @@ def test_no_name_becomes_a_formula_or_a_terminal_command(tmp_path):
 
 
 def test_another_cam_or_rig_is_refused_in_one_line(tmp_path):
-    """`--grade` refuses a cam or rig that is not that of the sheet.
+    """`cam-rig mark` refuses a cam or rig that is not that of the sheet, in one line.
 
-    It also refuses a missing file, and options that it does not use.
+    It also refuses a missing file.
     """
     path = filled(sheet_of("tm21"), tmp_path)
     assert mark(path)[0] == 0
-    assert mark("poly345", path, "--rig", "tm21")[0] == 0
+    assert mark(path, "--cam", "poly345", "--rig", "tm21")[0] == 0
     for arguments, text in (
-        (("cycloidal", path), "the sheet names cam 'poly345', not 'cycloidal'"),
+        ((path, "--cam", "cycloidal"), "the sheet names cam 'poly345', not 'cycloidal'"),
         ((path, "--rig", "paper_table2"), "the sheet names rig 'tm21', not 'paper_table2'"),
         ((tmp_path / "none.csv",), "No such file"),
-        ((), "--grade requires a sheet"),
-        ((path, "--seed", "x"), "--seed"),
-        ((path, "--lab", "jump"), "--grade cannot be combined with --lab"),
     ):
         error(text, *arguments)

@@ -3,6 +3,7 @@
 The labs measure the jump speed, the stem's vibration, or the noise of two cams.
 """
 
+import gc
 import json
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
@@ -14,7 +15,7 @@ import pytest
 
 import cam_rig
 from cam_rig.errors import ConfigError, OutputError
-from cam_rig.panel.command import ClassRoom, mark_sheets
+from cam_rig.panel.lab.command import ClassRoom, mark_sheets
 from cam_rig.panel.lab.labs import LABS, SCATTER_DB
 from cam_rig.panel.lab.recorded import Notebook, read_sheet
 from cam_rig.panel.lab.sheet import CURVE_POINTS
@@ -189,12 +190,9 @@ READINGS_PER_GROUP = 10
 
 @contextmanager
 def class_server(out, groups):
-    """Run `cam-rig panel --lab jump` for all groups.
-
-    Yields the process and a dict from group to address.
-    """
+    """Run `cam-rig lab jump` for all groups, and yield each group's address."""
     seeds = [word for group in groups for word in ("--seed", group)]
-    with start_panel(out, "--lab", "jump", *seeds, stderr=subprocess.DEVNULL) as process:
+    with start_panel(out, *seeds, command=("lab", "jump"), stderr=subprocess.DEVNULL) as process:
         lines = [process.stdout.readline().strip() for _ in groups]
         try:
             yield process, dict(line.split(": ", 1) for line in lines)
@@ -262,13 +260,21 @@ def test_simultaneous_groups_lose_no_reading_if_the_server_is_killed(many, tmp_p
 def test_each_group_has_a_separate_rig_and_page(tmp_path):
     """Each of several seeds has a page at its own path. A single seed is at /lab.
 
-    A repeated seed is refused.
+    A repeated seed is refused. The file of a single seed is continued.
     """
     cams, rig = sheet_of().cams.values(), sheet_of().rig
     room = ClassRoom("jump", ("one", "two"), None)
     pages = room.pages([*cams], rig, tmp_path)
     assert list(pages) == ["/lab/one", "/lab/two"]
-    assert list(ClassRoom("jump", ("one",), None).pages([*cams], rig, tmp_path)) == ["/lab"]
+    single = ClassRoom("jump", ("one",), None)
+    (page,) = single.pages([*cams], rig, tmp_path / "single").values()
+    setup = vars(page.notebook.sheet.setups[0])
+    page.notebook.record(setup | {"rpm": 300.0})
+    before = page.notebook.recorded
+    del page
+    gc.collect()  # the server has ended: the lock of its file is released
+    pages_again = single.pages([*cams], rig, tmp_path / "single")
+    assert list(pages_again) == ["/lab"] and pages_again["/lab"].notebook.recorded == before
     with serve(*pages.values(), home="/lab/one") as served:
         one, two = (Visitor(served.access.address(path)) for path in pages)
         assert (one.home, two.home) == ("/lab/one", "/lab/two")

@@ -128,7 +128,7 @@ def test_cams_are_compared_at_speeds_of_the_operator(bag, tmp_path):
     path = tmp_path / "scenes" / "other.yaml"
     path.parent.mkdir()
     for part in ("cams", "rigs"):
-        (tmp_path / part).symlink_to(bag.loaded.files[0].parent.parent / part)
+        (tmp_path / part).symlink_to(bag.loaded.scene_file.parent.parent / part)
     path.write_text(json.dumps(scene_data(speeds=[500])), encoding="utf-8")
     other = open_scene(path)
     for rpm in (300.0, 700.0):

@@ -1,11 +1,14 @@
 """Rerun recording of a bag: it contains the numbers of the bag."""
 
+import io
 import random
+import wave
 
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from cam_rig.acoustics import SoundSource
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages import topics
 from cam_rig.simulation.schedule import cam_states
@@ -15,6 +18,7 @@ from cam_rig.viewer.quantities import FORCE_LINE as FORCE
 from cam_rig.viewer.quantities import LANDING, LEVEL, SPEED, ZERO
 from cam_rig.viewer.quantities import LIFT_LINE as LIFT
 from cam_rig.viewer.recording import WHOLE_BELOW, RunFeed, bucket_for, save_recording
+from cam_rig.viewer.robot_view import CONTACT, SOUND, robot_root
 
 from .conftest import Picture, make_bag
 
@@ -177,3 +181,62 @@ def test_any_order_of_topics_gives_the_ticks_in_order(bag, seed):
     assert notes.levels == [v for _, v in bag.levels]
     assert all(notes.received.index(("tick", t)) < notes.received.index(("sound", t)) for t in ends)
     assert notes.received[-1] == ("close", 0)
+
+
+# -- archetypes that Rerun calls unstable, and the rig in three dimensions
+
+
+def test_the_sound_of_the_run_is_a_wav_file_at_its_start(bag, picture):
+    """`AssetAudio` contains the sound of the whole run, proportional to the pressure."""
+    rate, loaded = int(bag.loaded.scene.sample_rate.si), bag.loaded
+    ((blob,),) = picture.column(SOUND, "AssetAudio:blob")
+    assert picture.column(SOUND, "AssetAudio:media_type") == [["audio/wav"]]
+    assert picture.time(SOUND) == pytest.approx([bag.samples[0, 0]], abs=1.0 / rate)
+    with wave.open(io.BytesIO(bytes(blob))) as file:
+        assert (file.getframerate(), file.getnframes()) == (rate, bag.samples.shape[1])
+        numbers = np.frombuffer(file.readframes(file.getnframes()), "<i2").astype(float)
+    source = SoundSource(loaded.radiation, rate, least_rate=rate)
+    states = list(cam_states(loaded.scene))
+    pressure = np.concatenate(
+        [
+            source.pressure(rows[4], rows[5], start.until(end).mean_speed)
+            for rows, start, end in zip(bag.rows, states[:-1], states[1:], strict=True)
+        ]
+    )
+    scale = np.abs(numbers).max() / np.abs(pressure).max()
+    np.testing.assert_allclose(numbers, scale * pressure, atol=1.5)
+
+
+def test_contact_and_flight_are_a_lane(bag, picture):
+    """`StateChange` changes where the contact force becomes zero, and where it no longer is."""
+    time, _, _, _, force, _ = bag.samples
+    off = force == 0.0
+    changes = np.flatnonzero(np.diff(off)) + 1
+    assert changes.size > 4
+    np.testing.assert_allclose(picture.time(CONTACT), time[[0, *changes]], atol=1e-9)
+    states = [state for (state,) in picture.column(CONTACT, "StateChange:state")]
+    assert states == ["flight" if is_off else "contact" for is_off in off[[0, *changes]]]
+    assert picture.column(CONTACT, "StateConfiguration:values") == [["contact", "flight"]]
+
+
+def test_the_robot_of_the_mounted_cam_moves(bag, picture):
+    """The robot of each cam has its bodies, its cam at θ, and its follower at its lift.
+
+    The robot of a cam that is not mounted is scaled to nothing.
+    """
+    for cam in bag.loaded.cams:
+        root = robot_root(cam)
+        assert f"/{root}/cam_rig/visual_geometries/follower/visual_0" in picture.entities
+        scales = picture.numbers(f"{root}/mounted", "Transform3D:scale")[:, 0]
+        assert sorted(set(np.round(scales, 3))) == [0.0, 1.0]
+        time, lift = picture.time(f"{root}/follower"), bag.samples[1]
+        drawn = picture.numbers(f"{root}/follower", "Transform3D:translation")
+        at = np.searchsorted(bag.samples[0], time - 1e-9)
+        raised = drawn - drawn[np.argmin(lift[at])]
+        height = np.linalg.norm(raised, axis=1)
+        np.testing.assert_allclose(height, lift[at] - lift[at].min(), atol=1e-6)
+        turned = 2.0 * np.arctan2(
+            *picture.numbers(f"{root}/cam", "Transform3D:quaternion").T[[2, 3]]
+        )
+        error = np.remainder(turned - bag.angle[at] + np.pi, 2.0 * np.pi) - np.pi
+        assert np.abs(error).max() < 1e-5

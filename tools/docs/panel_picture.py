@@ -64,6 +64,7 @@ def photograph_panel(path: Path) -> None:
         handle = page.locator(".handle").nth(HANDLE)
         for _ in range(KEY_PRESSES):
             handle.press(KEY)
+        page.locator("#expert summary").click()
         page.locator("#second").select_option(SECOND_CAM)
         page.locator("#chart0 .second[d^=M]").wait_for(state="attached")
         until(page, READY, lambda: board.version >= KEY_PRESSES)
@@ -85,6 +86,7 @@ def photograph_lab(path: Path) -> None:
             page = new_page(browser)
             page.set_viewport_size(SIZE)  # type: ignore[arg-type]
             page.goto(served.address)
+            page.wait_for_url(lambda url: "token" not in url)
             until(page, SHOWN)
             page.locator("#rpm").fill(f"{round(sheet.true(sheet.setups[0])) + 5}")
             page.locator("#rpm").press("Enter")

@@ -29,7 +29,7 @@ COMMANDS_OF_SCHEMA = {
     "fit_spline": "fit cam TABLES",
     "front": "design START --pareto QUANTITY",
     "law_rises": "law NAMES --rises",
-    "panel_marks": "panel SHEETS --grade",
+    "panel_marks": "mark",
     "profile_measured": "profile CAM --from FILE",
     "simulate": "simulate, analyze",
 }

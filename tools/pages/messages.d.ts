@@ -72,7 +72,8 @@ interface Board {
   ordinates: number[];
   start: number[];
   handles: SentHandle[];
-  cams: string[];
+  /** Titles by name. */
+  cams: Record<string, string>;
   points: number;
   orders: number;
   /** Arrays in base64. */
@@ -267,6 +268,8 @@ interface LabSheet {
   has_instrument: boolean;
   has_answer: boolean;
   has_sound: boolean;
+  /** True if the curve of a turn is the contact force. */
+  shows_force: boolean;
   unit: string;
   knob: Pair;
   plot: { x: Pair; y: Pair };

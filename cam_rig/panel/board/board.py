@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import shlex
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -156,7 +157,7 @@ class Board:
             "ordinates": self.ordinates.tolist(),
             "start": self.drawn.ordinates.tolist(),
             "handles": [asdict(handle) for handle in self.drawn.handles],
-            "cams": sorted(path.stem for path in (config_root() / "cams").glob("*.yaml")),
+            "cams": shipped_titles(),
             "points": drawn_law.MOTION_POINTS,
             "orders": drawn_law.ORDERS,
             "first": in_base64(table.first),
@@ -232,6 +233,13 @@ CHORD_ERROR = 1e-6
 GOAL = "jump_speed"
 #: Limit of that optimisation: the peak acceleration must not exceed that of the drawn cam.
 LIMIT = "peak_acceleration<=start"
+
+
+@cache
+def shipped_titles() -> dict[str, str]:
+    """Return the titles of the shipped cams by their names, in the order of the titles."""
+    cams = map(load_cam, sorted((config_root() / "cams").glob("*.yaml")))
+    return dict(sorted(((cam.name, cam.title) for cam in cams), key=lambda item: item[1].lower()))
 
 
 def require_name(name: Any) -> str:

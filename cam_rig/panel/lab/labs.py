@@ -50,7 +50,11 @@ RATE_HZ = MIN_RATE_HZ
 TURN_POINTS = 720
 #: Resolution of the simulated force sensor of a lab, N.
 RESOLUTION_N = 0.1
-#: Lowest speed of the speed knob, as a fraction of the lowest expected jump speed.
+#: Resolution of the lift in the picture, mm: less than the width of a line.
+DRAWN_LIFT_MM = 0.01
+#: Resolution of the gap in the picture, µm.
+DRAWN_GAP_UM = 1.0
+#: Lowest speed of the knob, as a fraction of the lowest expected jump speed.
 KNOB_FROM = 0.5
 #: Highest speed of the speed knob, as a multiple of the highest expected jump speed.
 KNOB_TO = 1.25
@@ -73,7 +77,15 @@ def observe(law: Law, follower: AnyFollower, radiation: RadiationParameters, rpm
         pressure = source.pressure(block.force, block.impulse, speed)
     curve = over_turn(angles, block.force, RESOLUTION_N)
     is_lost = len(blocks) > 1
-    return LabTurn(is_lost, is_lost, curve, np.asarray(pressure / FULL_SCALE_PA))
+    gap = np.where(block.force > 0.0, 0.0, np.maximum(block.lift - law(angles), 0.0))
+    return LabTurn(
+        contact_lost=is_lost,
+        was_lost=is_lost,
+        curve=curve,
+        sound=np.asarray(pressure / FULL_SCALE_PA),
+        lift=over_turn(angles, 1e3 * (law(angles) + gap), DRAWN_LIFT_MM),
+        gap=over_turn(angles, 1e6 * gap, DRAWN_GAP_UM),
+    )
 
 
 def over_turn(angles: FloatArray, values: FloatArray, resolution: float) -> FloatArray:
@@ -254,7 +266,7 @@ class VibrationSheet(LabSheet):
     multiples: ClassVar = {"added_mass": (0.0, 0.5, 1.0)}
     tolerances: ClassVar = {"stem_stiffness": 0.2, "mass": 0.04, "damping": 0.25}
     measured, answer = "residual_um", "frequency_Hz"
-    question, unit, has_sound = "natural frequency", "Hz", False
+    question, unit, has_sound, shows_force = "natural frequency", "Hz", False, False
     truth = "√((k + k_stem)/m)/2π"
 
     def _follower(self, setup: LabSetup, seed: str | None) -> FollowerParameters:
@@ -306,7 +318,9 @@ class VibrationSheet(LabSheet):
         turn = steady_turn(self.law, follower, rpm * RPM)
         curve = over_turn(turn.angle, 1e6 * turn.vibration, RESOLUTION_UM)
         residual = 1e6 * float(residual_vibration(self.law, follower, np.array([rpm * RPM]))[0])
-        return LabTurn(False, False, curve, measured=_round_to(residual, RESOLUTION_UM))
+        lift = over_turn(turn.angle, 1e3 * self.law(turn.angle), DRAWN_LIFT_MM)
+        shown = _round_to(residual, RESOLUTION_UM)
+        return LabTurn(False, False, curve, measured=shown, lift=lift, gap=np.zeros_like(lift))
 
     @property
     def plot(self) -> tuple[Span, Span]:
@@ -441,7 +455,7 @@ class NoiseSheet(LabSheet):
         return [self.level(cam, rpm, None) for cam in self.cams]
 
 
-#: Lab sheets by the name that --lab accepts. The text of each task is in the page's texts.
+#: Lab sheets by the name that `cam-rig lab` accepts. The text of each task is in the page's texts.
 LABS: dict[str, type[LabSheet]] = {
     sheet.name: sheet for sheet in (JumpSheet, VibrationSheet, NoiseSheet)
 }
@@ -457,7 +471,7 @@ def lab_of(name: str) -> type[LabSheet]:
     """
     if name not in LABS:
         hint = did_you_mean(name, LABS)
-        raise ConfigError(f"--lab: is {shorten(name)}; allowed: {', '.join(LABS)}{hint}")
+        raise ConfigError(f"lab: is {shorten(name)}; allowed: {', '.join(LABS)}{hint}")
     return LABS[name]
 
 

@@ -70,6 +70,7 @@ class LabPages(PanelPages):
             "has_instrument": sheet.measured is not None,
             "has_answer": sheet.answer is not None,
             "has_sound": sheet.has_sound,
+            "shows_force": sheet.shows_force,
             "unit": sheet.unit,
             "knob": self._knob,
             "plot": dict(zip("xy", sheet.plot, strict=True)),
@@ -122,6 +123,8 @@ class LabPages(PanelPages):
             "was_lost": turn.was_lost,
             "curve": [round(y, 1) for y in turn.curve.tolist()],
             "measured": turn.measured,
+            "lift": [round(y, 2) for y in turn.lift.tolist()],
+            "gap": turn.gap.tolist(),
         }
         if body.get("sound") is True and turn.sound.size:
             sound = base64.b64encode(turn.sound.astype("<f4").tobytes()).decode()

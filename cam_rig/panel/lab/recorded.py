@@ -82,7 +82,7 @@ def read_sheet(path: Path) -> RecordedSheet:
     try:
         return _parse(read_bytes(path, MAX_BYTES).decode("utf-8-sig"))
     except UnicodeDecodeError:
-        reason = "is not UTF-8 text; allowed: a file that cam-rig panel --lab wrote"
+        reason = "is not UTF-8 text; allowed: a file that cam-rig lab wrote"
     except OSError as error:
         reason = f"cannot be read ({error.strerror})"
     except ConfigError as error:
@@ -102,7 +102,7 @@ def _parse(text: str) -> RecordedSheet:
         header[key.strip()] = value.strip()
     body = [next(csv.reader([line])) for line in lines if not _is_header(line)]
     if not {TITLE, *HEADER_KEYS} - set(OPTIONAL_KEYS) <= header.keys():
-        raise ConfigError("not a lab sheet; allowed: a file that cam-rig panel --lab wrote")
+        raise ConfigError("not a lab sheet; allowed: a file that cam-rig lab wrote")
     lab = lab_of(header[TITLE])
     if not body or tuple(cell.strip() for cell in body[0]) != lab.columns():
         raise ConfigError(f"the columns differ; allowed: {', '.join(lab.columns())}")

@@ -58,11 +58,11 @@ class LabReading:
 class LabTurn:
     """Observed turn of the follower in steady state at one speed.
 
-    `contact_lost` is True if the follower leaves the cam, and `was_lost` if it has done so on the
-    way up to this speed. `curve` is what the sensor of the lab displays, in steps of its
-    resolution, at equal steps of the cam angle from 0. `sound` contains samples of full scale and
-    is played in a loop. `measured` is the reading of the lab's instrument, None without one. The
-    arrays are empty if the turn cannot be observed.
+    `curve` has the resolution of its sensor, at equal steps of the cam angle from 0. `sound` is of
+    full scale and is played in a loop. `measured` is the reading of the lab's instrument.
+    `was_lost` is true if contact was lost on the way up to this speed. `lift` (mm) and `gap` (µm,
+    between cam and follower) are those of the picture, at the angles of `curve`. The arrays are
+    empty if the turn cannot be observed.
     """
 
     contact_lost: bool
@@ -70,6 +70,8 @@ class LabTurn:
     curve: FloatArray = field(default_factory=lambda: np.empty(0))
     sound: FloatArray = field(default_factory=lambda: np.empty(0))
     measured: float | None = None
+    lift: FloatArray = field(default_factory=lambda: np.empty(0))
+    gap: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 #: Lowest and highest value of a speed knob (rpm), or of an axis of the plot.
@@ -127,6 +129,8 @@ class LabSheet(ABC):
     #: Field of the set-up whose value selects a filled marker, unless it is the first option. None
     #: if no marker is filled.
     filled: ClassVar[str | None] = None
+    #: True if the curve of a turn is the contact force, so that the follower may leave the cam.
+    shows_force: ClassVar[bool] = True
     #: True if the page plays the sound of a turn.
     has_sound: ClassVar[bool] = True
     #: Name of the default second cam, None if the lab has one cam.

@@ -39,8 +39,8 @@ RigOption = Annotated[
     str | None,
     typer.Option(
         "--rig",
-        help="Rig file, or a name in config/rigs (default: the only one in rigs next to "
-        "the cam, else tm21).",
+        help="Rig file, or a name in config/rigs (default: the only one next to the cam, else that "
+        "of the cam's name; for shipped cams tm21).",
     ),
 ]
 OneCam = Annotated[str, typer.Argument(help="Cam file, or a name in config/cams.")]

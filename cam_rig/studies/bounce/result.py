@@ -18,7 +18,13 @@ from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.turn_map import State
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.show.result import Column, Footnote, Records, Result
+from cam_rig.show.result import (
+    Column,
+    Footnote,
+    Records,
+    Result,
+    subject_line,
+)
 from cam_rig.studies.bounce.branches import DESCRIPTIONS, LIFT_OFF, Bifurcation, Branch
 from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, PERIODIC, UNDETERMINED, TurnMotion
 from cam_rig.studies.bounce.sweep import (
@@ -186,6 +192,13 @@ class BounceMap(Result):
     lift_off: float  #: swept value at which contact is first lost, SI (a speed in rad/s)
     rows: tuple[BounceRow, ...]
     branches: tuple[Branch, ...] = ()  #: curves of periodic motions, empty unless requested
+
+    @property
+    def subject(self) -> str:
+        """Cam, rig and model."""
+        has_two = isinstance(self.sweep.base.parameters, TwoMassParameters)
+        model = "two_mass" if has_two else "one_mass"
+        return subject_line([self.law.name], self.rig.name, model)
 
     @property
     def jump_rpm(self) -> float:

@@ -11,7 +11,14 @@ from typing import Any, ClassVar
 from cam_rig.arguments import check_arguments
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.extras import friendly_import_errors
-from cam_rig.show.result import SI_UNITS, Column, Footnote, Records, Result
+from cam_rig.show.result import (
+    SI_UNITS,
+    Column,
+    Footnote,
+    Records,
+    Result,
+    subject_line,
+)
 from cam_rig.show.tables import Cell, format_number
 from cam_rig.simulation.instruments import ReadingCount
 from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, load_scene
@@ -211,6 +218,11 @@ class RunComparison(Result):
     notes: tuple[str, ...]
     alignment: tuple[AlignmentNumber, ...] = ()
     counts: tuple[ReadingCount, ...] = ()
+
+    @property
+    def subject(self) -> str:
+        """Cams, rig and model of the scene."""
+        return subject_line(self.loaded.laws, self.loaded.rig.name, self.loaded.scene.model)
 
     @property
     def force_ringing(self) -> float | None:

@@ -19,7 +19,13 @@ from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import ContactParts
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segment_base import iterate_quantities
-from cam_rig.show.result import Column, Footnote, Records, Result
+from cam_rig.show.result import (
+    Column,
+    Footnote,
+    Records,
+    Result,
+    subject_line,
+)
 from cam_rig.show.tables import Cell
 from cam_rig.simulation.inputs import MAX_RPM, Cams, Rig, resolve_cams
 from cam_rig.studies.contact.surfaces import (
@@ -223,6 +229,11 @@ class ContactResult(Result):
     rpm: float
     rows: tuple[CamContact, ...]
     steepest: float | None = None
+
+    @property
+    def subject(self) -> str:
+        """Cams, rig and model."""
+        return subject_line((row.cam.name for row in self.rows), self.rig, "kinetostatic")
 
     def tables(self) -> list[Records]:
         """Return the tables ``contact``, ``bounds``, ``assumed`` and ``run``.

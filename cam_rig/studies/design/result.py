@@ -12,7 +12,12 @@ from cam_rig.laws import Law
 from cam_rig.quantities.terms import Sense, Term, sign_of
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import file_data, quantity_data, to_yaml, validate_cam
-from cam_rig.show.result import Column, Records, Result
+from cam_rig.show.result import (
+    Column,
+    Records,
+    Result,
+    subject_line,
+)
 from cam_rig.studies.design.convex_program import MAX_ORDINATE
 from cam_rig.studies.design.request import DesignRequest, Multistart
 from cam_rig.studies.design.space import DesignProblem, LawEvent, ScaledLimit
@@ -145,6 +150,11 @@ class LawDesign(Result):
     interrupted: bool = False
 
     @property
+    def subject(self) -> str:
+        """Start and rig. The quantities of a design name their models."""
+        return subject_line([self.start.name], self.rig.name)
+
+    @property
     def goal(self) -> Measure:
         """Goal with its values for the start law and the designed law, and its bound."""
         return self.measures[0]
@@ -268,6 +278,11 @@ class Front(Result):
     designs: tuple[LawDesign, ...]
     requested_points: int
     interrupted: bool = False
+
+    @property
+    def subject(self) -> str:
+        """Start and rig."""
+        return self.designs[0].subject
 
     def tables(self) -> list[Records]:
         """Return the tables ``front`` (one row per point) and ``quantities``.

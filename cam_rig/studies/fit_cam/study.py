@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypedDict, Unpack, overload
+from typing import Literal, Protocol, TypedDict, Unpack, overload, runtime_checkable
 
 from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError
-from cam_rig.files import new_yaml, write_new
+from cam_rig.files import new_yaml, temporary_folder, write_new
 from cam_rig.studies.fit_cam.arcs.cam_file import arcs_cam, require_identifiable
 from cam_rig.studies.fit_cam.arcs.contour import FollowerKind
 from cam_rig.studies.fit_cam.arcs.radii import GivenRadii
@@ -270,7 +270,17 @@ class FitOptions(TypedDict, total=False):
     out: str | Path | None
 
 
-Files = str | Path | Sequence[str | Path]
+@runtime_checkable
+class DataFrame(Protocol):
+    """Data frame of pandas, or another class with its method `to_csv`."""
+
+    def to_csv(self, path: Path, *, index: bool) -> object:
+        """Write the columns with their headings as CSV."""
+
+
+Files = str | Path | DataFrame | Sequence[str | Path]
+#: Name of the table of a data frame in notes and messages.
+FRAME_FILE = "data_frame.csv"
 
 
 @overload
@@ -281,7 +291,7 @@ def fit_cam(
 def fit_cam(tables: Files, *, shape: Literal["arcs"], **how: Unpack[FitOptions]) -> ArcsFit: ...
 @check_arguments
 def fit_cam(
-    tables: str | Path | Sequence[str | Path],
+    tables: Files,
     *,
     shape: Literal["spline", "arcs"] = "spline",
     follower: FollowerKind | Sequence[FollowerKind] | None = None,
@@ -307,8 +317,9 @@ def fit_cam(
 
     Parameters
     ----------
-    tables : str, Path or sequence of them
-        File of cam angles and readings, or several files for arcs.
+    tables : str, Path, DataFrame or sequence of str or Path
+        File of cam angles and readings, or a data frame of pandas with the same headings, or
+        several files for arcs.
     shape : {'spline', 'arcs'}, optional
         Shape of the cam (default: spline).
     follower : {'roller', 'flat', 'point'} or sequence of them, optional
@@ -368,8 +379,7 @@ def fit_cam(
     0.001
     """
     target = new_yaml(out)
-    files = [tables] if isinstance(tables, str | Path) else tables
-    if not files:
+    if not isinstance(tables, DataFrame) and not tables:
         raise ConfigError("tables: is an empty list; allowed: a file, or several for arcs")
     kinds = (follower,) if isinstance(follower, str) else tuple(follower or ())
     heights = (checking_height,) if isinstance(checking_height, float | int) else checking_height
@@ -386,7 +396,13 @@ def fit_cam(
         valve_train=ValveTrain(rocker_ratio, lash, tuple(heights)),
         recognise=recognise,
     )
-    fit = request.run([Path(file) for file in files])
+    if isinstance(tables, DataFrame):
+        with temporary_folder("cam_rig-fit-") as folder:
+            tables.to_csv(folder / FRAME_FILE, index=False)
+            fit = request.run([folder / FRAME_FILE])
+    else:
+        files = [tables] if isinstance(tables, str | Path) else tables
+        fit = request.run([Path(file) for file in files])
     if target is None:
         return fit
     written = request.files(fit, target.stem)

@@ -29,7 +29,15 @@ from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
 from cam_rig.schema import PublishedTables, load_rig
 from cam_rig.schema.load import ORIGIN_NOTES, config_root, has_shipped_motion, plain_data
-from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
+from cam_rig.show.result import (
+    NULL_PROGRESS,
+    Column,
+    Footnote,
+    Progress,
+    Records,
+    Result,
+    subject_line,
+)
 from cam_rig.show.tables import pluralize
 from cam_rig.units import NS, RPM, TURN, rms
 
@@ -201,6 +209,13 @@ class JumpResult(Result):
     cam_set: CamSet
     rows: tuple[JumpRow, ...]
     duration: float | None = REST_DURATION_S
+
+    @property
+    def subject(self) -> str:
+        """Cams, rig, and the model of the follower: two masses or one."""
+        has_two = isinstance(follower_of(self.cam_set.rig), TwoMassParameters)
+        model = "two_mass" if has_two else "one_mass"
+        return subject_line(self.cam_set.laws, self.cam_set.rig.name, model)
 
     @property
     def rpm(self) -> dict[str, float]:

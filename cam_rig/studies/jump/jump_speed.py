@@ -15,6 +15,7 @@ from cam_rig.dynamics.jump.any_follower import describe_run, find_jump, follower
 from cam_rig.dynamics.jump.two_masses import REST_DURATION_S, Jump
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws.law import Law
+from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.rig import RigConfig
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.simulation.inputs import LawOrCam, RequiredRig, resolve_law, resolve_rig
@@ -25,9 +26,10 @@ from cam_rig.units import FloatArray
 class JumpSpeed(Jump, Result):
     """Jump speed of a law on a rig, with the first lift-off.
 
-    The jump speed is ``rpm``, or ``speed`` in rad/s. ``angle`` (cam angle within the turn, rad) and
-    ``time`` (s) are those of the first lift-off. The time is measured from rest, or from the start
-    of a turn in steady state. ``duration`` is that of the run in s, or None in steady state.
+    The jump speed is ``rpm``, or ``speed`` in rad/s. ``angle`` (cam angle in its turn, rad) and
+    ``time`` (since rest or since the start of a turn, s) are those of the first lift-off.
+    ``duration`` is that of the run in s, or None in steady state. ``standard_error`` is that of the
+    jump speed in rpm, or None without standard errors of the rig's numbers.
     """
 
     schema = "cam_rig.jump_speed.1"
@@ -36,6 +38,7 @@ class JumpSpeed(Jump, Result):
         "jump_speed": (
             Column("cam", of="law.name"),
             Column("rpm", "rpm", ".2f", "jump speed"),
+            Column("standard_error", "rpm", ".2f"),
             Column("angle", "°", ".1f", "cam angle"),
             Column("time", "s", ".3f"),
         )
@@ -44,6 +47,7 @@ class JumpSpeed(Jump, Result):
     law: Law
     rig: RigConfig
     duration: float | None
+    standard_error: float | None = None
 
     def tables(self) -> list[Records]:
         """Return the table with the jump speed in its only row."""
@@ -53,7 +57,8 @@ class JumpSpeed(Jump, Result):
     def __repr__(self) -> str:
         """Return the law, its jump speed in rpm and the lift-off angle in degrees as text."""
         lift_off = f"contact lost at {math.degrees(self.angle):.1f}° after {self.time:.3g} s"
-        return f"JumpSpeed({self.law.name}: {self.rpm:.2f} rpm, {lift_off})"
+        error = "" if self.standard_error is None else f" ± {self.standard_error:.2g}"
+        return f"JumpSpeed({self.law.name}: {self.rpm:.2f}{error} rpm, {lift_off})"
 
 
 @dataclass(frozen=True)
@@ -123,7 +128,13 @@ Numbers = FloatArray | float | None
 
 
 @overload
-def jump_speed(law: LawOrCam, rig: RequiredRig, *, duration: float | None = ...) -> JumpSpeed: ...
+def jump_speed(
+    law: LawOrCam,
+    rig: RequiredRig,
+    *,
+    duration: float | None = ...,
+    standard_errors: Mapping[str, float] | None = ...,
+) -> JumpSpeed: ...
 
 
 @overload
@@ -149,6 +160,7 @@ def jump_speed(
     spring_stiffness: Numbers = None,
     damping: Numbers = None,
     preload: Numbers = None,
+    standard_errors: Mapping[str, float] | None = None,
 ) -> JumpSpeed | JumpSpeeds:
     """Find the lowest speed at which the follower loses contact.
 
@@ -170,6 +182,10 @@ def jump_speed(
     mass, spring_stiffness, damping, preload : ndarray or float, optional
         Numbers of the follower in kg, N/m, N·s/m and N, shape (n,), or one number for all rigs
         (default: the rig's number).
+    standard_errors : mapping of str to float, optional
+        Standard errors of independent numbers of the follower in SI units, such as
+        ``{"mass": 0.004, "preload": 0.3}``. The result then contains the standard error of the jump
+        speed, to first order. It cannot be combined with arrays.
 
     Returns
     -------
@@ -180,7 +196,8 @@ def jump_speed(
     ------
     ConfigError
         An argument has another type, the rig has only one of the two numbers, the arrays have
-        different lengths, or the duration is above 60 s.
+        different lengths, the duration is above 60 s, or a standard error is not that of a number
+        of the rig.
     DynamicsError
         Contact is lost or kept at every speed, or a steady state does not exist. With arrays the
         row of the rig contains the reason instead.
@@ -193,6 +210,8 @@ def jump_speed(
     >>> preloads = np.array([20.0, 30.6, 45.0])
     >>> cam_rig.jump_speed("poly345", "paper_table2", preload=preloads).rpm.round(1).tolist()
     [344.9, 413.4, 417.2]
+    >>> cam_rig.jump_speed("poly345", "tm21", standard_errors={"mass": 0.01, "preload": 0.5})
+    JumpSpeed(poly345: 438.29 ± 1.7 rpm, contact lost at 241.2° after 0.0917 s)
     """
     law, rig = resolve_law(law), resolve_rig(rig, law)
     numbers = {
@@ -202,10 +221,45 @@ def jump_speed(
         "preload": preload,
     }
     changed = {name: value for name, value in numbers.items() if value is not None}
+    if changed and standard_errors:
+        raise ConfigError(f"standard_errors cannot be combined with {', '.join(changed)}")
     if changed:
         return _jump_speeds(law, rig, duration, changed)
     jump = find_jump(law, follower_of(rig), duration)
-    return JumpSpeed(jump.speed, jump.angle, jump.time, law, rig, duration)
+    error = None if not standard_errors else _standard_error(law, rig, duration, standard_errors)
+    return JumpSpeed(jump.speed, jump.angle, jump.time, law, rig, duration, error)
+
+
+#: Step of a difference quotient, as a fraction of the standard error of the number. The jump speed
+#: is computed to 1e-9 or better.
+STEP_RATIO = 0.01
+
+
+def _standard_error(
+    law: Law, rig: RigConfig, duration: float | None, errors: Mapping[str, float]
+) -> float:
+    """Return the standard error (rpm) of the jump speed: √Σ(∂n/∂x · error of x)².
+
+    The derivatives are central difference quotients.
+    """
+    changes = []
+    for name, error in errors.items():
+        number = getattr(rig.follower, name, None)
+        if not isinstance(number, Quantity) or not 0.0 <= error < math.inf:
+            known = ", ".join(key for key, value in rig.follower if value is not None)
+            raise ConfigError(
+                f"standard_errors must be numbers of at least 0 by the keys {known}, "
+                f"got {name}: {error:g}"
+            )
+        step = STEP_RATIO * error
+        if step == 0.0:
+            continue
+        low, high = (
+            find_jump(law, follower_of(rig.with_follower(**{name: value})), duration).rpm
+            for value in (max(number.si - step, 0.0), number.si + step)
+        )
+        changes.append((high - low) / (step + min(step, number.si)) * error)
+    return math.hypot(*changes)
 
 
 def _jump_speeds(

@@ -15,7 +15,7 @@ from cam_rig.laws.cam import control_polygons, segment_angles
 from cam_rig.laws.law import MAX_CONTINUITY, Joint, Law, extremes, joints
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segment_base import Table
-from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis, wrapped
+from cam_rig.show.figure import CAM_ANGLE, draw_into, empty, line, styled, turn_axis, wrapped
 from cam_rig.show.looks import DERIVATIVE_NAMES, DERIVATIVES, MM, PER_RADIAN, in_words, short, web
 from cam_rig.show.result import enable_notebook_display
 from cam_rig.show.tables import typeset_number
@@ -59,7 +59,7 @@ def figure(cam: CamConfig, law: Law) -> Figure:
 
 @styled
 @check_arguments
-def plot_law(law: LawOrCam) -> Figure:
+def plot_law(law: LawOrCam, ax: Axes | None = None) -> Figure:
     """Return a figure of lift, velocity, acceleration and jerk over a turn.
 
     Extremes and joints that are not smooth are marked. `cam_rig.law_summary` plots several laws in
@@ -69,6 +69,8 @@ def plot_law(law: LawOrCam) -> Figure:
     ----------
     law : Law, Cam, str or Path
         Motion law, or a cam: its name in ``config/cams``, its path, or the object.
+    ax : matplotlib.axes.Axes, optional
+        Axes of a figure that are replaced by the panels (default: a new figure).
 
     Returns
     -------
@@ -91,7 +93,7 @@ def plot_law(law: LawOrCam) -> Figure:
     """
     law = law if isinstance(law, Law) else build_law(law)
     rough = [joint for joint in joints(law) if joint.continuity < MAX_CONTINUITY]
-    return enable_notebook_display(_draw_panels(law, rough, law.name))
+    return enable_notebook_display(draw_into(ax, lambda: _draw_panels(law, rough, law.name)))
 
 
 def _draw_panels(law: Law, marked: list[Joint], title: str) -> Figure:

@@ -18,7 +18,15 @@ from cam_rig.laws.cam import law_of, require_sprung
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import cam_path, config_root, file_exists, read_yaml, resolve_path
 from cam_rig.schema.scene import present_model_name
-from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
+from cam_rig.show.result import (
+    NULL_PROGRESS,
+    Column,
+    Footnote,
+    Progress,
+    Records,
+    Result,
+    subject_line,
+)
 from cam_rig.simulation.inputs import (
     Rig,
     Speeds,
@@ -133,6 +141,12 @@ class OrdersResult(Result):
 
     studies: tuple[CamOrders, ...]
     titles: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def subject(self) -> str:
+        """Cams, rig and model."""
+        study = self.studies[0]
+        return subject_line((each.cam for each in self.studies), study.rig.name, study.model)
 
     @property
     def speed_rows(self) -> list[OrdersRow]:
@@ -284,7 +298,7 @@ def _resolve_source(
         require_sprung(path, loaded)
         law, title = {loaded.name: law_of(path, loaded)}, {loaded.name: loaded.title}
         if rig is None:
-            rig = default_rig([path] if isinstance(path, Path) else [], CAM_RIG)
+            rig = default_rig([path if isinstance(path, Path) else loaded], CAM_RIG)
         return law, title, resolve_rig(rig, source), CAM_MODEL, [*map(float, CAM_RPM)]
     scene = resolve_scene(source, rig)
     laws = dict(scene.laws) if cam is None else {cam: scene.law_of(cam)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from cam_rig.show.result import Column, Records, Result
 from cam_rig.simulation.inputs import Cam, resolve_cam
 from cam_rig.studies.profile.study import ProfileResult
 from cam_rig.units import FloatArray
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Smallest number of points of a contour that can be requested.
 MIN_POINTS = 36
@@ -46,7 +43,9 @@ _radius = _of_discs(lambda disc: disc.radius)
 class CamContour(Result):
     """Contour of a cam in the cam's frame. Point i is touched at cam angle i.
 
-    At cam angle 0 a translating follower is on +y. The cam turns counterclockwise.
+    At cam angle 0 a translating follower is on +y. The cam turns counterclockwise. ``plot`` has the
+    option ``positions``: the number of positions of the follower around the cam, 3 to 720 (default:
+    24).
 
     Parameters
     ----------
@@ -123,22 +122,6 @@ class CamContour(Result):
         """Return the tables `points`, with the points of all discs, and `checks`."""
         checked = ProfileResult((CheckedCam(self.cam, self.law, self.checks),))
         return [self.array_table("points"), checked.tables()[0]]
-
-    @check_arguments
-    def plot(self, positions: int = 24) -> Figure:  # type: ignore[override]
-        """Return a figure of the cam with its follower, curvature and pressure angle.
-
-        Parameters
-        ----------
-        positions : int
-            Positions of the follower around the cam, 3 to 720 (default: 24).
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            Three panels.
-        """
-        return super().plot(positions=positions)
 
 
 @check_arguments

@@ -10,6 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
+from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.law import Extreme, extremes
@@ -187,6 +188,7 @@ def profile_figure(result: ProfileResult) -> Figure:
     return figure(checked.cam, checked.law, checked.checks, result.positions)
 
 
+@check_arguments
 def contour_figure(contour: CamContour, positions: int = POSITIONS) -> Figure:
     """Return the figure of a contour, with 3 to 720 positions of the follower."""
     if not MIN_POSITIONS <= positions <= MAX_POSITIONS:

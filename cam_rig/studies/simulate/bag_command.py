@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,7 @@ import typer
 from cam_rig.bag.command import newest_bag
 from cam_rig.errors import ConfigError
 from cam_rig.files import check_writable
-from cam_rig.show.command import SceneOfBag, command
+from cam_rig.show.command import SceneOfBag, ShowTable, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
 from cam_rig.simulation.simulate import TickSamples
@@ -24,10 +25,12 @@ def analyze(
         Path | None, typer.Argument(help="Bag to analyse (default: the newest in bags/).")
     ] = None,
     scene: SceneOfBag = None,
+    table: ShowTable = False,
 ) -> Result:
-    """Analyse a recorded run: one row per cam and speed, and the noise of each cam.
+    """Analyse a recorded run: levels, jump speed and lost contact of each cam, and each speed.
 
-    The tables are those of cam-rig simulate.
+    The tables are those of cam-rig simulate. More than 12 rows by speed are displayed with --table
+    only. --csv writes all rows.
 
     In Python: cam_rig.read_bag(bag, scene)
 
@@ -35,11 +38,13 @@ def analyze(
     --------
     cam-rig analyze
 
+    cam-rig analyze --table --csv out/sweep.csv
+
     cam-rig analyze bags/tm21_sweep_2026-01-31_12-00-00 --plot out/sweep.png --json out/sweep.json
 
     cam-rig analyze recorded_by_ros2 --scene quick
     """
-    return read_run(bag or newest_bag(), scene)
+    return replace(read_run(bag or newest_bag(), scene), show_table=table)
 
 
 def read_run(bag: Path, scene: str | None = None) -> SceneRun:
@@ -77,9 +82,9 @@ def export(
     """Write every sample of a run to a file, with name, speed and angle of the cam.
 
     Columns: time_s, cam, rpm, angle_rad, angle_in_turn_rad, lift_m, velocity_m_s,
-    acceleration_m_s2, force_N, impulse_N_s. The schema of a Parquet file contains units and
-    meanings; it needs pyarrow. A WAV file has one channel of 32-bit floats for each quantity that
-    changes within a turn, and its comment names them. Memory does not grow with the run.
+    acceleration_m_s2, force_N, impulse_N_s, torque_N_m. The schema of a Parquet file contains units
+    and meanings; it needs pyarrow. A WAV file has one channel of 32-bit floats for each quantity
+    that changes within a turn, and its comment names them. Memory does not grow with the run.
 
     Examples
     --------

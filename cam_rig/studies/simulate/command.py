@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import wave
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,7 @@ import typer
 
 from cam_rig.errors import ConfigError
 from cam_rig.files import atomic_write, check_writable
-from cam_rig.show.command import DEFAULT_SCENE, OtherRig, Scene, command
+from cam_rig.show.command import DEFAULT_SCENE, OtherRig, Scene, ShowTable, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
 
@@ -71,26 +72,34 @@ def listen(
 
 
 @command("json", "csv", "plot")
-def simulate(scene: Scene = DEFAULT_SCENE, *, progress: Progress) -> Result:
-    """Run a scene without ROS: one row per cam and speed, and the noise of each cam.
+def simulate(
+    scene: Scene = DEFAULT_SCENE,
+    rig: OtherRig = None,
+    table: ShowTable = False,
+    *,
+    progress: Progress,
+) -> Result:
+    """Run a scene without ROS: levels, jump speed and lost contact of each cam, and each speed.
 
-    A row contains level, peak and least force, lift-off rate, longest flight, fastest landing and
-    torque of the settled turns.
+    A row by speed contains level, peak and least force, lift-off rate, longest flight, fastest
+    landing and torque of the settled turns. More than 12 rows are displayed with --table only.
 
-    In Python: cam_rig.run_scene(scene)
+    In Python: cam_rig.run_scene(scene, rig)
 
     Examples
     --------
     cam-rig simulate
 
+    cam-rig simulate quick --rig mine/rigs/bench.yaml
+
     cam-rig simulate config/scenes/tm21_sweep.yaml --plot out/sweep.png --csv out/sweep.csv --json -
     """
-    from cam_rig.simulation.scene import load_scene
+    from cam_rig.simulation.inputs import resolve_scene
     from cam_rig.simulation.schedule import tick_count
     from cam_rig.studies.simulate.study import run_scene
     from cam_rig.units import NS
 
-    loaded = load_scene(scene)
+    loaded = resolve_scene(scene, rig)
     start = time.perf_counter()
     progress.start(tick_count(loaded.scene), loaded.scene.name)
     run = run_scene(loaded, on_tick=progress.advance)
@@ -100,4 +109,4 @@ def simulate(scene: Scene = DEFAULT_SCENE, *, progress: Progress) -> Result:
         f"{len(run.ticks)} ticks, {rig_time:.1f} s of rig time in {duration:.2f} s "
         f"({rig_time / duration:.0f} x real time)"
     )
-    return run
+    return replace(run, show_table=table)

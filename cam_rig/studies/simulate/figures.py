@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cam_rig.show import looks as colours
@@ -28,6 +29,7 @@ from cam_rig.simulation.simulate import TickSamples
 from cam_rig.studies.simulate.motion import FollowerMotion
 from cam_rig.studies.simulate.sound import SoundLevel
 from cam_rig.studies.simulate.study import SceneRun
+from cam_rig.studies.simulate.summary import is_contact_lost
 from cam_rig.units import FloatArray
 
 #: Free space above and below the levels of single turns in a figure, dB. Without it the axis would
@@ -39,11 +41,16 @@ MARGIN_DB = 1.0
 def figure(run: SceneRun) -> Figure:
     """Draw the sound level of each cam over speed.
 
-    If the rig has no acoustic constants, the contact force over the turn is drawn instead.
+    Jump speeds are dotted lines, and speeds with lost contact have a ring. Without levels, plot the
+    contact force over the turn.
     """
     if run.loaded.missing_for_sound:
         return over_turn(force_curves(run))
-    return noise_figure(run.noise, run.loaded)
+    out = noise_figure(run.noise, run.loaded)
+    (axes,) = out.axes
+    _mark_lost_contact(axes, run)
+    axes.legend(loc="upper left")
+    return out
 
 
 @styled
@@ -85,6 +92,20 @@ def noise_figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
     axes.set(xlabel=CAM_SPEED, ylabel=prefix + LEVEL, title=wrapped(loaded.scene.title))
     axes.legend(loc="upper left")
     return out
+
+
+def _mark_lost_contact(axes: Axes, run: SceneRun) -> None:
+    """Draw a ring at each speed with lost contact, and a line at each jump speed in the range."""
+    low, high = axes.get_xlim()
+    jumps = [row for row in run.summaries if row.jump_speed and low < row.jump_speed < high]
+    for row in jumps:
+        axes.axvline(row.jump_speed or 0.0, color=marker(row.cam)["color"], ls=":", lw=1.2)
+    if jumps:
+        axes.plot([], [], "k:", lw=1.2, label="jump speed, in the colour of its cam")
+    rows = [row for row in run.by_speed if is_contact_lost(row)]
+    if points := [(row.rpm, row.level_db) for row in rows if row.level_db is not None]:
+        rpm, level = zip(*points, strict=True)
+        axes.plot(rpm, level, "o", mfc="none", mec="black", mew=0.7, ms=9, label="contact lost")
 
 
 @styled

@@ -34,8 +34,9 @@ class FollowerMotion(NamedRows, Result):
     """Simulated motion of a follower: arrays of samples ``(n,)``, and events.
 
     The samples are ``time`` (s), ``lift`` (m), ``velocity`` (m/s), ``acceleration`` (m/s²),
-    ``force`` (contact force, N), ``impulse`` (of the landings since the previous sample, N·s) and
-    ``angle`` (cam angle with all its turns, rad). The arrays are read-only.
+    ``force`` (contact force, N), ``impulse`` (of the landings since the previous sample, N·s),
+    ``angle`` (cam angle with all its turns, rad) and ``torque`` (of the contact force on the cam,
+    N·m).
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ class FollowerMotion(NamedRows, Result):
     scene : SceneConfig
         Model, speed, turns and sample rate.
     rows : (6, n) array
-        All samples except ``angle``, in the order above.
+        All samples except ``angle`` and ``torque``.
     blocks : tuple of Block
         Samples of each interval of the run as views of `rows`, with their events.
     """
@@ -62,6 +63,7 @@ class FollowerMotion(NamedRows, Result):
             Column("acceleration", "m/s²"),
             Column("force", "N", doc="contact force"),
             Column("impulse", "N·s", doc="of the landings since the previous sample"),
+            Column("torque", "N·m", doc="of the contact force on the cam, F s′"),
         ),
         "events": (
             Column("kind"),
@@ -86,6 +88,13 @@ class FollowerMotion(NamedRows, Result):
         angle = np.concatenate([i.unwrapped_at(i.grid(rate).sample_times()) for i in intervals])
         angle.setflags(write=False)
         return angle
+
+    @cached_property
+    def torque(self) -> FloatArray:
+        """Torque F s′ of the contact force on the cam, N·m, shape `(n,)` (eq. 8 of the paper)."""
+        torque = self.force * self.law(self.angle, 1)
+        torque.setflags(write=False)
+        return torque
 
     @property
     def events(self) -> tuple[Event, ...]:

@@ -17,7 +17,14 @@ from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import MODELS
 from cam_rig.errors import ConfigError
 from cam_rig.schema import SceneConfig
-from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
+from cam_rig.show.result import (
+    NULL_PROGRESS,
+    Column,
+    Progress,
+    Records,
+    Result,
+    subject_line,
+)
 from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, calibration_cam
 from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.simulation.simulate import (
@@ -232,6 +239,11 @@ class ListenResult(Result):
     pressure: FloatArray  #: sound pressure, Pa, ``(n,)``
     rate: int  #: sample rate, Hz
     out: Path  #: path of the sound file
+
+    @property
+    def subject(self) -> str:
+        """Cams, rig and model of the scene."""
+        return subject_line(self.loaded.laws, self.loaded.rig.name, self.loaded.scene.model)
 
     @cached_property
     def measured(self) -> Measurement:

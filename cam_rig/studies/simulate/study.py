@@ -14,13 +14,23 @@ import numpy as np
 
 from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import Samples
+from cam_rig.dynamics.jump.any_follower import describe_run, follower_of
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S
 from cam_rig.errors import ConfigError
-from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
+from cam_rig.show.result import (
+    NULL_PROGRESS,
+    Column,
+    Footnote,
+    Progress,
+    Records,
+    Result,
+    subject_line,
+)
 from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
 from cam_rig.simulation.export import export
-from cam_rig.simulation.inputs import Cams, Rig, Speeds, resolve_cams, resolve_speeds
-from cam_rig.simulation.regression import NoiseCurve, NoiseResult, compare
-from cam_rig.simulation.scene import RELATIVE_NOTE, LevelOrigin, LoadedScene, load_scene
+from cam_rig.simulation.inputs import Cams, Rig, Speeds, resolve_cams, resolve_scene, resolve_speeds
+from cam_rig.simulation.regression import MIN_SPEEDS, NoiseCurve, NoiseResult, compare
+from cam_rig.simulation.scene import RELATIVE_NOTE, LevelOrigin, LoadedScene
 from cam_rig.simulation.schedule import tick_count
 from cam_rig.simulation.simulate import (
     MeasuredTick,
@@ -31,9 +41,12 @@ from cam_rig.simulation.simulate import (
     step_levels,
 )
 from cam_rig.studies.simulate.motion import scene_of
+from cam_rig.studies.simulate.summary import SUMMARY, CamSummary, summarise
 from cam_rig.units import to_rpm
 
-#: Columns of the table with one row per cam and speed, see `SpeedRow`.
+#: Largest number of rows by speed that are displayed if `SceneRun.show_table` is False.
+MAX_SHOWN_ROWS = 12
+#: Columns of the table of one row per cam and speed, see `SpeedRow`.
 SPEEDS = (
     Column("cam"),
     Column("rpm", "rpm", ".6g", "speed"),
@@ -106,12 +119,15 @@ class SceneRun(Result):
         Accumulator that has received all samples (default: `by_speed` reads them from `blocks`).
     notes : tuple of str
         Sentences on missing data of a bag, and on possible errors in a recovered bag.
+    show_table : bool
+        True to display the tables ``speeds`` and ``noise`` of a run with many speeds too.
     """
 
     schema = "cam_rig.simulate.1"
     plot_function = "cam_rig.studies.simulate.figures:figure"
     columns: ClassVar = {
         "speeds": SPEEDS,
+        "summary": SUMMARY,
         "noise": (
             Column("cam"),
             *map(_coefficient, range(4)),
@@ -151,9 +167,15 @@ class SceneRun(Result):
     counts: dict[str, int] = field(default_factory=dict)
     speeds: SpeedRows | None = None
     notes: tuple[str, ...] = ()
+    show_table: bool = False
 
     def __repr__(self) -> str:
         return f"SceneRun({self.source}: {', '.join(self.loaded.laws)}, {len(self.ticks)} ticks)"
+
+    @property
+    def subject(self) -> str:
+        """Cams, rig and model of the scene."""
+        return subject_line(self.loaded.laws, self.loaded.rig.name, self.loaded.scene.model)
 
     @property
     def complete(self) -> bool:
@@ -239,6 +261,20 @@ class SceneRun(Result):
                 speeds.take(tick)
         return speeds.rows(levels)
 
+    @cached_property
+    def summaries(self) -> tuple[CamSummary, ...]:
+        """One row per cam: level range, jump speed and first speed with lost contact.
+
+        It is empty for a bag without samples.
+        """
+        by_cam: dict[str, list[SpeedRow]] = {}
+        for row in self.by_speed:
+            by_cam.setdefault(row.cam, []).append(row)
+        curves, laws, rig = self.noise.curves, self.loaded.laws, self.loaded.rig
+        return tuple(
+            summarise(rows, curves.get(cam), laws[cam], rig) for cam, rows in by_cam.items()
+        )
+
     @check_arguments
     def export(self, path: str | Path, *, cam: str | None = None, rpm: float | None = None) -> None:
         """Write every sample of the run to a file, with name, speed and angle of the cam.
@@ -250,7 +286,7 @@ class SceneRun(Result):
         path : str or Path
             File with the suffix .parquet, .csv, .npz or .wav. Its columns are ``time_s``, ``cam``,
             ``rpm``, ``angle_rad``, ``angle_in_turn_rad``, ``lift_m``, ``velocity_m_s``,
-            ``acceleration_m_s2``, ``force_N`` and ``impulse_N_s``.
+            ``acceleration_m_s2``, ``force_N``, ``impulse_N_s`` and ``torque_N_m``.
         cam : str, optional
             Name of a cam (default: all cams).
         rpm : float, optional
@@ -274,9 +310,10 @@ class SceneRun(Result):
         export(Path(path), self.blocks(), self.loaded, cam, rpm)
 
     def tables(self) -> list[Records]:
-        """Return the tables ``speeds`` and ``noise``, and tables for export only.
+        """Return the tables ``speeds``, ``summary`` and ``noise``, and tables for export.
 
-        ``speeds`` has one row per cam and speed. It is empty for a bag without samples.
+        The table ``speeds`` is empty for a bag without samples. It is displayed up to
+        `MAX_SHOWN_ROWS` rows, and the regressions of ``noise`` only if `show_table` is True.
         """
         title, curves = self.loaded.scene.title, self.noise.curves.values()
         rate = int(self.loaded.scene.sample_rate.si)
@@ -289,10 +326,19 @@ class SceneRun(Result):
         ]
         published = self.loaded.published
         crossing = self.noise.crossover_rpm, published and published.crossover.rpm
+        is_long = len(self.by_speed) > MAX_SHOWN_ROWS and not self.show_table
+        jump = f"Jump speed: {describe_run(follower_of(self.loaded.rig), REST_DURATION_S)}."
         return [
-            self.table("speeds", f"{title}: by speed", self.by_speed, note, BOUNCING),
             self.table(
-                "noise", f"{title}: level over x in rpm", curves, *relative, hidden=not curves
+                "speeds", f"{title}: by speed", self.by_speed, note, BOUNCING, hidden=is_long
+            ),
+            self.table("summary", f"{title}: in short", self.summaries, jump, *relative),
+            self.table(
+                "noise",
+                f"{title}: level over x in rpm",
+                curves,
+                *relative,
+                hidden=not (curves and self.show_table),
             ),
             self.table("levels", "", levels, hidden=True),
             self.table("crossing", "", [crossing], single=True, hidden=True),
@@ -303,13 +349,15 @@ class SceneRun(Result):
     def summary(self) -> list[str]:
         """Return a line on the speed at which two published cams are equally loud.
 
-        The result is empty if the run does not contain both cams. If the run has no sound, it is a
-        note on the reason.
+        The result is empty if the run does not have both cams, or too few speeds for regressions
+        and `show_table` is False. It is a note if the run has no sound.
         """
         published = self.loaded.published
         if self.loaded.no_sound_note:
             return [self.loaded.no_sound_note]
         if published is None or not set(published.crossover.between) <= set(self.noise.curves):
+            return []
+        if not self.show_table and any(c.rpm.size < MIN_SPEEDS for c in self.noise.curves.values()):
             return []
         rpm, names = self.noise.crossover_rpm, " and ".join(published.crossover.between)
         crossing = "none" if rpm is None else f"{rpm:.1f} rpm"
@@ -318,7 +366,10 @@ class SceneRun(Result):
 
 @check_arguments
 def run_scene(
-    scene: str | Path | LoadedScene, *, on_tick: Callable[[], None] = lambda: None
+    scene: str | Path | LoadedScene,
+    rig: Rig = None,
+    *,
+    on_tick: Callable[[], None] = lambda: None,
 ) -> SceneRun:
     """Simulate a scene without ROS, with the same results as the nodes.
 
@@ -328,6 +379,8 @@ def run_scene(
     ----------
     scene : str, Path or LoadedScene
         Name in ``config/scenes``, path, or result of `load_scene`.
+    rig : str, Path or Rig, optional
+        Name in ``config/rigs``, path, or the rig (default: the scene's).
     on_tick : callable
         Function called after each tick, for a progress bar.
 
@@ -351,7 +404,7 @@ def run_scene(
     >>> curve.rpm.round(), curve.level_db.round(1)
     (array([200., 300., 350., 400.]), array([78.5, 81.4, 83.2, 85.4]))
     """
-    loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    loaded = resolve_scene(scene, rig)
     speeds, ticks = SpeedRows.of(loaded), []
     for tick in simulate(loaded, speeds.take):
         ticks.append(tick)

@@ -34,12 +34,13 @@ from cam_rig.show.looks import title_of
 from cam_rig.studies.vibration.study import VibrationResult
 from cam_rig.units import RPM, FloatArray
 
-#: Axis labels of the rows of panels. The last row is only drawn for a rig with a shaft.
+#: Quantity, figure of the paper and unit of each row. The last row is only drawn for a rig with a
+#: shaft.
 LABELS = (
-    "displacement x\n(fig. 4) [mm]",
-    "x − quasi-static x\n(fig. 5) [µm]",
-    "acceleration ẍ\n(fig. 6) [m/s²]",
-    "twist of the shaft\n(fig. 9) [°]",
+    ("displacement x", "fig. 4", "mm"),
+    ("x − quasi-static x", "fig. 5", "µm"),
+    ("acceleration ẍ", "fig. 6", "m/s²"),
+    ("twist of the shaft", "fig. 9", "°"),
 )
 
 #: Index of the row of panels with the residual vibration. Its abscissa is the angle from the middle
@@ -65,10 +66,11 @@ Rows = list[tuple[FloatArray, FloatArray]]
 
 
 @styled
-def figure(result: VibrationResult, rpm: float = 0.0) -> Figure:
+def figure(result: VibrationResult, rpm: float = 0.0, published: bool = True) -> Figure:
     """Draw displacement, residual vibration, acceleration and twist at one speed.
 
-    ``rpm`` is one of the speeds of the result (default: the sweep over the speed, or the last).
+    ``rpm`` is one of the speeds of the result (default: the sweep over the speed, or the last). If
+    ``published`` is True, the rows name the figures of the paper with the same quantity.
     """
     if result.sweep and not rpm:
         return _sweep_figure(result)
@@ -87,7 +89,8 @@ def figure(result: VibrationResult, rpm: float = 0.0) -> Figure:
     for unused in panels[(blocks - 1) * count :, len(cams) - (blocks - 1) * columns :].flat:
         unused.set_visible(False)
     for row, axes_row in enumerate(panels):
-        _share(axes_row, LABELS[row % count])
+        quantity, number, unit = LABELS[row % count]
+        _share(axes_row, f"{quantity}\n{f'({number}) ' if published else ''}[{unit}]")
     fig.suptitle(wrapped(f"Steady state at {rpm:g} rpm\n{cam_set.rig.title}"))
     fig.legend(handles=_legend(cams), loc="outside lower center", ncols=3, frameon=False)
     return fig

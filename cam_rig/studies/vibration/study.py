@@ -16,15 +16,23 @@ from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import SteadyVibration, require_speeds
 from cam_rig.laws.cam import CamSet
 from cam_rig.schema.load import find_scene
-from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
+from cam_rig.show.result import (
+    NULL_PROGRESS,
+    Column,
+    Footnote,
+    Progress,
+    Records,
+    Result,
+    subject_line,
+)
 from cam_rig.simulation.inputs import (
     Cams,
     Rig,
     Speeds,
-    list_cams,
     resolve_cams,
     resolve_speeds,
     scene_speeds,
+    to_cam_list,
 )
 from cam_rig.units import RPM, FloatArray
 
@@ -156,6 +164,13 @@ class VibrationResult(Result):
     sweep: tuple[SweepRow, ...] = ()
 
     @property
+    def subject(self) -> str:
+        """Cams, rig and models: that of the stem, and with a shaft that of torsion."""
+        rig = self.cam_set.rig
+        model = "elastic_stem" if rig.shaft is None else "elastic_stem and torsional"
+        return subject_line(self.cam_set.laws, rig.name, model)
+
+    @property
     def rpm(self) -> tuple[float, ...]:
         """Distinct cam speeds in rpm."""
         return tuple(dict.fromkeys(row.rpm for row in self.rows))
@@ -254,7 +269,7 @@ def vibration(
     >>> result.to_pandas().cam.tolist()
     ['poly345', 'cycloidal']
     """
-    cam_set, scene = resolve_cams(cams, rig), find_scene(list_cams(cams))
+    cam_set, scene = resolve_cams(cams, rig), find_scene(to_cam_list(cams))
     if rpm is None:
         rpm = VIBRATION_RPM if scene is None else scene_speeds(scene, len(VIBRATION_RPM))
     result = measure(cam_set, resolve_speeds(rpm), progress)

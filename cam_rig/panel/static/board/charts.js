@@ -110,12 +110,14 @@ export class BoardCharts {
     this.spectrum.fit(top - DECADES, top, mayShrink);
     this.spectrum.drawStems("start", spectra[1], { offset: -STEM_OFFSET, colour: colours.ghost, kind: "ghost" });
     this.spectrum.drawStems("second", spectra[2], { offset: STEM_OFFSET, colour: SECOND_COLOUR, kind: "second" });
-    this.spectrum.drawStems("own", spectra[0], { colour: isOfForce ? colours.force : colours.acceleration });
+    const colour = isOfForce ? colours.force : colours.acceleration;
+    this.spectrum.drawStems("own", spectra[0], { colour });
+    $("key").querySelector("path")?.setAttribute("stroke", lineColour(colour));
   }
 
   #drawLegend() {
     const { colours } = this.board;
-    for (const [key, colour, kind] of [["key_law", colours.lift, ""], ["key_start", colours.ghost, "ghost"], ["key_second", SECOND_COLOUR, "second"]]) {
+    for (const [key, colour, kind] of [["key_law", colours.force, ""], ["key_start", colours.ghost, "ghost"], ["key_second", SECOND_COLOUR, "second"]]) {
       const item = document.createElement("li");
       const svg = svgElement("svg", { viewBox: "0 0 34 10", "aria-hidden": "true" });
       svgElement("path", { class: `curve ${kind}`, stroke: lineColour(colour), d: "M0 5H34" }, svg);

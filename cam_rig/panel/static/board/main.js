@@ -205,7 +205,7 @@ addEventListener("keydown", (event) => {
 });
 
 for (const width of PULL_WIDTHS_DEG) $("width").append(new Option(text(width ? "width_deg" : "width_one", { width }), String(width)));
-for (const name of board.cams) $("second").append(new Option(name, name));
+for (const [name, title] of Object.entries(board.cams)) $("second").append(new Option(title, name));
 $("second").addEventListener("change", async () => {
   const name = field("second").value;
   const answer = name ? await fetch(`/other/${name}`) : null;
@@ -271,6 +271,9 @@ const connection = new Connection(
   receive,
   (isOpen) => showStatus(isOpen ? "" : text("disconnected")),
 );
+const expert = /** @type {HTMLDetailsElement} */ ($("expert"));
+expert.open ||= sessionStorage.getItem("expert") === "open";
+expert.addEventListener("toggle", () => sessionStorage.setItem("expert", expert.open ? "open" : ""));
 fillHeading(board);
 store.update();
 listenForLinks(board, readDrawing, ({ ordinates, rpm }) => changeAsStep({ ordinates: Float64Array.from(ordinates), rpm }));

@@ -1,12 +1,14 @@
-// Contour of the cam, path of its roller and follower, turned to a cam angle. Faults are red.
+// Contour of the cam with axis and base circle, path of its roller, and follower, turned to a cam angle. Faults are red.
 import { svgElement, union } from "./charts.js";
 import { degrees, followerPose, polyline } from "./rig.js";
-import { formatNumber } from "./texts.js";
+import { formatNumber, text } from "./texts.js";
 
 /** Visible length of the stem, relative to the largest radius of the cam. */
 const STEM = 0.35;
 /** Wanted length of the scale bar, px. */
 const BAR = 70;
+/** Radius of the axis, and of the ring around an undercut, px. */
+const AXIS_RADIUS = 4, MARK_RADIUS = 11;
 
 export class ContourChart {
   /** @param {HTMLElement} parent @param {Record<string, string>} colours @param {string} label @param {CamPicture} picture */
@@ -61,7 +63,10 @@ export class ContourChart {
       for (const run of runs(undercut)) svgElement("path", { class: "curve bad", d: line(points, run) }, parts);
       for (const run of runs(steep)) svgElement("path", { class: "curve steep", d: line(points, run) }, parts);
     }
+    svgElement("circle", { class: "zero base", cx: x0, cy: y0, r: unit * this.picture.base }, parts);
+    svgElement("circle", { class: "zero", cx: x0, cy: y0, r: AXIS_RADIUS }, parts);
     this.curves.replaceChildren(parts);
+    this.#markFaults();
     this.#drawScale(height);
     this.setPose(this.pose.angle, this.pose.lift);
   }
@@ -73,6 +78,19 @@ export class ContourChart {
     const follower = followerPose(this.picture, lift);
     this.curves.setAttribute("transform", `rotate(${-degrees(angle)} ${x} ${y})`);
     this.follower.setAttribute("transform", `translate(${x} ${y}) scale(${unit} ${-unit}) translate(${follower.x} ${follower.y}) rotate(${degrees(follower.turn)})`);
+  }
+
+  /** Name the undercut at the places where it is on the contour. */
+  #markFaults() {
+    const { x, y, unit } = this.frame;
+    for (const { points: [xs, ys], undercut } of this.discs) {
+      for (const run of runs(undercut)) {
+        const i = run[Math.floor(run.length / 2)];
+        const [px, py] = [x + unit * xs[i], y - unit * ys[i]];
+        const mark = svgElement("circle", { class: "bad mark", cx: px, cy: py, r: MARK_RADIUS }, this.curves);
+        svgElement("title", {}, mark).textContent = text("undercut_here");
+      }
+    }
   }
 
   /** Draw the axis, and a scale bar of a round length. @param {number} height */

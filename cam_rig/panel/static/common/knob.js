@@ -9,6 +9,8 @@ const FIRST = -135, SWEEP = 270;
 const SCALE_RADIUS = 44, NUMBER_RADIUS = 57;
 /** Speeds (rpm) with a number on the scale. */
 const NUMBERED_RPM = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
+/** Smallest angle (deg) between the number of an end of the scale and another number. */
+const END_GAP = 24;
 /** Change of the speed (rpm) by each key. @type {Record<string, number>} */
 export const KEY_STEPS = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10 };
 
@@ -34,9 +36,12 @@ export class Knob {
     svgElement("circle", { class: "cap", r: 32 }, svg);
     this.mark = svgElement("path", { class: "mark", d: "M0 -14V-29" }, svg);
     this.jumps = svgElement("g", {}, svg);
-    for (const rpm of NUMBERED_RPM.filter((value) => value >= range[0] && value <= range[1])) {
+    const ends = range.map((end) => this.#angle(end));
+    const isApart = (/** @type {number} */ rpm) => ends.every((end) => Math.abs(this.#angle(rpm) - end) >= END_GAP);
+    const within = NUMBERED_RPM.filter((rpm) => rpm > range[0] && rpm < range[1] && isApart(rpm));
+    for (const rpm of [range[0], ...within, range[1]]) {
       const [x, y] = polar(this.#angle(rpm), NUMBER_RADIUS);
-      svgElement("text", { x, y: y + 3.5 }, svg).textContent = formatNumber(rpm);
+      svgElement("text", { x, y: y + 3.5 }, svg).textContent = formatNumber(Math.round(rpm));
     }
     const attributes = { "aria-label": label, "aria-valuemin": range[0], "aria-valuemax": range[1] };
     for (const [name, value] of Object.entries(attributes)) parent.setAttribute(name, String(value));

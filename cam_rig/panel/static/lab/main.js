@@ -5,7 +5,7 @@ import { ANGLE_TICKS, Chart, extent } from "../common/charts.js";
 import { $, create, field, post, setHidden, setText, showRefusal, showStatus } from "../common/dom.js";
 import { Knob, typedSpeed } from "../common/knob.js";
 import { LatestSender } from "../common/latest.js";
-import { RigPicture } from "../common/rig.js";
+import { Lens, RigPicture } from "../common/rig.js";
 import { Store } from "../common/store.js";
 import { formatFixed, formatNumber, loadTexts, text } from "../common/texts.js";
 import { ReadingsPlot } from "./plot.js";
@@ -25,12 +25,12 @@ const labText = (key, values) => text(`lab_${sheet.lab}_${key}`, values);
 
 /**
  * Observed turn of a set-up and speed. The sound is in base64.
- * @typedef {{contact_lost: boolean, was_lost: boolean, curve: number[], measured: number | null, sound?: string, rate: number}} Turn
+ * @typedef {{contact_lost: boolean, was_lost: boolean, curve: number[], lift: number[], gap: number[], measured: number | null, sound?: string, rate: number}} Turn
  */
 /**
  * State of the sheet. `turn` is the observed turn of `observed`, null if it was refused.
  * @typedef {{setup: Record<string, number | string>, rpm: number, turn: Turn | null, observed: object | null,
- *   readings: LabReading[], file: string | null, result: string, isPlotted: boolean, theory: Theory | null}} LabState
+ *   readings: LabReading[], file: string | null, result: string, isPlotted: boolean, theory: Theory | null, isTurning: boolean}} LabState
  */
 const store = new Store(/** @type {LabState} */ ({
   setup: Object.fromEntries(options.map((name) => [name, sheet.options[name][0]])),
@@ -42,19 +42,22 @@ const store = new Store(/** @type {LabState} */ ({
   result: "",
   isPlotted: false,
   theory: null,
+  isTurning: !matchMedia("(prefers-reduced-motion: reduce)").matches,
 }), render);
 const { state } = store;
 
 // -- rendering ------------------------------------------------------------------------------------
 
-const picture = new RigPicture($("rig_drawing"), text("rig_picture"));
+const picture = new RigPicture($("rig_drawing"), text("rig_picture"), new Lens());
 const force = new Chart($("force"), { title: labText("curve_unit"), x: [0, 360], xTicks: ANGLE_TICKS, xTitle: text("angle") });
 force.onResize = () => store.update();
 const plot = new ReadingsPlot($("plot"), $("plot_key"), sheet, { x: labText("x"), y: labText("y") });
 
 /** @param {LabState} present */
-function render({ setup, turn, observed, readings, file, result, isPlotted, theory }) {
+function render({ setup, turn, observed, readings, file, result, isPlotted, theory, isTurning }) {
   renderSetup(setup);
+  setToggle("turning", "aria-pressed", isTurning, isTurning ? "lab_hold" : "lab_turn");
+  requestFrame();
   if (turn) renderTurn(turn);
   document.body.dataset.shown = observed ? JSON.stringify(observed) : "";
   setText("recorded", result);
@@ -96,15 +99,47 @@ async function loadPicture(cam) {
 }
 
 /** @param {Turn} turn */
-function renderTurn({ contact_lost: isLost, was_lost: wasLost, measured, curve }) {
+function renderTurn(turn) {
+  const { contact_lost: isLost, was_lost: wasLost, measured, curve } = turn;
   const isLampOn = isLost || wasLost;
+  setHidden("lamp", !sheet.shows_force && !isLampOn); // elsewhere it would never change
   $("lamp").classList.toggle("lost", isLampOn);
   setText("contact", text(isLampOn ? "contact_is_lost" : "contact_is_kept"));
   setText("on_the_way", wasLost && !isLost ? text("lab_on_the_way") : "");
   setText("measured", measured === null ? "–" : labText("shows", { value: formatFixed(measured, 1) }));
   const [low, high] = extent([curve]);
+  if (sheet.shows_force) picture.maxForce = Math.max(1, high);
+  if (picture.lens) picture.lens.maxGap = Math.max(0, ...turn.gap);
   force.fit(Math.min(0, low), high, true);
   force.drawCurve("force", curve.length ? curve : null, { colour: sheet.curve_colour, step: 360 / curve.length });
+}
+
+// -- the moving cam -------------------------------------------------------------------------------
+
+/** Factor by which the picture is slower than the cam, and shortest time (ms) between two pictures. */
+const SLOWNESS = 20, FRAME_MS = 30;
+/** Longest time (s) by which a frame advances the cam. */
+const MAX_FRAME_S = 0.25;
+/** Displayed cam angle, rad, time (ms) of the last picture, and requested frame. */
+let angle = 0, frameMs = 0, frame = 0;
+
+function requestFrame() { frame ||= requestAnimationFrame(drawFrame); }
+
+/** Turn the cam, and draw it with the follower of the observed turn. @param {number} nowMs */
+function drawFrame(nowMs) {
+  frame = 0;
+  const { turn, rpm, isTurning } = state;
+  if (isTurning && nowMs - frameMs < FRAME_MS) return requestFrame();
+  const elapsed = Math.min(MAX_FRAME_S, (nowMs - frameMs) / 1000);
+  frameMs = nowMs;
+  if (isTurning) angle = (angle + (elapsed * rpm * Math.PI) / (30 * SLOWNESS)) % (2 * Math.PI);
+  const count = turn?.lift.length ?? 0;
+  if (turn && count) {
+    const i = Math.floor((angle / (2 * Math.PI)) * count) % count;
+    picture.lens?.setGap(turn.gap[i]);
+    picture.setPose({ angle, lift: turn.lift[i], force: sheet.shows_force ? turn.curve[i] : 0, gap: turn.gap[i] });
+  }
+  if (isTurning && !document.hidden) requestFrame();
 }
 
 /** @type {LabReading[] | null} */
@@ -139,6 +174,7 @@ function fillPage() {
   setHidden("theory", Boolean(sheet.seed));
   setText("load_words", labText("plot_words", { lift: formatNumber(1000 * (sheet.critical_lift_m ?? 0)) }));
   setText("curve_title", labText("curve"));
+  setText("pace", text("lab_pace", { factor: SLOWNESS }));
   setHidden(`formula_${sheet.lab}`, false);
   setText("formula_words", labText("formula"));
   setHidden("loudness", !sheet.has_sound);
@@ -245,6 +281,8 @@ $("answering").addEventListener("submit", async (event) => {
   store.update({ ...notebook, result: text("lab_answered", { number, answer: formatNumber(answer ?? 0, 6), unit: sheet.unit }) });
 });
 $("student").addEventListener("change", () => send("/student", { student: field("student").value }));
+$("turning").addEventListener("click", () => store.update({ isTurning: !state.isTurning }));
+document.addEventListener("visibilitychange", requestFrame);
 $("plot_it").addEventListener("click", () => store.update({ isPlotted: !state.isPlotted }));
 $("theory").addEventListener("click", async () => {
   store.update({ theory: state.theory ? null : await (await fetch(`${path}/theory`)).json() });
