@@ -27,7 +27,8 @@ from cam_rig.units import TURN, FloatArray
 CHUNK_SIZES = (256, 64)
 #: Largest fraction of a piece that a chunk covers. The series of a longer chunk loses digits.
 MAX_CHUNK_FRACTION = 0.125
-#: Smallest number of chunks of a run for which chunks are faster than a direct evaluation.
+#: Smallest number of chunks of a run of samples for which chunks are faster. A chunk is a part of
+#: the run whose samples are one matrix product; otherwise each sample is evaluated by itself.
 MIN_CHUNKS = 2
 #: Number of runs without chunks that are evaluated together. The runs are of successive turns.
 RUNS_PER_BLOCK = 4
@@ -221,9 +222,10 @@ class ChunkSeries:
 def _fill_without_chunks(
     runs: list[SampleRun], degree: int, rows: FloatArray, offsets: FloatArray, out: FloatArray
 ) -> None:
-    """Write the samples of runs in one piece to ``out``, without chunks.
+    """Write the samples of some runs to ``out`` by direct evaluation, without chunks.
 
-    ``rows`` are ordinates, ``(k, p + 1)``.
+    Each run of samples lies within one piece of a law of degree p. ``rows`` are the Bernstein
+    ordinates of k curves on this piece, ``(k, p + 1)``, and ``offsets`` are added to the curves.
     """
     for start in range(0, len(runs), RUNS_PER_BLOCK):
         block = runs[start : start + RUNS_PER_BLOCK]

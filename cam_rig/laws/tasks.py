@@ -25,9 +25,10 @@ from cam_rig.units import FloatArray
 
 
 def hermite(start: Sequence[float], end: Sequence[float]) -> FloatArray:
-    """Return the ordinates of the polynomial of least degree between two ends.
+    """Return the Bernstein ordinates of the polynomial of least degree between two ends.
 
-    The r-th derivative at an end depends on r + 1 ordinates (equation 2.7).
+    ``start`` and ``end`` are the value and its derivatives at 0 and 1. The r-th derivative at an
+    end depends on r + 1 ordinates (eq. 2.7 of the laws thesis).
     """
     degree = 2 * len(start) - 1
     halves = []
@@ -217,6 +218,9 @@ LETTERS: dict[tuple[bool, ...], str] = {
 class SegmentTask:
     """Task of a segment, such as "R-G", with its place in the turn.
 
+    A task is the pair of conditions at the ends of a segment, by the letters of VDI 2143: R (rest,
+    a dwell), G (constant velocity), U (reversal) and B (general motion).
+
     Parameters
     ----------
     cam, law : str
@@ -230,7 +234,7 @@ class SegmentTask:
     task : str
         Letters of both ends.
     continuity : int
-        Class of the joint at its start, at most 4.
+        Order of the highest continuous derivative of the lift at its start, at most 4.
     """
 
     cam: str

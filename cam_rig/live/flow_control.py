@@ -225,7 +225,10 @@ class LostTime:
         self._waits = Counter[str]()
 
     def add(self, late: float) -> None:
-        """Add wall-clock time (s) that a paced run lost at a cam state, `Pacing.late`."""
+        """Add the delay (s, wall clock) of a published cam state, `Pacing.late`.
+
+        A run that is paced by the clock cannot make up this delay, so it counts as lost.
+        """
         self._lost += late
 
     def count_wait(self, node: str) -> None:

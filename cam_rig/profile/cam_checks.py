@@ -32,10 +32,10 @@ BREADTH_RTOL = 1e-9
 
 
 def breadth_check(law: Law) -> Check:
-    """Return the check that a cam has constant breadth or constant diameter.
+    """Return the check that two opposite elements of a follower both touch the cam.
 
-    The condition is s(θ) + s(θ + π) = s_max. s_max is the distance for which the two elements of
-    the follower are made.
+    The condition is s(θ) + s(θ + π) = s_max, the largest lift. The distance of the elements is then
+    constant, for two flats the breadth 2 R_b + s_max of the cam, for two rollers its diameter.
     """
     max_lift = stroke(law)
 

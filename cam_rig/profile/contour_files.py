@@ -59,7 +59,7 @@ class Placement:
     is_mirrored: bool = False
 
     def note(self) -> str:
-        """Return a text that describes the placement, for a note on the file."""
+        """Return a text on the position of the contour in its file: axis and cam angle 0."""
         x, y = (1e3 * coordinate for coordinate in self.axis)
         mirrored = ", seen from the other side" if self.is_mirrored else ""
         return (

@@ -122,9 +122,10 @@ class SceneConfig(Strict):
         return self
 
     def _require_samples(self) -> None:
-        """Raise ValueError if a tick or a ramp has less than `MIN_SAMPLES` samples.
+        """Raise ValueError if a tick or a ramp has less than `MIN_SAMPLES` samples of the motion.
 
-        A tick of a ramp may be half as long as others, and must contain one sample.
+        A tick is the time between two published cam states. `MIN_SAMPLES` is 2, because a tick of a
+        ramp may be half as long as others and must contain one sample.
         """
         rate, ticks = self.sample_rate.si, self.schedule.ticks_per_turn
         turn = TURN / max(self.schedule.speeds.si_list) * rate

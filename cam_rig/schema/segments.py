@@ -293,7 +293,10 @@ TASKS = ("dwell", "constant_velocity")
 
 
 def _use_law_name(value: Any) -> Any:
-    """Replace the task or another name of a law in a segment by the name that files use."""
+    """Replace a task or another name of a law in the data of a segment.
+
+    ``{task: dwell}`` becomes ``{law: dwell}``, and a name of another program or handbook becomes
+    that of the rig, such as Bestehorn cycloidal.
     if isinstance(value, dict) and "task" in value:
         task, others = value["task"], {key: x for key, x in value.items() if key != "task"}
         if "law" in value or task not in TASKS:

@@ -106,7 +106,7 @@ def test_the_command_writes_all_but_what_needs_a_browser(bag, tmp_path, monkeypa
     result = CliRunner().invoke(app, [str(bag.path), "--to", str(tmp_path)])
     assert result.exit_code == 0, result.stderr
     assert sorted(p.name for p in tmp_path.iterdir()) == [SIDE_BY_SIDE, "small.png", ANIMATION]
-    assert f"{main.VIEWER}: left as it is (no browser: none is installed)" in result.stderr
+    assert f"{main.VIEWER}: not replaced (no browser: none is installed)" in result.stderr
     with Image.open(tmp_path / ANIMATION) as film:
         assert film.n_frames == 6
 

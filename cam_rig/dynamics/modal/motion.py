@@ -215,10 +215,11 @@ def _spectral_norm(a: float, b: float, c: float, d: float) -> float:
 
 
 def mode_on_law(law: LawSeries, mode: Oscillator) -> ModeOnLaw:
-    """Return a mode on a law of degree p, with the series of its forced response.
+    """Return a vibration mode with the series of its response to a law of degree p.
 
-    The p + 1 Taylor coefficients of (15) in docs/proofs.md result from long division of the
-    numerator of the transfer function by its denominator.
+    The response is a sum over the derivatives of the lift. Its p + 1 coefficients, (15) in
+    docs/proofs.md, are the Taylor coefficients of the transfer function from lift to mode. They
+    result from long division of its numerator by its denominator.
     """
     count = len(law.jumps) - 1
     eta, output = np.zeros(count), np.zeros(count)

@@ -283,9 +283,10 @@ class CollocationWindow:
             self.speed += self.first @ self.driven
 
     def solve(self) -> bool:
-        """Solve eq. 10 in the window by Newton's method.
+        """Solve the equation of the twist (eq. 10 of the paper) in this window by Newton's method.
 
-        Returns True if the method converged.
+        The window is a time interval, and the solution is stored as its values at the collocation
+        points. Returns True if the method converged.
         """
         if self.piece.is_flat:
             self.scale = self._scale()

@@ -47,7 +47,8 @@ MAX_PIECE_SPAN = TURN / 30
 #: Smallest degree of the polynomial pieces. At this degree s''' stays continuous at the knots
 #: between the joints of the law when any ordinate is moved.
 MIN_DEGREE = 5
-#: Highest derivative that stays continuous at a joint between segments when ordinates are moved.
+#: Highest derivative that stays continuous at a joint between two segments of the law when a user
+#: drags a control point of the curve.
 MAX_KEPT_CONTINUITY = 3
 #: Number of Gauss points per polynomial piece at which the drawn law is compared with the law of
 #: the cam file.

@@ -111,9 +111,9 @@ def _limit(axes: Axes, values: set[float], name: str, unit: str) -> None:
 
 @styled
 def events_figure(most: float, radius: float) -> Figure:
-    """Draw the nomogram: smallest radii in lifts over the span of a rise, by law.
+    """Draw the nomogram of cam sizes: smallest base radius over the span of a rise, by law.
 
-    ``most`` is the largest allowed pressure angle in rad. ``radius`` is the sum of roller radius
+    Radii are multiples of the lift h. An event is a rise or a fall. ``most`` is the largest allowed pressure angle in rad. ``radius`` is the sum of roller radius
     and smallest allowed radius of curvature of the contour, in lifts.
     """
     event = np.radians(EVENTS)

@@ -151,12 +151,13 @@ class PointwiseTerm:
         return np.asarray(angles[((edge < position) & (position < 1.0 - edge)).any(axis=0)])
 
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
-        """Return the functions of s, s' and s'' (branches) linearised at a law.
+        """Return the limited functions of the motion, linearised at a law.
 
-        There is one value per branch and cam angle. ``unknowns`` are those of the law. The angles
-        are a grid, and the angles of the law's maxima. ``tried`` are the unknowns of laws that this
-        step has rejected. Their maxima are added to the angles, and the values are shifted to be
-        exact at the last of them.
+        A limit such as the pressure angle is the largest value of several functions of s, s' and
+        s'', its branches. The result has one value per branch and cam angle. ``unknowns`` are the
+        free coefficients of the law. The angles are a grid, and those of the law's maxima.
+        ``tried`` are the coefficients of laws that this step has rejected. Their maxima are added
+        to the angles, and the values are shifted to be exact for the last rejected law.
         """
         space = self.problem.space
         laws = [space.law(x, "design") for x in (unknowns, *tried)]

@@ -375,11 +375,12 @@ def rows_of(term: Term) -> QuantityRows:
 def scale_limit(
     problem: DesignProblem, term: Term, sense: Sense, value: float | None
 ) -> ScaledLimit:
-    """Return a goal or limit with its value in the unit of its inequalities.
+    """Return a goal or limit, prepared for the linear inequalities of the optimisation.
 
     ``term`` is the quantity with its speeds or angles, and ``sense`` the direction of the limit.
-    ``value`` is in SI (levels in dB), or None for a goal. The result also contains the scale by
-    which the inequalities are divided.
+    ``value`` is in SI (levels in dB), or None for a goal. The value of the result is in the unit of
+    the quantity that is linear in the law, such as sound power instead of dB. The result also
+    contains the scale by which the inequalities are divided, so that their numbers are near 1.
     """
     rows = rows_of(term)
     if value is not None:

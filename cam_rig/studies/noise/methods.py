@@ -295,11 +295,11 @@ def with_two_constants(study: NoiseSetup, refit: bool) -> Method:
 
 
 def with_substitution(study: NoiseSetup) -> Method:
-    """Return the noise curves after a calibration of gain and speed response.
+    """Return the predicted noise curves (level over speed) of the method "by substitution".
 
-    They are calibrated on the reference cam, and the geometry of the arc cam (of tangent circular
-    arcs) is fitted with them. The speed response is the level over speed that the rig adds to the
-    sound of any cam.
+    Gain and speed response are calibrated on the measured levels of the reference cam. The speed
+    response is the level over speed that the rig adds to the sound of any cam. The geometry of the
+    arc cam (of tangent circular arcs) is then fitted to its measured levels with this calibration.
     """
     return _method("by substitution", study, lambda cam: by_substitution(cam, study.start), True)
 

@@ -166,9 +166,10 @@ class ArcSearch:
         return Arcs(prime, lift, None if is_straight else 1.0 / curvature, nose, angle)
 
     def column(self, x: FloatArray, i: int) -> ArcColumn:
-        """Return column `i` with its residuals from the pitch curve of search variables.
+        """Return the readings of column `i` of the table, with their residuals (m).
 
-        Relative to the pitch curve, the follower is a point or flat.
+        The residuals are the lifts of the cam with the search variables `x` minus the readings.
+        They are computed with the pitch curve, on which a roller is a point and a flat stays flat.
 
         Raises
         ------

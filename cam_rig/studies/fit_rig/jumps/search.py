@@ -73,9 +73,11 @@ class JumpModel:
         return [dict(setup) for setup in index], [index[setup] for setup in setups]
 
     def values(self, x: FloatArray, setup: dict[str, float]) -> dict[str, float]:
-        """Return all parameters (SI) of the follower in one set-up of the table, by name.
+        """Return all parameters (SI) of the follower in one set-up, by name.
 
-        ``x`` are the search variables. The mass is that of the follower plus the added mass.
+        A set-up is a combination of added mass (kg), preload (N) and similar changes for which the
+        table has a measured jump speed. ``setup`` contains these changes by name. ``x`` are the
+        search variables. The returned mass is that of the follower plus the added mass.
         """
         values = self.fixed | from_search(self.free, x)
         added_mass = setup.get("mass", 0.0)

@@ -196,10 +196,11 @@ class PressingSamples:
         return np.asarray(inertia + np.concatenate(forces) + p.share * p.preload)
 
     def sse(self, forces: FloatArray) -> tuple[float, float]:
-        """Return the squared errors (N²) of forces: as given, and after a linear refit.
+        """Return the sums of squared errors (N²) of predicted forces: as given, and refitted.
 
-        The refit changes the parameters of one mass. It is valid only for small changes of the
-        forces. A very soft stem would need a large change. The second result then equals the first.
+        The refit changes the parameters of the model of one mass (mass, spring, preload, damping)
+        to first order, which is valid only for small changes of the forces. For a very soft stem
+        the change would be large. It is then left out, and both results are equal.
         """
         errors = forces - self.measured
         move = self.columns.T @ errors
