@@ -296,7 +296,8 @@ def _use_law_name(value: Any) -> Any:
     """Replace a task or another name of a law in the data of a segment.
 
     ``{task: dwell}`` becomes ``{law: dwell}``, and a name of another program or handbook becomes
-    that of the rig, such as Bestehorn cycloidal.
+    that of cam_rig, such as "Bestehorn" cycloidal.
+    """
     if isinstance(value, dict) and "task" in value:
         task, others = value["task"], {key: x for key, x in value.items() if key != "task"}
         if "law" in value or task not in TASKS:

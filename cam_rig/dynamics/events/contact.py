@@ -32,9 +32,10 @@ from cam_rig.laws.polynomials import elevate, find_fall, horner, restrict, value
 from cam_rig.laws.vectors import Matrices, Matrix, Records, Vector, index_at, without_refcount
 from cam_rig.units import TURN
 
-#: Shortest time step in which contact is proven by lower bounds of the contact force, (3) and (8) of
-#: docs/proofs.md, as a fraction of the interval `StemContactTable.window` (s). If the bounds allow only a shorter step, the zero of the
-#: force is searched for with a polynomial, which is then cheaper (measured).
+#: Shortest time step in which contact is proven by lower bounds of the contact force, (3) and (8)
+#: of docs/proofs.md, as a fraction of the interval `StemContactTable.window` (s). If the bounds
+#: allow only a shorter step, the zero of the force is searched for with a polynomial, which is then
+#: cheaper (measured).
 MIN_STEP_FRACTION = 0.25
 #: Number of equal cells into which each part of a turn is divided. For each cell a lower bound of
 #: the contact force without free vibration is stored.

@@ -113,8 +113,9 @@ def _limit(axes: Axes, values: set[float], name: str, unit: str) -> None:
 def events_figure(most: float, radius: float) -> Figure:
     """Draw the nomogram of cam sizes: smallest base radius over the span of a rise, by law.
 
-    Radii are multiples of the lift h. An event is a rise or a fall. ``most`` is the largest allowed pressure angle in rad. ``radius`` is the sum of roller radius
-    and smallest allowed radius of curvature of the contour, in lifts.
+    Radii are multiples of the lift h. An event is a rise or a fall. ``most`` is the largest allowed
+    pressure angle in rad. ``radius`` is the sum of roller radius and smallest allowed radius of
+    curvature of the contour, in lifts.
     """
     event = np.radians(EVENTS)
     fig = empty(3.6)
