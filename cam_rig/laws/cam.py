@@ -18,7 +18,7 @@ from cam_rig.laws.law import Law
 from cam_rig.laws.segments import segment_pieces, unit_rise
 from cam_rig.laws.spline import greville
 from cam_rig.laws.tasks import join_motions
-from cam_rig.laws.tuned import has_rests, polydyne, shape
+from cam_rig.laws.tuned import has_end_velocity, polydyne, shape
 from cam_rig.schema import CamConfig, RigConfig, motions
 from cam_rig.schema.segments import Bezier, BSpline, Dwell, Rise, Segment, TangentArcs
 from cam_rig.units import TURN, FloatArray
@@ -108,8 +108,8 @@ def _require_declared_lift(cam: CamConfig, law: Law) -> None:
     raise LawError(
         f"cam {cam.name!r}: {below if start > STEP_TOLERANCE else ''}the law rises by "
         f"{law.lift * 1e3:.6g} mm, lift is {declared * 1e3:.6g} mm; allowed: the same within "
-        f"{tolerance * 100:.6g} %, so add a segment that falls to 0, or scale the segment's "
-        "numbers so that the law rises to 1"
+        f"{tolerance * 100:.6g} %, so add a segment that falls to 0, scale the segment's numbers "
+        "so that the law rises to 1, give a longer span or other ends, or state this lift"
     )
 
 
@@ -158,8 +158,8 @@ def _unit_pieces(
         pieces = mirror(pieces) if segment.mirrored else pieces
     if segment.shaping is None:
         return pieces
-    if not has_rests(segment.law):
-        raise LawError(f"shaping: the law is {segment.law}; allowed: a rise between dwells")
+    if has_end_velocity(pieces):
+        raise LawError(f"shaping: the law is {segment.law}; allowed: a rise between rests")
     return shape(pieces, segment.span.si, segment.shaping)
 
 

@@ -26,6 +26,9 @@ MIN_CLASS = 2
 #: Distance of two breakpoints, as a fraction of the span, below which they are one. On a shorter
 #: piece the rounding of s'' would be larger than the step of s'' that the merged pieces leave.
 BREAK_ATOL = 5e-6
+#: Largest difference of the two outer ordinates of a unit rise that counts as velocity 0. Rounding
+#: reaches 1e-12.
+END_VELOCITY_ATOL = 1e-9
 #: Smallest share of the span that the rise itself keeps when it is shaped.
 MIN_RISE_SHARE = 0.1
 #: Largest degree of the third derivative of a shaped rise. On short pieces of a higher degree the
@@ -34,8 +37,21 @@ MAX_DEGREE = 9
 
 
 def has_rests(name: str) -> bool:
-    """Return True if a rise starts and ends at rest, or has no velocity by design."""
+    """Return True if a named rise is not designed for a velocity at its ends.
+
+    The law ``constant_velocity`` is not designed for one either.
+    """
     return name not in NAMED_RISES or NAMED_RISES[name].slopes == (0.0, 0.0)
+
+
+def has_end_velocity(pieces: Pieces) -> bool:
+    """Return True if a unit rise does not start and end with velocity 0.
+
+    The velocity at an end is proportional to the difference of the two outer ordinates.
+    """
+    _, columns = pieces
+    ends = columns[0][:2], columns[-1][-2:]
+    return any(abs(end[-1] - end[0]) > END_VELOCITY_ATOL for end in ends)
 
 
 def polydyne(segment: Polydyne) -> Pieces:
@@ -63,7 +79,7 @@ def polydyne(segment: Polydyne) -> Pieces:
         )
         raise LawError(
             f"follower is {segment.follower[:40]!r}{kind}; allowed: a rise between dwells of class "
-            f"C{MIN_CLASS} or smoother, such as poly4567, so that the cam has no steps"
+            f"C{MIN_CLASS} or smoother, such as poly4567, so that the lift of the cam has no step"
         )
     rig, speed, span = segment.rig, segment.speed.si, segment.span.si
     stiffness = rig.spring_stiffness.si + rig.stem_stiffness.si

@@ -178,7 +178,11 @@ class SccaRise(_Handbook):
         shares |= {name: x for name, x in values.items() if name in shares}
         if abs(sum(shares.values()) - 1.0) > 1e-9:
             text = ", ".join(f"{share:g}" for share in shares.values())
-            raise ValueError(f"b, c, d: are {text}; allowed: a sum of 1, so give all three")
+            total = sum(shares.values())
+            raise ValueError(
+                f"b, c, d: are {text} with the sum {total:.9g}; allowed: a sum of 1, so give all "
+                "three"
+            )
         limits = {"constant_velocity": (0.0, MAX_CONSTANT_VELOCITY)}
         limits |= {"acceleration_share": ACCELERATION_SHARES}
         for name, value in values.items():

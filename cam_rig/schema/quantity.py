@@ -40,6 +40,19 @@ from cam_rig.units import RPM, TURN
 Origin = Literal["given", "assumed", "identified"]
 #: All origins, in the order of messages.
 ORIGINS: tuple[Origin, ...] = ("given", "assumed", "identified")
+
+
+def per_angle(order: int) -> dict[str, float]:
+    """Return the units of a derivative of the lift by the cam angle, with their factors to SI."""
+    power = f"^{order}" if order > 1 else ""
+    lengths, angles = {"m": 1.0, "mm": 1e-3, "in": 0.0254}, {"rad": 1.0, "deg": math.pi / 180.0}
+    return {
+        f"{length}/{angle}{power}": factor / radians**order
+        for angle, radians in angles.items()
+        for length, factor in lengths.items()
+    }
+
+
 #: Dimension -> unit -> factor to SI.
 UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254},
@@ -62,9 +75,9 @@ UNITS: dict[str, dict[str, float]] = {
     "temperature": {"degC": 1.0},
     "pressure": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
     "linear speed": {"m/s": 1.0},
-    "velocity over angle": {"m/rad": 1.0, "mm/rad": 1e-3},
-    "acceleration over angle": {"m/rad^2": 1.0, "mm/rad^2": 1e-3},
-    "jerk over angle": {"m/rad^3": 1.0, "mm/rad^3": 1e-3},
+    "velocity over angle": per_angle(1),
+    "acceleration over angle": per_angle(2),
+    "jerk over angle": per_angle(3),
 }
 #: Unit -> factor to SI. Each unit has one dimension.
 FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}

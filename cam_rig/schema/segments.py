@@ -252,7 +252,7 @@ class Rise(SegmentBase):
     @field_validator("to", mode="before")
     @classmethod
     def _check_to(cls, value: Any, info: ValidationInfo) -> Any:
-        if value is None and info.data.get("velocity") is None:
+        if value is None and "velocity" in info.data and info.data["velocity"] is None:
             raise PydanticKnownError("missing")
         return value
 
@@ -260,7 +260,8 @@ class Rise(SegmentBase):
     def _check_velocity(self) -> Rise:
         if self.velocity and (self.law != "constant_velocity" or self.to is not None):
             raise ValueError(
-                f"velocity: is {self.velocity}; allowed: for constant_velocity, not to"
+                f"velocity: is {self.velocity}; allowed: only for the law constant_velocity, and "
+                "without the key to"
             )
         return self
 
@@ -301,7 +302,9 @@ def _use_law_name(value: Any) -> Any:
     if isinstance(value, dict) and "task" in value:
         task, others = value["task"], {key: x for key, x in value.items() if key != "task"}
         if "law" in value or task not in TASKS:
-            raise ValueError(f"task: is {task!r:.40}; allowed, without law: {' or '.join(TASKS)}")
+            raise ValueError(
+                f"task: is {task!r:.40}; allowed: {' or '.join(TASKS)}, without the key law"
+            )
         return {"law": task, **others}
     if not isinstance(value, dict) or not isinstance(name := value.get("law"), str):
         return value

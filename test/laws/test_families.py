@@ -283,7 +283,10 @@ def test_a_cam_accepts_another_name_of_a_law(make_cam):
 
 #: Keys of a rise, and the message that refuses them.
 REFUSALS = (
-    ({"b": 0.5}, "b, c, d: are 0.5, 0.5, 0.25; allowed: a sum of 1, so give all three"),
+    (
+        {"b": 0.5},
+        "b, c, d: are 0.5, 0.5, 0.25 with the sum 1.25; allowed: a sum of 1, so give all three",
+    ),
     ({"b": 1e-5, "c": 1 - 1e-5, "d": 0.0}, "b: is 1e-05; allowed: 0, or at least 0.001"),
     ({"acceleration_share": 0.05}, "acceleration_share: is 0.05; allowed: 0.1 to 0.9"),
     ({"acceleration_share": 0.95}, "acceleration_share: is 0.95; allowed: 0.1 to 0.9"),

@@ -304,10 +304,16 @@ REFUSALS = (
         {1: {"end": {"jerk": 0.005}}},
         "end.jerk: is 0.005 m/rad^3 (assumed); allowed: for poly7 only",
     ),
-    ({2: {"to": 0.5}}, "velocity: is 12 mm/rad (assumed); allowed: for constant_velocity, not to"),
+    (
+        {2: {"to": 0.5}},
+        "velocity: is 12 mm/rad (assumed); allowed: only for the law constant_velocity",
+    ),
     ({2: {"velocity": ...}}, "segments[2].to: missing; it is required"),
-    ({2: {"task": "rest"}}, "task: is 'rest'; allowed, without law: dwell or constant_velocity"),
-    ({2: {"law": "dwell"}}, "task: is 'constant_velocity'; allowed, without law: dwell or"),
+    (
+        {2: {"task": "rest"}},
+        "task: is 'rest'; allowed: dwell or constant_velocity, without the key law",
+    ),
+    ({2: {"law": "dwell"}}, "task: is 'constant_velocity'; allowed: dwell or"),
     ({2: {"velocity": math.nan}}, "segments[2].velocity: is nan; allowed: finite numbers"),
     ({2: {"velocity": 1e9}}, "velocity: is 1e+09 m/rad; allowed: at most 1e+06 m/rad"),
     (
@@ -317,7 +323,7 @@ REFUSALS = (
     ({2: {"velocity": 10.0}}, "mm, lift is 30 mm; allowed: the same within 2 %"),
     (
         {4: {"law": "poly345", "velocity": 0.1}},
-        "velocity: is 0.1 m/rad (assumed); allowed: for constant_velocity",
+        "velocity: is 0.1 m/rad (assumed); allowed: only for the law constant_velocity",
     ),
 )
 

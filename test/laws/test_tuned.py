@@ -188,7 +188,12 @@ REFUSALS = (
     (
         "bezier4_start",
         {"shaping": "ZV"},
-        "segments[0]: shaping: the law is bezier4_start; allowed: a rise between dwells",
+        "segments[0]: shaping: the law is bezier4_start; allowed: a rise between rests",
+    ),
+    (
+        "constant_velocity",
+        {"shaping": "ZV"},
+        "segments[0]: shaping: the law is constant_velocity; allowed: a rise between rests",
     ),
     (
         "poly345",
