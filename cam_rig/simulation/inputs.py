@@ -235,9 +235,12 @@ def resolve_scene(scene: Scene, rig: Rig = None) -> LoadedScene:
     return replace(loaded, rig=load_rig(file), rig_file=file)
 
 
-def resolve_speeds(rpm: Speeds) -> list[float]:
-    """Return a single speed or several speeds as a list, rpm."""
-    return [float(speed) for speed in to_vector("rpm", rpm)]
+def resolve_speeds(rpm: Speeds, name: str = "rpm") -> list[float]:
+    """Return a single speed or several speeds (rpm) as a list.
+
+    `name` is the name of the argument in error messages.
+    """
+    return [float(speed) for speed in to_vector(name, rpm)]
 
 
 def check_speeds(rpm: Speeds) -> list[float]:
@@ -278,8 +281,10 @@ def parse_numbers(text: str) -> list[float]:
         return []
 
 
-def parse_speeds(text: str) -> list[float]:
+def parse_speeds(text: str, option: str = "--rpm") -> list[float]:
     """Return the cam speeds (rpm) in a text such as "300", "200,300" or "200:400:10".
+
+    `option` is the name of the option in the error message.
 
     Raises
     ------
@@ -290,7 +295,7 @@ def parse_speeds(text: str) -> list[float]:
     in_range = speeds and 0.0 < min(speeds) <= max(speeds) <= MAX_RPM
     if not (in_range and len(speeds) <= MAX_SPEEDS):
         raise ConfigError(
-            f"--rpm {text}: allowed: 300, or 200,300, or 200:400:10 (from:to:step), each above 0 "
-            f"and at most {MAX_RPM:g}, {MAX_SPEEDS} speeds at most"
+            f"{option} {text}: allowed: 300, or 200,300, or 200:400:10 (from:to:step), each above "
+            f"0 and at most {MAX_RPM:g}, {MAX_SPEEDS} speeds at most"
         )
     return speeds

@@ -33,7 +33,7 @@ def vibration(
     With --sweep a table has the smallest and the largest residual amplitude of each cam over the
     speed. The plot shows the amplitude over the speed, dotted above the jump speed of the cam.
 
-    In Python: cam_rig.vibration(cams, rig, rpm, sweep=sweep)
+    In Python: cam_rig.vibration(cams, rig, rpm, sweep)
 
     Examples
     --------
@@ -48,5 +48,5 @@ def vibration(
     from cam_rig.simulation.inputs import parse_speeds
     from cam_rig.studies.vibration import study
 
-    speeds = None if sweep is None else parse_speeds(sweep)
-    return study.vibration(cams, rig, rpm or None, sweep=speeds, progress=progress)
+    speeds = None if sweep is None else parse_speeds(sweep, "--sweep")
+    return study.vibration(cams, rig, rpm or None, speeds, progress=progress)

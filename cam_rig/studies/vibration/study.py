@@ -226,8 +226,8 @@ def vibration(
     cams: Cams = None,
     rig: Rig = None,
     rpm: Speeds | None = None,
-    *,
     sweep: Speeds | None = None,
+    *,
     progress: Progress = NULL_PROGRESS,
 ) -> VibrationResult:
     """Measure residual vibration, peak acceleration and twist in steady state.
@@ -278,7 +278,11 @@ def vibration(
 
 def sweep_rows(cam_set: CamSet, rpm: Speeds) -> tuple[SweepRow, ...]:
     """Return the residual amplitudes of all cams over speeds in rpm."""
-    follower, speeds = FollowerParameters.on_stem(cam_set.rig, BY), np.array(resolve_speeds(rpm))
+    follower, speeds = (
+        FollowerParameters.on_stem(cam_set.rig, BY),
+        np.array(resolve_speeds(rpm, "sweep")),
+    )
+    require_speeds(follower, speeds.tolist())
     return tuple(
         SweepRow(cam, speeds, steady.residual_vibration(law, follower, speeds * RPM))
         for cam, law in cam_set.laws.items()
