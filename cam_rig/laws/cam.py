@@ -272,20 +272,20 @@ class CamSet:
         return CamSet({name: self.cams[name] for name in laws}, laws, self.rig)
 
 
-def cam_set(cams: Iterable[tuple[Path | str, CamConfig]], rig: RigConfig) -> CamSet:
-    """Build the laws of cams for one rig.
+def build_laws(
+    cams: Iterable[tuple[Path | str, CamConfig]],
+) -> tuple[dict[str, CamConfig], dict[str, Law]]:
+    """Build the laws of several cams.
 
     Parameters
     ----------
     cams : iterable of (Path or str, CamConfig)
         Pairs of the file or name that errors report, and the cam.
-    rig : RigConfig
-        Rig that turns the cams.
 
     Returns
     -------
-    CamSet
-        The set of the cams, in order.
+    dict of str to CamConfig, dict of str to Law
+        The cams and their laws by the name of the cam, in order.
 
     Raises
     ------
@@ -301,4 +301,4 @@ def cam_set(cams: Iterable[tuple[Path | str, CamConfig]], rig: RigConfig) -> Cam
             raise ConfigError(f"{path}: cam {cam.name!r} is named twice; allowed: each once")
         require_sprung(path, cam)
         named[cam.name], laws[cam.name] = cam, law_of(path, cam)
-    return CamSet(named, laws, rig)
+    return named, laws

@@ -256,9 +256,8 @@ def _orders(scene: SceneStudies) -> Content:
 
 def _sound(scene: SceneStudies) -> Content:
     """Return the section on sound: levels over speed, and those of a recording."""
-    if scene.loaded.missing_for_sound:
-        keys = " and ".join(scene.loaded.missing_for_sound)
-        return Content(left_out=f"rig {scene.loaded.rig.name}: {keys}: missing in the rig file")
+    if note := scene.loaded.no_sound_note:
+        return Content(left_out=f"{note[0].upper()}{note[1:]}")
     tables = [_levels(scene)]
     if scene.recorded is not None:
         simulated = {cam: curve.level_db for cam, curve in scene.run.noise.curves.items()}

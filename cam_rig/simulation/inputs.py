@@ -15,7 +15,7 @@ from pathlib import Path
 from cam_rig.arguments import check_arguments, to_vector
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
-from cam_rig.laws.cam import CamSet, cam_set, law_of, require_sprung
+from cam_rig.laws.cam import CamSet, build_laws, law_of, require_sprung
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig, load_scene, load_tables
 from cam_rig.schema.load import (
     cam_path,
@@ -76,7 +76,8 @@ def resolve_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
     named = read_cams(items)
     sources = [source if isinstance(source, Path) else cam for source, cam in named]
     files = [source for source in sources if isinstance(source, Path)]
-    return cam_set(named, resolve_rig(default_rig(sources) if rig is None else rig, *files))
+    configs, laws = build_laws(named)  # first, because a fault of a cam is the first to repair
+    return CamSet(configs, laws, resolve_rig(default_rig(sources) if rig is None else rig, *files))
 
 
 def to_cam_list(cams: Cams) -> list[str | Path | CamConfig]:

@@ -147,7 +147,7 @@ def test_sections_without_numbers_are_left_out(studies):
     contents = fill(SECTIONS, source, False)
     made = page_made("feeder.yaml", {"--out": "a.md"}, "B")
     page = render("md", "A page", made, contents, source)
-    assert "Sound: rig press: radiation: missing in the rig file." in page
+    assert "Sound: Sound level left out: rig press has no radiation." in page
     assert "Residual vibration: rig press: follower.stem_stiffness: is missing" in page
     for heading in ("Residual vibration", "Sound"):
         assert f" {heading}\n" not in page
