@@ -59,7 +59,7 @@ LISTED_NAMES = (
     *("constant_velocity", "simple_harmonic", "bezier9"),
     *("bezier4_start", "bezier6_start", "bezier8_start"),
     *("bezier4_end", "bezier6_end", "bezier8_end"),
-    "designed",
+    *("designed", "poly4567_table"),
 )
 
 #: Number of looks reserved for listed names, including future names. The look of a user's cam does

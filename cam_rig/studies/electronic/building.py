@@ -107,7 +107,7 @@ def controller_cam(
     target : Target
         Form of the text.
     tolerances : Tolerances, optional
-        Largest errors of the other segments (default: 0.01 µm, and 0.1 % of the peak of
+        Largest errors of the other segments (default: 0.002 µm, and 0.1 % of the peak of
         s'').
 
     Raises

@@ -36,7 +36,7 @@ Out = Annotated[
 def electronic(
     cam: Annotated[str | None, typer.Argument(help="Cam file, or a name in config/cams.")] = None,
     target: TargetOption = "codesys",
-    lift_error: Annotated[str, typer.Option(help="Largest error of the lift.")] = "0.01um",
+    lift_error: Annotated[str, typer.Option(help="Largest error of the lift.")] = "0.002um",
     acceleration_error: Acceleration = "0.1%",
     points: Points = None,
     interpolation: Interpolations = "spline",

@@ -183,7 +183,7 @@ def electronic(
         Form of the text: ``codesys``, ``codesys_builder``, ``twincat``, ``twincat_mc3``,
         ``vdi2143`` or ``table`` (default: codesys).
     lift_error : float
-        Largest error of s in m (default: 1e-8, 0.01 µm).
+        Largest error of s in m (default: 2e-9, 0.002 µm).
     acceleration_error : float
         Largest error of s'' as a fraction of its peak (default: 0.001).
     points : int or sequence of int, optional
@@ -262,8 +262,8 @@ def _table_row(law: Law, table: PointTable, kind: Interpolation) -> ControllerRo
 
 def _tolerances(lift_error: float, acceleration_error: float) -> Tolerances:
     """Return the largest errors after a check of their range."""
-    if not 1e-9 <= lift_error <= 1e-3:
-        raise ConfigError(f"--lift-error must be 1 nm to 1 mm, got {lift_error * 1e6:g} µm")
+    if not 1e-10 <= lift_error <= 1e-3:
+        raise ConfigError(f"--lift-error must be 0.1 nm to 1 mm, got {lift_error * 1e6:g} µm")
     if not 1e-6 <= acceleration_error <= 1.0:
         raise ConfigError(
             f"--acceleration-error must be between 1e-6 and 1, got {acceleration_error:g}"
@@ -328,7 +328,7 @@ def _notes(law: Law, target: Target) -> Iterator[str]:
 # Motion of the follower under each form.
 
 
-def _vibration(law: Law, follower: FollowerParameters, rpm: float, window: LowDwell) -> float:
+def dwell_vibration(law: Law, follower: FollowerParameters, rpm: float, window: LowDwell) -> float:
     """Return the peak-to-peak vibration (m) of the follower in the low dwell of the exact law."""
     turn = steady_turn(law, follower, rpm * RPM)
     return float(np.ptp(turn.vibration[window.contains(turn.angle)]))
@@ -338,7 +338,7 @@ def _with_motion(row: ControllerRow, exact: Law, rig: RigConfig, rpm: float) -> 
     """Return a row with the vibration and the jump speed on a rig."""
     follower = FollowerParameters.on_stem(rig, BY)
     require_speeds(follower, [rpm])
-    vibration = _vibration(row.law, follower, rpm, low_dwell(exact))
+    vibration = dwell_vibration(row.law, follower, rpm, low_dwell(exact))
     return replace(row, vibration=vibration, jump_rpm=find_contact_loss_speed(row.law, rig) / RPM)
 
 

@@ -7,7 +7,7 @@ import cam_rig
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import find_contact_loss_speed
 from cam_rig.dynamics.vibration import low_dwell
-from cam_rig.studies.electronic.study import BY, CONTROLLER_RPM, _vibration
+from cam_rig.studies.electronic.study import BY, CONTROLLER_RPM, dwell_vibration
 from cam_rig.studies.electronic.tables import Interpolation, sample_table, table_law
 
 from ...cli.conftest import call
@@ -26,7 +26,9 @@ def test_the_follower_moves_as_under_the_exact_law(name, target, tmp_path):
     path = tmp_path / "cam.st"
     path.write_text(cam_rig.electronic(cam, target).text, encoding="utf-8")
     back = cam_rig.read_electronic(path, target).law
-    exact, made = (_vibration(x, follower, CONTROLLER_RPM, low_dwell(law)) for x in (law, back))
+    exact, made = (
+        dwell_vibration(x, follower, CONTROLLER_RPM, low_dwell(law)) for x in (law, back)
+    )
     assert made == pytest.approx(exact, rel=0.05)
     speeds = [find_contact_loss_speed(x, rig) for x in (law, back)]
     assert speeds[1] == pytest.approx(speeds[0], rel=1e-3)
@@ -88,7 +90,7 @@ REFUSED = [
     ("electronic poly345 --points 4", "--points must be between 8 and 16384, got 4"),
     ("electronic poly345 --points x", "--points must be whole numbers"),
     ("electronic poly345 --lift-error 1", "--lift-error must be a number with a unit"),
-    ("electronic poly345 --lift-error 5mm", "--lift-error must be 1 nm to 1 mm, got 5000 µm"),
+    ("electronic poly345 --lift-error 5mm", "--lift-error must be 0.1 nm to 1 mm, got 5000 µm"),
     ("electronic poly345 --acceleration-error 200%", "--acceleration-error must be between"),
     ("electronic poly345 --interpolation bezier --points 64", "--interpolation must be one of"),
     ("electronic poly345 --rig no_such_rig", "no such file"),
