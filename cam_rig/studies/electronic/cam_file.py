@@ -7,17 +7,16 @@ import math
 import numpy as np
 
 from cam_rig.errors import ConfigError
+from cam_rig.files import MIB
 from cam_rig.laws.law import Law
 from cam_rig.schema import CamConfig
-from cam_rig.schema.load import quantity_data, to_yaml, validate_cam
+from cam_rig.schema.load import MAX_BYTES, quantity_data, to_yaml, validate_cam
 from cam_rig.studies.electronic.controller import MM
 
 #: Base radius and roller radius in lifts, a usual proportion. A controller's text has neither.
 RADII_IN_LIFTS = {"base_radius": 3.0, "roller_radius": 0.6}
 #: Source of the radii in the file.
 FREE_CHOICE = "a free choice, not in the controller's text: replace it"
-#: Largest number of pieces of a cam file. A longer file takes minutes to read.
-MAX_PIECES = 4096
 
 
 def controller_cam_file(law: Law, name: str, source: str) -> tuple[CamConfig, str]:
@@ -35,14 +34,10 @@ def controller_cam_file(law: Law, name: str, source: str) -> tuple[CamConfig, st
     Raises
     ------
     ConfigError
-        If the slave does not move, there are too many pieces, or the name is not allowed.
+        If the slave does not move, the file would be too large, or the name is not allowed.
     """
     if not law.lift > 0.0:
         raise ConfigError(f"{source}: the slave does not move; allowed: a cam with a lift")
-    if law.spans.size > MAX_PIECES:
-        raise ConfigError(
-            f"{source}: has {law.spans.size} pieces; allowed in a cam file: {MAX_PIECES}"
-        )
     lift_mm = law.lift / MM
     radii = {
         key: quantity_data("assumed", float(f"{lifts * lift_mm:.6g}"), "mm", FREE_CHOICE)
@@ -66,4 +61,10 @@ def controller_cam_file(law: Law, name: str, source: str) -> tuple[CamConfig, st
         "follower": {"type": "roller", **radii},
         "segments": segments,
     }
-    return validate_cam(data), f"# Made by cam-rig electronic from {source}.\n" + to_yaml(data)
+    text = f"# Made by cam-rig electronic from {source}.\n" + to_yaml(data)
+    if len(text.encode()) > MAX_BYTES:
+        raise ConfigError(
+            f"{source}: its {law.spans.size} pieces need a cam file of {len(text) / MIB:.3g} MiB; "
+            f"allowed: {MAX_BYTES / MIB:g} MiB, so read fewer points"
+        )
+    return validate_cam(data), text

@@ -71,6 +71,8 @@ def electronic(
 
     if (cam is None) == (read is None):
         raise ConfigError("a cam or --read FILE is required, and they cannot be combined")
+    if read is not None and not points is rig is None:
+        raise ConfigError("--read cannot be combined with --points or --rig; use its cam file")
     if read is not None:
         target_file = new_yaml(out)
         kind = _choice("--interpolation", interpolation, study.InterpolationName)

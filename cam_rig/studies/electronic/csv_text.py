@@ -29,8 +29,8 @@ SEGMENT_HEADING = ",".join(
     ["master_start_deg", "master_end_deg", "slave_start_mm", "stroke_mm"]
     + [f"c{k}" for k in range(COEFFICIENTS)]
 )
-#: Heading of the columns of a table of points.
-POINT_HEADING = "master_deg;slave_mm"
+#: Number of decimals of written increments. Increments of a controller are whole.
+INCREMENT_DECIMALS = 6
 #: Key of the line with the name of the cam.
 NAME_KEY = "cam"
 #: Key of the line with the number of rows.
@@ -76,9 +76,13 @@ def write_segments(cam: ControllerCam) -> str:
 
 def write_table(table: PointTable) -> str:
     """Return the CSV text of a table of points."""
-    rows = [f"{number(x)};{number(y)}" for x, y in zip(table.x, table.y, strict=True)]
-    head = _head(table.name, table.notes)
-    return "\n".join([*head, f"{COUNT_KEY} = {len(rows)}", POINT_HEADING, *rows]) + "\n"
+    head, y = _head(table.name, table.notes), table.y
+    if table.increments is not None:
+        head.append(f"{INCREMENT_KEYS[0]} = {number(table.increments)}")
+        y = np.round(y * table.increments, INCREMENT_DECIMALS)
+    rows = [f"{number(a)};{number(b)}" for a, b in zip(table.x, y, strict=True)]
+    heading = "master_deg;" + ("slave_mm" if table.increments is None else "slave_increments")
+    return "\n".join([*head, f"{COUNT_KEY} = {len(rows)}", heading, *rows]) + "\n"
 
 
 class NumberLines:
@@ -234,14 +238,15 @@ def read_table(file: str, text: str) -> PointTable:
     x, y = np.array([row[:2] for _, row in lines.rows]).T
     x *= TURN_DEG / _period(lines, float(x[-1] - x[0]))
     x[-1] = x[0] + TURN_DEG
-    y /= lines.value(INCREMENT_KEYS) or 1.0
+    increments = lines.value(INCREMENT_KEYS)
+    y /= increments or 1.0
     notes, name = lines.notes, lines.keys.get(NAME_KEY, DEFAULT_NAME)
     if abs(y[-1] - y[0]) > CLOSING_RTOL * np.ptp(y):
         x = np.concatenate([0.5 * (x - x[0]), TURN_DEG - 0.5 * (x - x[0])[-2::-1]])
         y = np.concatenate([y, y[-2::-1]])
         notes += ("index table, followed by its mirror image: run it at half the master's speed",)
     y[-1] = y[0]
-    return PointTable(name, x, y, notes)
+    return PointTable(name, x, y, notes, increments)
 
 
 def _period(lines: NumberLines, span: float) -> float:

@@ -22,7 +22,7 @@ from cam_rig.units import TURN, FloatArray
 #: Number of derivatives that are compared: s, s' and s''.
 ORDERS = 3
 #: Largest ratio of a bound to a value that the difference reaches. An interval above it is divided.
-MAX_BOUND_RATIO = 1.5
+MAX_BOUND_RATIO = 1.1
 #: Numbers of parts into which an interval is divided, tried in this order.
 PART_COUNTS = (8, 32, 128)
 #: Largest difference (rad) of joints of two laws that count as one joint. It is above the rounding

@@ -260,7 +260,8 @@ def _read_points(source: SourceText, form: PointForm, notes: tuple[str, ...]) ->
     pattern = rf"(\w+)\s*:\s*ARRAY\s*\[([^\]]*)\]\s*OF\s+{form.structure}\s*:=\s*\["
     declaration = re.search(pattern, source.code, re.I)
     if declaration is None:
-        raise source.error(0, f"no array of {form.structure} with initial values")
+        at = source.code.lower().index(form.structure.lower())
+        raise source.error(at, f"no array of {form.structure} with initial values")
     rows = list(_structures(source, declaration.end()))
     points = [_point(source, row, position, form) for row, position in rows]
     _check_count(source, declaration, len(points))
@@ -318,6 +319,11 @@ def _point(
     missing = [name for name in form.fields[:2] if name.lower() not in fields]
     if missing:
         raise source.error(position, f"{missing[0]} is missing")
+    if (
+        "IGNORE" in fields.get("pointtype", "").upper()
+        or fields.get("ignored", "").upper() == "TRUE"
+    ):
+        raise source.error(position, "the point is ignored; allowed: an array without such points")
     values = [
         source.number(fields.get(name.lower(), "0.0"), position, name) for name in form.fields
     ]

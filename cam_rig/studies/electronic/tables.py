@@ -57,12 +57,15 @@ class PointTable:
         Slave positions, mm.
     notes : tuple of str
         Comment lines.
+    increments : float or None
+        Increments per mm in which the slave positions are written (default: mm).
     """
 
     name: str
     x: FloatArray
     y: FloatArray
     notes: tuple[str, ...] = ()
+    increments: float | None = None
 
 
 def sample_table(
@@ -101,7 +104,8 @@ def sample_table(
             )
         y = np.round(y * increments) / increments
     x = np.append(np.round(np.arange(count) * (TURN_DEG / count), 12), TURN_DEG)
-    return PointTable(law.name, x, np.append(y, y[0]))
+    steps = increments if rounding is Rounding.DINT else None
+    return PointTable(law.name, x, np.append(y, y[0]), increments=steps)
 
 
 def table_law(table: PointTable, interpolation: Interpolation) -> Law:

@@ -11,7 +11,7 @@ from .test_errors import SMOOTH, random_law
 
 TOLERANCES = Tolerances(1e-6, 0.005)
 #: Number of intervals of the grid of the dynamic programme.
-GRID = 160
+GRID = 96
 
 
 def programmed_count(are_feasible):

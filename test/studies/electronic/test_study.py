@@ -96,6 +96,7 @@ REFUSED = [
     ("electronic poly345 --rig no_such_rig", "no such file"),
     ("electronic conjugate --points 64 --rig tm21", "conjugate"),
     ("electronic poly345 --rig tm21 --rpm 1e9", "speed is 1e+09 rpm"),
+    ("electronic --read none.st --points 64", "--read cannot be combined with --points or"),
     ("electronic --read none.st", "none.st: cannot be read"),
     ("electronic --read none.st --out a.txt", "ends in .yaml"),
 ]

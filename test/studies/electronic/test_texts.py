@@ -37,8 +37,9 @@ def test_a_text_that_is_read_is_written_again_unchanged(name):
             continue
         text = cam_rig.electronic(name, target.value).text
         assert written_again(text, target) == text
-    table = cam_rig.electronic(name, "table", points=64).text
-    assert write_table(read_table("a", table)) == table
+    for rounding in ("lreal", "real", "dint"):
+        table = cam_rig.electronic(name, "table", points=64, rounding=rounding).text
+        assert write_table(read_table("a", table)) == table
 
 
 @pytest.mark.parametrize("target", ["codesys", "twincat", "twincat_mc3"])
@@ -196,7 +197,8 @@ BAD_TEXTS = [
     (("(dX := 360.0, dY := 0.0)", "dX := 360.0"), 6),
     (("SMC_CAMXYVA", "MC_MotionFunctionPoint"), 1),
     (("SMC_CAMXYVA", "SMC_OTHER"), 1),
-    ((" := [", ";"), 1),
+    ((" := [", ";"), 3),
+    (("dX := 360.0, ", "dX := 360.0, PointType := MOTIONPOINTTYPE_IGNORE, "), 6),
 ]
 
 
