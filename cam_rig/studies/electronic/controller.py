@@ -30,6 +30,8 @@ MM = 1e-3
 MASTER_ATOL_DEG = 1e-9
 #: Name of a cam whose text has none.
 DEFAULT_NAME = "controller_cam"
+#: Largest number in a text. Larger ones are damaged, and would overflow.
+MAX_NUMBER = 1e12
 #: Largest step of the slave (mm) between two segments that counts as rounding.
 SLAVE_ATOL_MM = 1e-9
 

@@ -13,6 +13,7 @@ from cam_rig.files import shorten
 from cam_rig.studies.electronic.building import DIGITS
 from cam_rig.studies.electronic.controller import (
     DEFAULT_NAME,
+    MAX_NUMBER,
     TURN_DEG,
     Boundary,
     ControllerCam,
@@ -94,8 +95,8 @@ class NumberLines:
         Name of the file, for messages.
     notes : tuple of str
         Comment lines that start with ``#``.
-    keys : dict of str to str
-        Values of the lines ``key = value``, by key in small letters.
+    keys : dict of str to (int, str)
+        Line and value of the lines ``key = value``, by key in small letters.
     count : tuple of (int, int) or None
         Line and value of a line with a single whole number before the rows.
     rows : list of (int, list of float)
@@ -104,7 +105,7 @@ class NumberLines:
 
     def __init__(self, file: str, text: str) -> None:
         self.file = file
-        self.keys: dict[str, str] = {}
+        self.keys: dict[str, tuple[int, str]] = {}
         self.count: tuple[int, int] | None = None
         self.rows: list[tuple[int, list[float]]] = []
         notes, separator = [], ""
@@ -115,7 +116,7 @@ class NumberLines:
             if content.startswith(COMMENT_STARTS):
                 notes += [content[2:]] if content.startswith("# ") else []
             elif match := KEY_LINE.fullmatch(content):
-                self.keys[match[1].lower()] = match[2]
+                self.keys[match[1].lower()] = line, match[2]
                 if match[1].lower() == COUNT_KEY and match[2].isdigit():
                     self.count = line, int(match[2])
             elif not self.rows and content.isdigit():
@@ -131,6 +132,11 @@ class NumberLines:
                 self.count[0], f"{self.count[1]} points are announced, {len(self.rows)} follow"
             )
 
+    @property
+    def name(self) -> str:
+        """Name of the cam in the file."""
+        return self.keys.get(NAME_KEY, (0, DEFAULT_NAME))[1]
+
     def error(self, line: int, problem: str) -> ConfigError:
         """Return the error of a problem in a line."""
         return ConfigError(f"{self.file}: line {line}: {problem}")
@@ -144,8 +150,10 @@ class NumberLines:
                 numbers.append(float(plain))
             except ValueError:
                 numbers.append(math.nan)
-            if not math.isfinite(numbers[-1]):
-                raise self.error(line, f"{shorten(cell.strip())} is not a finite number")
+            if not abs(numbers[-1]) <= MAX_NUMBER:
+                raise self.error(
+                    line, f"{shorten(cell.strip())} is not a number up to {MAX_NUMBER:g}"
+                )
         if self.rows and len(numbers) != len(self.rows[0][1]):
             raise self.error(
                 line,
@@ -158,15 +166,13 @@ class NumberLines:
         """Return the value of the first of some keys as a positive number, or None."""
         for key in keys:
             if key in self.keys:
-                words = self.keys[key].replace(",", ".").split()
+                line, text = self.keys[key]
                 try:
-                    value = float(words[0])
+                    value = float(text.replace(",", ".").split()[0])
                 except ValueError:
                     value = math.nan
-                if not 0.0 < value < math.inf:
-                    raise ConfigError(
-                        f"{self.file}: {key} is {shorten(self.keys[key])}; allowed: above 0"
-                    )
+                if not 1.0 / MAX_NUMBER <= value <= MAX_NUMBER:
+                    raise self.error(line, f"{key} is {shorten(text)}; allowed: a positive number")
                 return value
         return None
 
@@ -206,7 +212,7 @@ def read_segments(file: str, text: str) -> ControllerCam:
         right = y + coefficients[0] * sum(coefficients[1:])
         ends = Boundary(start, y), Boundary(end, right)
         segments.append(ControllerSegment(SegmentKind.COEFFICIENTS, *ends, tuple(coefficients)))
-    return ControllerCam(lines.keys.get(NAME_KEY, DEFAULT_NAME), tuple(segments), lines.notes)
+    return ControllerCam(lines.name, tuple(segments), lines.notes)
 
 
 def read_table(file: str, text: str) -> PointTable:
@@ -240,7 +246,7 @@ def read_table(file: str, text: str) -> PointTable:
     x[-1] = x[0] + TURN_DEG
     increments = lines.value(INCREMENT_KEYS)
     y /= increments or 1.0
-    notes, name = lines.notes, lines.keys.get(NAME_KEY, DEFAULT_NAME)
+    notes, name = lines.notes, lines.name
     if abs(y[-1] - y[0]) > CLOSING_RTOL * np.ptp(y):
         x = np.concatenate([0.5 * (x - x[0]), TURN_DEG - 0.5 * (x - x[0])[-2::-1]])
         y = np.concatenate([y, y[-2::-1]])

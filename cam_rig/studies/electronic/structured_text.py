@@ -6,6 +6,7 @@ spaces, cases and comments than the writer, and fields in any order.
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from cam_rig.files import shorten
 from cam_rig.studies.electronic.building import DIGITS, Target
 from cam_rig.studies.electronic.controller import (
     DEFAULT_NAME,
+    MAX_NUMBER,
     Boundary,
     ControllerCam,
     ControllerSegment,
@@ -78,6 +80,19 @@ POINT_FORMS = {
             SegmentKind.MODIFIED_SINE: "EMotionFunctionType.ModifiedSinusoid",
         },
     ),
+}
+#: Kinds of segments by other texts of the field ``FunctionType`` of TwinCAT: the values of the
+#: names, and the polynomials between two points at rest.
+TWINCAT_KINDS = {
+    "1": SegmentKind.LINE,
+    "5": SegmentKind.POLY5,
+    "7": SegmentKind.POLY7,
+    "11": SegmentKind.MODIFIED_SINE,
+    "12": SegmentKind.INCLINED_SINE,
+    "15": SegmentKind.POLY5,
+    "24": SegmentKind.POLY7,
+    "motionfunctype_polynom5": SegmentKind.POLY5,
+    "motionfunctype_polynom7": SegmentKind.POLY7,
 }
 #: Constructor of CamBuilder by kind of segment, and the number of arguments of its boundaries.
 CONSTRUCTORS = {
@@ -211,11 +226,12 @@ class SourceText:
     def number(self, text: str, position: int, name: str) -> float:
         """Return the number in a text."""
         match = LITERAL.fullmatch(text.strip())
-        if match is None:
+        value = math.inf if match is None else float(match[1].replace("_", ""))
+        if not abs(value) <= MAX_NUMBER:
             raise self.error(
                 position, f"{name} is {shorten(text.strip())}; allowed: a number such as 12.5"
             )
-        return float(match[1].replace("_", ""))
+        return value
 
 
 def blank_comments(text: str) -> str:
@@ -331,6 +347,8 @@ def _point(
         return Boundary(*values), SegmentKind.POLY5
     name = fields.get("functiontype", "")
     kinds = {text.rpartition(".")[2].lower(): kind for kind, text in form.kinds.items()}
+    if form is POINT_FORMS[Target.TWINCAT]:
+        kinds |= TWINCAT_KINDS
     kind = kinds.get(name.rpartition(".")[2].lower())
     if kind is None:
         allowed = ", ".join(form.kinds.values())

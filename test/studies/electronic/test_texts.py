@@ -2,12 +2,14 @@
 
 import re
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 import pytest
 
 import cam_rig
 from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.studies.electronic import study
 from cam_rig.studies.electronic.building import Target, controller_cam
 from cam_rig.studies.electronic.controller import Boundary, ControllerCam, ControllerSegment
 from cam_rig.studies.electronic.controller import SegmentKind as Kind
@@ -231,6 +233,7 @@ BAD_TABLES = [
     ({0: "12\n0;0"}, 1),
     ({4: "180;1;2"}, 5),
     ({k: "" for k in range(3)}, 4),
+    ({0: "period = -1\n0;0"}, 1),
 ]
 
 
@@ -288,3 +291,53 @@ def test_a_text_that_starts_at_another_master_position():
     cam = ControllerCam("shifted", tuple(segments))
     law = read_text("s.st", write_text(cam, Target.CODESYS), Target.CODESYS).law
     assert law(np.radians([90.0, 200.0])).tolist() == pytest.approx([0.001, 0.005])
+
+
+def test_function_types_of_twincat_by_value():
+    """A FunctionType is read by name, by value, and as the polynomial between points at rest."""
+    text = cam_rig.electronic("poly4567", "twincat").text
+    for changes in (
+        {"MOTIONFUNCTYPE_POLYNOM5_MM": "15", "MOTIONFUNCTYPE_POLYNOM7_MM": "24"},
+        {"POLYNOM5_MM": "POLYNOM5", "POLYNOM7_MM": "POLYNOM7"},
+    ):
+        changed = text
+        for old, new in changes.items():
+            changed = changed.replace(old, new)
+        assert written_again(changed, Target.TWINCAT) == text != changed
+
+
+#: Texts that replace or enter parts of a damaged text.
+DAMAGE = ["(", "]", ":=", ",", ";", "1e999", "-1", "NaN", "1e308", "\n", "(*", "é", "\0", "", "360"]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("target", [*(target.value for target in Target), "table"])
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(s, marks=pytest.mark.long) for s in range(1, 9))]
+)
+def test_damaged_texts_raise_only_errors_of_cam_rig(target, seed, tmp_path):
+    """A text with random damage is read, or refused in one line, without a warning."""
+    rng, path = np.random.default_rng(seed), tmp_path / "damaged.txt"
+    points = 16 if target == "table" else None
+    text = cam_rig.electronic("tm21", target, points=points).text
+    for _ in range(40):
+        damaged = text
+        for _ in range(int(rng.integers(1, 4))):
+            start = int(rng.integers(len(damaged)))
+            stop = start + int(rng.integers(12))
+            damaged = damaged[:start] + DAMAGE[rng.integers(len(DAMAGE))] + damaged[stop:]
+        path.write_text(damaged, encoding="utf-8")
+        try:
+            cam_rig.read_electronic(path, target)
+        except CamRigError as error:
+            assert "\n" not in str(error)
+
+
+def test_names_of_the_options_are_those_of_the_forms():
+    """The names that the function accepts are those of targets, interpolations and roundings."""
+    for names, kinds in (
+        (study.TargetName, [*Target, "table"]),
+        (study.InterpolationName, Interpolation),
+        (study.RoundingName, Rounding),
+    ):
+        assert list(get_args(names)) == [getattr(kind, "value", kind) for kind in kinds]
