@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import typer
 
-from cam_rig.errors import ConfigError, did_you_mean
+from cam_rig.errors import ConfigError
 from cam_rig.files import atomic_write, check_writable, new_yaml
 from cam_rig.schema.quantity import NUMBER_WITH_UNIT, UNIT_SPELLINGS, UNITS
 from cam_rig.show.command import RigOfCam, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
+from cam_rig.studies.electronic.names import InterpolationName, RoundingName, TargetName
 
-TargetOption = Annotated[
-    str,
-    typer.Option(help="Form: codesys, codesys_builder, twincat, twincat_mc3, vdi2143 or table."),
-]
 Acceleration = Annotated[str, typer.Option(help="Largest error of s″, of its peak.")]
 Points = Annotated[str | None, typer.Option(help="Numbers of points of tables to compare: 64,256.")]
 Interpolations = Annotated[
     str, typer.Option(help="Interpolations of tables: linear,cubic,spline,sliding.")
 ]
-Numbers = Annotated[str, typer.Option(help="Numbers of tables: lreal, real or dint.")]
+Numbers = Annotated[RoundingName, typer.Option(help="Numbers of tables.")]
 Read = Annotated[Path | None, typer.Option(metavar="FILE", help="Read a controller's text.")]
-Form = Annotated[str, typer.Option("--as", metavar="TARGET", help="Form of the text to read.")]
+Form = Annotated[TargetName, typer.Option("--as", help="Form of the text to read.")]
 Out = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="Write the text, or with --read the cam file."),
@@ -35,7 +32,7 @@ Out = Annotated[
 @command("json", "csv", "plot")
 def electronic(
     cam: Annotated[str | None, typer.Argument(help="Cam file, or a name in config/cams.")] = None,
-    target: TargetOption = "codesys",
+    target: Annotated[TargetName, typer.Option(help="Form of the text.")] = "codesys",
     lift_error: Annotated[str, typer.Option(help="Largest error of the lift.")] = "0.002um",
     acceleration_error: Acceleration = "0.1%",
     points: Points = None,
@@ -71,13 +68,12 @@ def electronic(
 
     if (cam is None) == (read is None):
         raise ConfigError("a cam or --read FILE is required, and they cannot be combined")
-    if read is not None and not points is rig is None:
+    if read is not None and (points is not None or rig is not None):
         raise ConfigError("--read cannot be combined with --points or --rig; use its cam file")
     if read is not None:
         target_file = new_yaml(out)
-        kind = _choice("--interpolation", interpolation, study.InterpolationName)
-        form = _choice("--as", as_, study.TargetName)
-        reading = study.read_electronic(read, form, kind, out.stem if out else None)
+        kind = _interpolations(interpolation)[0]
+        reading = study.read_electronic(read, as_, kind, out.stem if out else None)
         _write(target_file, reading.text)
         return reading
     if out is not None:
@@ -85,15 +81,12 @@ def electronic(
     assert cam is not None
     result = study.electronic(
         cam,
-        _choice("--target", target, study.TargetName),
+        target,
         _number("--lift-error", lift_error, UNITS["length"], "1um"),
         _number("--acceleration-error", acceleration_error, {"%": 0.01, "": 1.0}, "0.5%"),
         _counts(points),
-        [
-            _choice("--interpolation", name, study.InterpolationName)
-            for name in interpolation.split(",")
-        ],
-        _choice("--rounding", rounding, study.RoundingName),
+        _interpolations(interpolation),
+        rounding,
         increments,
         rig,
         rpm,
@@ -111,16 +104,13 @@ def _write(out: Path | None, text: str) -> None:
         say(f"written: {out}")
 
 
-def _choice(option: str, value: str, choices: Any) -> Any:
-    """Return a value after checking that it is one of the texts of a Literal."""
-    from typing import get_args
-
-    names = get_args(choices)
-    if value not in names:
-        raise ConfigError(
-            f"{option} must be one of {', '.join(names)}, got {value!r}{did_you_mean(value, names)}"
-        )
-    return value
+def _interpolations(text: str) -> list[InterpolationName]:
+    """Return the interpolations in a text such as linear,cubic."""
+    names = get_args(InterpolationName)
+    words: list[Any] = text.split(",")
+    if not set(words) <= set(names):
+        raise ConfigError(f"--interpolation must be {' or '.join(names)}, got {text!r}")
+    return words
 
 
 def _number(option: str, text: str, units: dict[str, float], example: str) -> float:

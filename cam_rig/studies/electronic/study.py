@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 
@@ -45,6 +45,7 @@ from cam_rig.studies.electronic.csv_text import (
     write_table,
 )
 from cam_rig.studies.electronic.difference import ErrorBounds, difference_bounds
+from cam_rig.studies.electronic.names import InterpolationName, RoundingName, TargetName
 from cam_rig.studies.electronic.segmentation import Tolerances
 from cam_rig.studies.electronic.structured_text import identifier, read_text, write_text
 from cam_rig.studies.electronic.tables import (
@@ -59,12 +60,6 @@ from cam_rig.units import RPM
 
 #: Name of the form of a table of points among the targets.
 TABLE = "table"
-#: Names of the targets.
-TargetName = Literal["codesys", "codesys_builder", "twincat", "twincat_mc3", "vdi2143", "table"]
-#: Names of the interpolations.
-InterpolationName = Literal["linear", "cubic", "spline", "sliding"]
-#: Names of the types of numbers.
-RoundingName = Literal["lreal", "real", "dint"]
 #: Default cam speed, rpm. It is below the jump speeds of the paper's laws.
 CONTROLLER_RPM = 300.0
 #: Largest relative excess of the vibration over that of the law that is not reported.

@@ -9,7 +9,7 @@ import pytest
 
 import cam_rig
 from cam_rig.errors import CamRigError, ConfigError
-from cam_rig.studies.electronic import study
+from cam_rig.studies.electronic import names
 from cam_rig.studies.electronic.building import Target, controller_cam
 from cam_rig.studies.electronic.controller import Boundary, ControllerCam, ControllerSegment
 from cam_rig.studies.electronic.controller import SegmentKind as Kind
@@ -335,9 +335,9 @@ def test_damaged_texts_raise_only_errors_of_cam_rig(target, seed, tmp_path):
 
 def test_names_of_the_options_are_those_of_the_forms():
     """The names that the function accepts are those of targets, interpolations and roundings."""
-    for names, kinds in (
-        (study.TargetName, [*Target, "table"]),
-        (study.InterpolationName, Interpolation),
-        (study.RoundingName, Rounding),
+    for options, kinds in (
+        (names.TargetName, [*Target, "table"]),
+        (names.InterpolationName, Interpolation),
+        (names.RoundingName, Rounding),
     ):
-        assert list(get_args(names)) == [getattr(kind, "value", kind) for kind in kinds]
+        assert list(get_args(options)) == [getattr(kind, "value", kind) for kind in kinds]
