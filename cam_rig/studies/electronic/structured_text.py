@@ -29,6 +29,13 @@ from cam_rig.studies.electronic.controller import (
 POINTS_SUFFIX = "_points"
 #: Pattern of a number of the language: digits with underscores, and an optional type before them.
 LITERAL = re.compile(r"(?:L?REAL#)?([-+]?\d[\d_]*(?:\.\d[\d_]*)?(?:[eE][-+]?\d+)?)", re.I)
+#: Words that are no identifiers, in small letters: keywords, types, and names of the written texts.
+RESERVED = (
+    "abs action adr and array at bool by byte case constant date dint do dword else elsif exit for "
+    "function if int lint lreal lword method mod not of or pointer program real repeat return sint "
+    "string struct then time to type udint uint ulint until usint var while word xor camref "
+    "cambuilder camsegments"
+)
 #: Pattern of a comment in either form.
 COMMENT = re.compile(r"\(\*.*?\*\)|//[^\n]*", re.S)
 #: Pattern of a comment line above the declaration, which is kept.
@@ -112,10 +119,10 @@ MARKS = {
 
 
 def identifier(name: str) -> str:
-    """Return a name as an identifier of the language: ASCII letters, digits and single _."""
+    """Return a name as an identifier of the language: letters, digits and single _."""
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
     words = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_") or "cam"
-    return f"cam_{words}" if words[0].isdigit() else words
+    return f"cam_{words}" if words[0].isdigit() or words.lower() in RESERVED.split() else words
 
 
 def literal(value: float) -> str:

@@ -66,13 +66,14 @@ def test_a_builder_text_follows_the_grammar():
 
 def test_identifiers_and_literals():
     """Names become identifiers of the language, and numbers real literals."""
-    names = ["Leva Ñandú 2", "3 4 5", "a__b", "凸輪", "x-y"]
+    names = ["Leva Ñandú 2", "3 4 5", "a__b", "凸輪", "x-y", "Real"]
     assert [identifier(name) for name in names] == [
         "Leva_Nandu_2",
         "cam_3_4_5",
         "a_b",
         "cam",
         "x_y",
+        "cam_Real",
     ]
     assert [literal(x) for x in (0.0, -0.0, 5.0, 1e-9, -2.5e20)] == [
         *("0.0", "0.0", "5.0", "1.0E-09", "-2.5E+20"),
