@@ -34,7 +34,7 @@ from cam_rig.units import TURN
 
 #: Width (deg) over which s'' moves linearly through a jump, for a controller whose segments share
 #: their boundaries. The lift is off by less than a thousandth of a µm there.
-BRIDGE_DEG = 0.01
+BRIDGE_DEG = 0.005
 #: Largest width of a bridge as a fraction of the segments next to it.
 MAX_BRIDGE_PART = 0.1
 #: Number of digits of written numbers. Such a number is read and written again unchanged.

@@ -29,6 +29,9 @@ TRIED_LENGTHS = 16
 REFINEMENTS = 3
 #: Largest number of segments of a piece. More do not fit in the memory of a controller.
 MAX_SEGMENTS = 2000
+#: Fraction of the requested errors that segments may have. The rest is left for bridges over jumps
+#: of s'' and for the rounding of the digits.
+USED_PART = 0.98
 #: Smallest length of a segment as a fraction of its piece. The error of a shorter one is rounding.
 MIN_LENGTH = 1e-6
 
@@ -54,7 +57,7 @@ def feasibility(law: Law, piece: int, tolerances: Tolerances) -> Feasibility:
     rows = [law.derivative_ordinates(order)[:, piece] for order in range(ORDERS)]
     derivatives = np.stack([bernstein.elevate(row, degree) for row in rows])
     max_acceleration = tolerances.acceleration * abs(peak(law, 2).value)
-    limits = np.array([[tolerances.lift], [math.inf], [max_acceleration]])
+    limits = USED_PART * np.array([[tolerances.lift], [math.inf], [max_acceleration]])
 
     def are_feasible(starts: FloatArray, stops: FloatArray) -> NDArray[np.bool_]:
         errors = quintic_errors(derivatives, span, starts, stops)

@@ -10,6 +10,7 @@ import pytest
 
 import cam_rig
 from cam_rig.laws import Law
+from cam_rig.laws.law import continuity, peak
 from cam_rig.schema.load import config_root
 from cam_rig.studies.electronic.building import Target, controller_cam
 from cam_rig.studies.electronic.difference import difference_bounds
@@ -156,6 +157,17 @@ def test_each_shipped_cam_takes_less_than_a_second(name):
         text = cam_rig.electronic(name, target.value).text
         assert time.process_time() - start < 1.0
         assert text.count("\n") > 5
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_requested_errors_are_kept(name):
+    """The stated errors of a text are at most the requested ones, but on bridges of s''."""
+    law, limits = cam_rig.build_law(name), Tolerances()
+    for target in Target:
+        bounds = cam_rig.electronic(name, target.value).rows[1].bounds
+        assert bounds.lift <= limits.lift
+        if not (target.shares_boundaries and continuity(law) < 2):
+            assert bounds.acceleration <= limits.acceleration * abs(peak(law, 2).value)
 
 
 def test_coefficients_have_the_same_motion():
