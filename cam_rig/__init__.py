@@ -18,6 +18,7 @@ sound level of a motion                                 sound_level
 noise study of the paper                                noise_study
 linear model for scipy.signal                           Rig.state_space, Rig.frequency_response
 optimised law, with a proven bound                      design
+cam for a motion controller, and back                   electronic, read_electronic
 many rigs with varied numbers                           campaign
 cam from gauge readings, rig from a measured run        fit_cam, fit_rig
 acoustic constants of a rig from measured levels        fit_sound
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from cam_rig.studies.compare.study import compare
     from cam_rig.studies.contact.study import contact_stress
     from cam_rig.studies.design.study import design
+    from cam_rig.studies.electronic.study import electronic, read_electronic
     from cam_rig.studies.fit_cam.study import fit_cam
     from cam_rig.studies.fit_rig.study import fit_rig
     from cam_rig.studies.fit_sound.study import fit_sound
@@ -88,6 +90,7 @@ _HOMES = {
     "contact_stress": "cam_rig.studies.contact.study",
     "contour": "cam_rig.studies.profile.contour",
     "design": "cam_rig.studies.design.study",
+    "electronic": "cam_rig.studies.electronic.study",
     "fit_cam": "cam_rig.studies.fit_cam.study",
     "fit_rig": "cam_rig.studies.fit_rig.study",
     "fit_sound": "cam_rig.studies.fit_sound.study",
@@ -104,6 +107,7 @@ _HOMES = {
     "order_spectrum": "cam_rig.studies.orders.study",
     "plot_law": "cam_rig.studies.laws.figures",
     "read_bag": "cam_rig.studies.simulate.recorded",
+    "read_electronic": "cam_rig.studies.electronic.study",
     "run_scene": "cam_rig.studies.simulate.study",
     "simulate": "cam_rig.studies.simulate.motion",
     "sound_level": "cam_rig.studies.simulate.sound",
@@ -112,10 +116,11 @@ _HOMES = {
 }
 __all__ = [
     "Cam", "CamRigError", "Law", "Rig", "__version__", "bounce_map", "build_law", "campaign",
-    "check_contours", "compare", "contact_stress", "contour", "design", "fit_cam", "fit_rig",
-    "fit_sound", "jump_speed", "jump_speeds", "law_summary", "list_cams", "list_laws",
+    "check_contours", "compare", "contact_stress", "contour", "design", "electronic", "fit_cam",
+    "fit_rig", "fit_sound", "jump_speed", "jump_speeds", "law_summary", "list_cams", "list_laws",
     "list_rigs", "load_cam", "load_rig", "load_scene", "noise_study", "order_spectrum",
-    "plot_law", "read_bag", "run_scene", "simulate", "sound_level", "sweep", "vibration",
+    "plot_law", "read_bag", "read_electronic", "run_scene", "simulate", "sound_level", "sweep",
+    "vibration",
 ]  # fmt: skip
 
 

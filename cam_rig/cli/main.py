@@ -30,6 +30,7 @@ PANELS = {
         "profile": "cam_rig.studies.profile.command",
         "contact": "cam_rig.studies.contact.command",
         "design": "cam_rig.studies.design.command",
+        "electronic": "cam_rig.studies.electronic.command",
     },
     "Follower": {
         "jump": "cam_rig.studies.jump.command",

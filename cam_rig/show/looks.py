@@ -60,6 +60,7 @@ LISTED_NAMES = (
     *("bezier4_start", "bezier6_start", "bezier8_start"),
     *("bezier4_end", "bezier6_end", "bezier8_end"),
     *("designed", "polydyne_300", "motion_tasks", "skewed_trapezoid", "shaped_300", "quiet"),
+    "poly4567_table",
 )
 
 #: Number of looks (colour, dash and marker) that are reserved for listed names, including future

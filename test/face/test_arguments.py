@@ -121,6 +121,8 @@ def valid_arguments(tmp_path_factory):
     np.savetxt(folder / "lifts.csv", lifts, delimiter=",", header=head, comments="")
     jumps = ["preload [N],jump speed [rpm]", "20,344.9", "30.6,413.4", "45,417.2"]
     (folder / "jumps.csv").write_text("\n".join(jumps), encoding="utf-8")
+    cam_text = cam_rig.electronic(CAM, "twincat").text
+    (folder / "cam.st").write_text(cam_text, encoding="utf-8")
     levels = np.array([[200, 78.3], [250, 81.7], [300, 83.4], [350, 85.8], [400, 90.9]])
     on_tm21, on_rig = {"cams": "poly345", "rig": "tm21"}, {"law": LAW, "rig": RIG}
     fitted = {"damping": 8.6, "spring_stiffness": 4030.0}
@@ -137,6 +139,7 @@ def valid_arguments(tmp_path_factory):
         "contour": {"cam": CAM, "points": 36},
         "design": {"cam": CAM, "rig": RIG, "minimise": "peak_acceleration"}
         | {"pieces": 6, "joints": 1, "starts": 1, "points": 3},
+        "electronic": {"cam": CAM, "points": 16, "interpolation": "cubic"},
         "fit_cam": {"tables": folder / "lifts.csv"},
         "fit_rig": {"source": folder / "jumps.csv", "cam": "poly345", "rig": "tm21"}
         | {"fix": fitted},
@@ -155,6 +158,7 @@ def valid_arguments(tmp_path_factory):
         | {"model": "one_mass", "orders": 5},
         "plot_law": {"law": LAW},
         "read_bag": {"bag": GOLDEN},
+        "read_electronic": {"file": folder / "cam.st", "target": "twincat"},
         "run_scene": {"scene": "quick"},
         "simulate": on_rig | {"rpm": 450, "turns": 1},
         "sound_level": {"motion": cam_rig.simulate(LAW, RIG, rpm=450, turns=2)},

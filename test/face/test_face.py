@@ -178,7 +178,7 @@ NO_COMPUTATION = {
 PARTS = {
     *("Cam", "CamRigError", "Law", "Rig", "__version__"),
     *("build_law", "list_cams", "list_rigs", "load_cam", "load_rig", "load_scene"),
-    *("contour", "jump_speed", "plot_law", "simulate", "sound_level", "sweep"),
+    *("contour", "jump_speed", "plot_law", "read_electronic", "simulate", "sound_level", "sweep"),
 }
 #: Options for figures and files by command. In Python they are methods of the result.
 FILES = {
@@ -190,6 +190,7 @@ FILES = {
     "law": {"out", "save"},
     "compare": {"save"},
     "orders": {"save"},
+    "electronic": {"out", "read", "as"},  # `text`, and the function `read_electronic`
     "design": {"out"},  # the attribute `text` of a design is the file
     "profile": {
         *("out", "positions", "pitch", "cutter", "tolerance", "points", "from", "force"),

@@ -1,0 +1,1 @@
+"""Electronic cams: texts for motion controllers and back, with proven errors."""
