@@ -28,6 +28,9 @@ from cam_rig.units import TURN
 #: Size below which a term of the forced response Σ hₖ Ωᵏ s⁽ᵏ⁾ counts as rounding, relative to the
 #: largest term. The series ends before two such terms in a row.
 SERIES_RTOL = 1e-14
+#: Smallest step of s' at a joint that excites a vibration, as a fraction of the largest |s|, in
+#: 1/rad. Smaller steps are rounding errors.
+VELOCITY_STEP_RTOL = 1e-9
 #: Largest accepted rounding error of the polynomial part of a mode's output (for example a contact
 #: force), as a fraction of its largest term with s, s' or s''.
 MAX_ROUNDING = 1e-5
@@ -376,8 +379,11 @@ def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
     jumps = np.zeros((2, count))
     for k in range(2):  # jumps of η, then of η̇
         add_weighted(jumps[k], eta_terms, law.jumps, k)
+    min_step = VELOCITY_STEP_RTOL * law.max_derivatives[0]
     for i in range(count):
         jumps[1][i] *= speed
+        if abs(law.jumps[1][i]) > min_step:  # the state jumps as well, by the impulse of s''
+            jumps[1][i] -= mode.drive.acceleration * speed * law.jumps[1][i]
     piece_starts = np.zeros(count, PIECE_START)
     turn_flow, excited = _pass_turn(law, span_flows, jumps, piece_starts)
     x = forced_vibration(law, eta_terms, speed, 0)

@@ -91,6 +91,20 @@ def test_residual_vibration_is_equal_for_single_and_several_speeds(laws, soft):
     assert together == pytest.approx(np.array(alone), rel=1e-9)
 
 
+@pytest.mark.parametrize("rpm", [150.0, 200.0, 300.0])
+def test_a_step_of_velocity_excites_the_stem(laws, soft, rpm):
+    """The residual amplitude of a law with steps of s' is that of the motion in the low dwell.
+
+    With little damping it is half the difference of the largest and the smallest vibration, to the
+    distance of its samples.
+    """
+    law, follower = laws["worked_example_constant_velocity"], replace(soft, damping=1e-3)
+    turn, window = steady_turn(law, follower, rpm * RPM), low_dwell(law)
+    expected = 0.5 * np.ptp(turn.vibration[window.contains(turn.angle)])
+    found = residual_vibration(law, follower, np.array([rpm * RPM]))
+    assert expected > 1e-5 and found == pytest.approx(expected, rel=2e-3)
+
+
 def test_twist_on_a_stiff_shaft_is_torque_over_stiffness(laws, cam_set):
     """The twist of a stiff shaft is the torque F s' divided by the stiffness, to 1 %."""
     shaft = replace(shaft_of(cam_set.rig), shaft_stiffness=1e7, shaft_damping=10.0)
