@@ -17,6 +17,16 @@ class Layout(StrEnum):
     REPORT = "report"
 
 
+class Tab(StrEnum):
+    """Tabs of the layout of a run that every recorded run has, by their titles."""
+
+    TURN = "One turn"
+    SOUND = "Sound"
+    CONTACT = "Contact and flight"
+    ROBOT = "Rig in 3D"
+    RESULTS = "Results"
+
+
 @dataclass(frozen=True)
 class ViewOptions:
     """Options of a Rerun recording.
@@ -30,8 +40,11 @@ class ViewOptions:
     decimate : bool
         True if the samples of a long run are reduced to the minimum and the maximum of each
         bucket, a group of successive samples. False keeps every sample.
+    tab : Tab
+        Tab that is open at first in the layout of a run.
     """
 
     layout: Layout = Layout.RUN
     rpm: float | None = None
     decimate: bool = True
+    tab: Tab = Tab.TURN

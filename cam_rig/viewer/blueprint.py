@@ -16,7 +16,7 @@ from cam_rig.show.chart import plane_view, tens_range
 from cam_rig.show.looks import shortened
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import NS, TURN, to_rpm
-from cam_rig.viewer import Layout, bounce_chart, level_chart, quantities, scene2d, turn_chart
+from cam_rig.viewer import Layout, Tab, bounce_chart, level_chart, quantities, scene2d, turn_chart
 from cam_rig.viewer.bounce_chart import ROW, bounce_axes, can_rebound
 from cam_rig.viewer.level_chart import band_axes
 from cam_rig.viewer.quantities import CLOSE_GAP, GAP, Range, Ranges, plot_rows
@@ -35,7 +35,9 @@ PLAYING: dict[str, Any] = {"state": "collapsed", "play_state": "playing"}
 #: wall-clock time.
 DEGREES_PER_SECOND = 90.0
 #: Position of the eye of the 3D view: forward, left and up, in sizes of the rig.
-EYE = (2.6, 0.9, 0.9)
+EYE = (3.4, 1.2, 1.3)
+#: Height above the shaft at which the eye of the 3D view looks, in sizes of the rig.
+LOOK_HEIGHT = 0.35
 #: Rig time (s) of a finished run that the curves show before and after the time cursor.
 AROUND_CURSOR_S = 0.5
 
@@ -48,6 +50,7 @@ def blueprint(
     compared: float,
     ranges: Ranges,
     window: float | None = None,
+    tab: Tab = Tab.TURN,
 ) -> rrb.Blueprint:
     """Return Rerun's blueprint (definition of the views) of a layout.
 
@@ -68,9 +71,11 @@ def blueprint(
     window : float, optional
         Rig time in s that a live run shows before its newest sample. The time panel then follows
         the run. None for a recorded run, which is played in a loop.
+    tab : Tab
+        Tab that is open at first in the layout of a run.
     """
     if layout is Layout.RUN:
-        view = _run(loaded, duration, bucket, ranges, window)
+        view = _run(loaded, duration, bucket, ranges, window, tab)
         timeline = _time_panel(loaded, duration, window)
     else:
         view = (_compare if layout is Layout.COMPARE else _report)(loaded, compared, ranges)
@@ -134,19 +139,26 @@ def _time_panel(loaded: LoadedScene, duration: float, window: float | None) -> r
 
 
 def _run(
-    loaded: LoadedScene, duration: float, bucket: int, ranges: Ranges, window: float | None
+    loaded: LoadedScene,
+    duration: float,
+    bucket: int,
+    ranges: Ranges,
+    window: float | None,
+    tab: Tab,
 ) -> rrb.Container:
     turn_bounds = TurnAxes(plot_rows(loaded.scene.model), ranges).bounds()
     bounces = [_bounces(loaded, ranges)] if can_rebound(loaded) else []
-    recorded = rrb.StateTimelineView(origin=CONTACT, name="Contact and flight"), _robot(loaded)
-    tabs = rrb.Tabs(
+    recorded = rrb.StateTimelineView(origin=CONTACT, name=Tab.CONTACT), _robot(loaded)
+    views = (
         *bounces,
-        plane_view(turn_chart.VIEW, "One turn", *turn_bounds),
+        plane_view(turn_chart.VIEW, Tab.TURN, *turn_bounds),
         _over_time(loaded, bucket, ranges, _axis_around_cursor(window)),
         _sound(loaded, duration, window is None and not loaded.missing_for_sound),
         *(recorded if window is None else []),
         _texts(),
     )
+    # Rerun finds a tab by its name only if it is a single view.
+    tabs = rrb.Tabs(*views, active_tab=[view.name for view in views].index(tab))
     return rrb.Horizontal(_scene(loaded, scene2d.VIEW), tabs, column_shares=[3, 5])
 
 
@@ -155,10 +167,13 @@ def _robot(loaded: LoadedScene) -> rrb.Spatial3DView:
     size = max(Robot.of(loaded, cam).size for cam in loaded.cams)
     return rrb.Spatial3DView(
         contents=[f"/{robot_root(cam)}/cam_rig/visual_geometries/**" for cam in loaded.cams],
-        name="Rig in 3D",
+        name=Tab.ROBOT,
         spatial_information=rrb.SpatialInformation(target_frame=ROBOT),
-        eye_controls=rrb.EyeControls3D(position=np.multiply(size, EYE), look_target=(0, 0, 0)),
+        eye_controls=rrb.EyeControls3D(
+            position=np.multiply(size, EYE), look_target=(0, 0, LOOK_HEIGHT * size)
+        ),
         line_grid=rrb.LineGrid3D(visible=False),
+        defaults=[shape.from_fields(fill_mode="solid") for shape in (rr.Boxes3D, rr.Cylinders3D)],
     )
 
 
@@ -183,7 +198,7 @@ def _texts() -> rrb.Container:
             rrb.TextDocumentView(origin=ABOUT, name="About"),
             column_shares=[3, 2],
         ),
-        name="Results",
+        name=Tab.RESULTS,
     )
 
 
@@ -218,7 +233,7 @@ def _sound(loaded: LoadedScene, duration: float, has_audio: bool) -> rrb.Contain
     lower = rrb.Horizontal(_bands(loaded, BANDS), over_run, column_shares=[3, 2])
     audio = [rrb.AudioView(origin=SOUND, name="Sound of the run")] if has_audio else []
     return rrb.Vertical(
-        _noise(loaded), lower, *audio, name="Sound", row_shares=[3, 3, 1][: 2 + len(audio)]
+        _noise(loaded), lower, *audio, name=Tab.SOUND, row_shares=[3, 3, 1][: 2 + len(audio)]
     )
 
 

@@ -206,7 +206,15 @@ def save_recording(
     samples = round(duration * loaded.scene.sample_rate.si)
     bucket = bucket_for(samples) if view_options.decimate else 1
     draws_run, ranges = view_options.layout is Layout.RUN, scene_ranges(loaded)
-    plan = blueprint(view_options.layout, loaded, duration, bucket, rpm, ranges.all_cams)
+    plan = blueprint(
+        view_options.layout,
+        loaded,
+        duration,
+        bucket,
+        rpm,
+        ranges.all_cams,
+        tab=view_options.tab,
+    )
     with rrd_stream(path, f"{loaded.scene.title} ({bag.name})", plan) as stream:
         recorder = RunRecorder(stream, loaded, bucket, rpm, ranges, draws_run)
         feed_bag(bag, loaded, RunFeed(recorder), on_tick)

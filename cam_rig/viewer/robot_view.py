@@ -55,6 +55,15 @@ class RobotView:
                     path, root, frame_prefix=f"{cam}/", static_transform_entity_path=f"{root}/fixed"
                 )
                 self._trees[cam].log_urdf_to_recording(canvas.stream)
+                self._paint(cam)
+
+    def _paint(self, cam: str) -> None:
+        """Give the boxes, the base circle and the shaft of a cam its colour."""
+        hue = colours.of_cam(cam)
+        boxes, cylinders = (kind.from_fields(colors=hue) for kind in (rr.Boxes3D, rr.Cylinders3D))
+        for link, shape in ((cam, boxes), ("cam", cylinders)):
+            for path in self._trees[cam].get_visual_geometry_paths(link):
+                self._canvas.log_static(path, shape)
 
     def mount(self, state: CamState) -> None:
         """Show the robot of the cam of a state, and hide the others."""

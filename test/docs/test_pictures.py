@@ -65,6 +65,18 @@ def test_the_viewers_picture_shows_every_curve() -> None:
         assert count(pixels, colour) > 40, f"#{colour >> 8:06x}"
 
 
+@pytest.mark.parametrize("name", screenshot.TABS)
+def test_the_picture_of_each_tab_is_small_and_filled(name):
+    """The picture of a tab has the size of the window, less than 200 kB, and the follower."""
+    path = DOCS / name
+    assert path.stat().st_size < 200_000
+    with Image.open(path) as picture:
+        pixels = np.asarray(picture.convert("RGB"))
+    assert pixels.shape == (HEIGHT, WIDTH, 3)
+    assert count(pixels, screenshot.colours.FOLLOWER) > 40
+    assert name in (DOCS / "viewing.md").read_text("utf-8")
+
+
 def test_a_photograph_is_of_the_bags_own_layout(bag, tmp_path, monkeypatch):
     """`photograph_viewer` serves a bag as a page, and writes the pixels of that page.
 

@@ -70,6 +70,55 @@ def test_no_element_overlaps_and_the_emergency_stop_is_visible(chromium, served,
         assert served.bench.live.setup.model == "two_mass"
 
 
+@pytest.mark.parametrize(
+    ("width", "height", "elements"),
+    [(1280, 800, ("note", "knob", "turn_lift", "rig")), (390, 844, ("knob", "turn_lift"))],
+)
+def test_the_controls_of_a_reading_are_in_view(chromium, served, width, height, elements):
+    """The knob and a curve are in view without scrolling, also on a telephone.
+
+    On a laptop "Record this point" is in view too, with the longest texts of prediction and state.
+    """
+    with in_browser(chromium, Bench) as bench:
+        bench.page.set_viewport_size({"width": width, "height": height})
+        bench.open_bench(served.address, "es")
+        bench.enter("rpm", 450)
+        bench.until(lambda: "A 450 rpm el seguidor se separa" in bench.text("forecast"))
+        for name in elements:
+            (box,) = bench.boxes(f"#{name}").values()
+            assert box[1] >= 0 and box[3] <= height, name
+
+
+#: Script that draws turns with these largest forces (N). It returns the top of the axis after each.
+AXIS_TOPS = """async (peaks) => {
+  const { TurnCharts } = await import("/static/bench/turns.js");
+  const box = document.querySelector("main").appendChild(document.createElement("div"));
+  const charts = new TurnCharts(box, () => {});
+  const { chart } = charts.charts.at(-1);
+  const angle = Float32Array.from({ length: 36 }, (_, i) => i * Math.PI / 18);
+  return peaks.map((peak) => {
+    const curve = angle.map((x) => peak * Math.sin(x / 2));
+    const [lift, velocity, acceleration, force, gap] = Array(5).fill(curve);
+    charts.add({ angle, lift, velocity, acceleration, force, gap });
+    return chart.range[1];
+  });
+}"""
+
+
+def test_the_axes_follow_the_present_range_after_a_peak(chromium, served):
+    """An axis keeps a peak for eight turns, and then has the range of the present turns.
+
+    Turns that differ by less than 30 % do not change the axis.
+    """
+    with in_browser(chromium, Bench) as bench:
+        bench.open_bench(served.address, "en")
+        tops = bench.page.evaluate(AXIS_TOPS, [1000.0, *[100.0] * 12])
+        assert tops[0] > 1000.0 and tops[:9] == [tops[0]] * 9
+        assert 100.0 < tops[-1] < 120.0
+        steady = bench.page.evaluate(AXIS_TOPS, [100.0, *[80.0] * 12])
+        assert steady == [steady[0]] * 13
+
+
 def require_apart(bench, width):
     """Check that no element overlaps another or extends beyond its column."""
     boxes = bench.boxes()

@@ -528,7 +528,7 @@ def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromiu
             other.settled()
             page.page.locator("#file").set_input_files(board.out / "mine.yaml")
             for board_page in (page, other):
-                board_page.page.locator("#title", has_text="mine, ").wait_for()
+                board_page.page.locator("#title", has_text=", drawn").wait_for()
                 board_page.settled()
                 assert board_page.text("class") == "Ordinates of the file's law."
         assert board.ordinates.tolist() == pytest.approx(drawn.tolist(), abs=1e-12)
@@ -586,3 +586,25 @@ def test_contour_has_axis_base_circle_and_undercut(page, board):
         for where in ("#key path", "#spectrum .curve:not(.ghost):not(.second)")
     ]
     assert colours[0] == colours[1]
+
+
+def test_the_first_words_are_about_the_cam(page):
+    """The heading is the title of the cam, and the first sentence states what the cam does.
+
+    Sentences on splines are below the curves. On a telephone heading, knob, cam and a curve are in
+    view.
+    """
+    assert page.text("title") == "Polynomial 3-4-5"
+    assert page.page.title() == "Polynomial 3-4-5 – cam_rig"
+    words = " ".join(page.page.locator("body").inner_text().split())
+    assert words.startswith("Polynomial 3-4-5 on the rig paper_table2 Drawing board")
+    assert "poly345" not in words.partition("Motion law")[0]
+    law = page.page.locator("#law").inner_text()
+    assert law.startswith("Motion law\n\nIn each turn this cam raises its follower by 50 mm.")
+    box = page.page.locator("#class").bounding_box()
+    assert box["y"] > page.page.locator("#chart3").bounding_box()["y"]
+    page.page.set_viewport_size({"width": 390, "height": 844})
+    page.page.evaluate("document.getElementById('expert').open = false")
+    for name in ("title", "knob", "contour", "chart0"):
+        box = page.page.locator(f"#{name}").bounding_box()
+        assert box["y"] >= 0 and box["y"] + box["height"] <= 844, name

@@ -11,11 +11,13 @@ from rerun.chunk import RrdReader
 from cam_rig.acoustics import SoundSource
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages import topics
+from cam_rig.show.looks import of_cam
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import NS
-from cam_rig.viewer import ViewOptions, recording
+from cam_rig.viewer import Layout, Tab, ViewOptions, recording
+from cam_rig.viewer.blueprint import blueprint
 from cam_rig.viewer.quantities import FORCE_LINE as FORCE
-from cam_rig.viewer.quantities import LANDING, LEVEL, SPEED, ZERO
+from cam_rig.viewer.quantities import LANDING, LEVEL, SPEED, ZERO, scene_ranges
 from cam_rig.viewer.quantities import LIFT_LINE as LIFT
 from cam_rig.viewer.recording import WHOLE_BELOW, RunFeed, bucket_for, save_recording
 from cam_rig.viewer.robot_view import CONTACT, SOUND, robot_root
@@ -219,14 +221,29 @@ def test_contact_and_flight_are_a_lane(bag, picture):
     assert picture.column(CONTACT, "StateConfiguration:values") == [["contact", "flight"]]
 
 
+@pytest.mark.parametrize("tab", Tab)
+def test_the_requested_tab_of_a_run_is_open(bag, tab):
+    """Each tab of a recorded run can be open at first. By default it is that of one turn."""
+    ranges = scene_ranges(bag.loaded).all_cams
+    for options, expected in (({"tab": tab}, tab), ({}, Tab.TURN)):
+        plan = blueprint(Layout.RUN, bag.loaded, 1.0, 1, 300.0, ranges, **options)
+        _, tabs = plan.root_container.contents
+        assert tabs.contents[tabs.active_tab].name == expected
+
+
 def test_the_robot_of_the_mounted_cam_moves(bag, picture):
     """The robot of each cam has its bodies, its cam at θ, and its follower at its lift.
+
+    The cam has the colour that it has in all views.
 
     The robot of a cam that is not mounted is scaled to nothing.
     """
     for cam in bag.loaded.cams:
         root = robot_root(cam)
-        assert f"/{root}/cam_rig/visual_geometries/follower/visual_0" in picture.entities
+        bodies = f"{root}/cam_rig/visual_geometries"
+        assert f"/{bodies}/follower/visual_0" in picture.entities
+        for body, kind in ((f"{cam}/visual_0", "Boxes3D"), ("cam/visual_0", "Cylinders3D")):
+            assert picture.column(f"{bodies}/{body}", f"{kind}:colors")[-1] == [of_cam(cam)]
         scales = picture.numbers(f"{root}/mounted", "Transform3D:scale")[:, 0]
         assert sorted(set(np.round(scales, 3))) == [0.0, 1.0]
         time, lift = picture.time(f"{root}/follower"), bag.samples[1]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -23,7 +25,7 @@ from tools.docs import bench_picture, course_pictures, panel_picture
 from tools.docs.bench_picture import photograph_bench
 from tools.docs.panel_picture import photograph_lab, photograph_panel
 from tools.docs.pictures import draw_pictures
-from tools.docs.screenshot import photograph_viewer
+from tools.docs.screenshot import SHORT_BAG, TABS, photograph_tab, photograph_viewer
 from tools.docs.turn_archive import TurnArchive, read_turns
 
 #: File of the screenshot of the viewer.
@@ -60,12 +62,14 @@ def _draw(bag: Path, to: Path) -> None:
         paths = draw_pictures(
             archive, lambda path: write(noise.noise_figure(result, archive.loaded), path), folder
         )
-        for name, photograph in (
-            (VIEWER, lambda path: photograph_viewer(bag, path)),
-            (panel_picture.BOARD.name, photograph_panel),
-            (BENCH, photograph_bench),
-            (panel_picture.LAB.name, photograph_lab),
-        ):
+        screenshots: dict[str, Callable[[Path], None]] = {
+            VIEWER: partial(photograph_viewer, bag),
+            **{name: partial(photograph_tab, SHORT_BAG, *tab) for name, tab in TABS.items()},
+            panel_picture.BOARD.name: photograph_panel,
+            BENCH: photograph_bench,
+            panel_picture.LAB.name: photograph_lab,
+        }
+        for name, photograph in screenshots.items():
             try:
                 photograph(folder / name)
                 paths.append(folder / name)

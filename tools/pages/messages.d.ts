@@ -61,7 +61,7 @@ interface Handle extends SentHandle {
 }
 
 interface Board {
-  cam: { name: string; lift_m: number; sprung: boolean };
+  cam: { name: string; title: string; lift_m: number; sprung: boolean };
   /** B-splines that replace the law of the file, null if its ordinates are drawn. */
   b_splines: { degree: number; exact: boolean; distance_m: number } | null;
   start_can_be_made: boolean;

@@ -137,7 +137,12 @@ class Board:
             degree = max(s.degree for s in cam.segments if isinstance(s, BSpline))
             splines = {"degree": degree, "exact": start.exact, "distance_m": start.distance}
         return {
-            "cam": {"name": self.file.name, "lift_m": cam.lift.si, "sprung": cam.follower.sprung},
+            "cam": {
+                "name": self.file.name,
+                "title": self.file.title,
+                "lift_m": cam.lift.si,
+                "sprung": cam.follower.sprung,
+            },
             "b_splines": splines,
             "start_can_be_made": not evaluate_fast(cam, start.law, self.rig)["faults"],
             "picture": cam_picture(cam, start.law),

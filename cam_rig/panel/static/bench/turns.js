@@ -2,19 +2,23 @@
 /** @import { ContactEvent } from "../common/rig.js" */
 /** @import { CurveName, Sample, TurnCurves } from "./playback.js" */
 import { clearCanvas, contextOf, onColourChange, readColours, resizeCanvas } from "../common/canvas.js";
-import { ANGLE_TICKS, Chart, extent } from "../common/charts.js";
+import { ANGLE_TICKS, Chart, extent, union } from "../common/charts.js";
 import { degrees } from "../common/rig.js";
 import { text } from "../common/texts.js";
 import { CURVES } from "./playback.js";
 
 const UNITS = /** @type {const} */ ({ lift: "mm", velocity: "m/s", acceleration: "m/s²", force: "N" });
 /** @typedef {keyof typeof UNITS} ChartName */
-/** Chart with the canvas of the last two turns, and the canvas of the faded turns.
- * @typedef {{name: ChartName, chart: Chart, canvas: HTMLCanvasElement, faded: HTMLCanvasElement}} TurnChart */
+/** Chart with the canvas of the last two turns, the canvas of the faded turns, and the ranges of the newest turns.
+ * @typedef {{name: ChartName, chart: Chart, canvas: HTMLCanvasElement, faded: HTMLCanvasElement, ranges: Pair[]}} TurnChart */
 const TURN = 2 * Math.PI;
 const COLOURS = /** @type {const} */ (["shade", "ghost", "of-lift", "of-velocity", "of-acceleration", "of-force"]);
 /** Fraction by which an earlier turn fades per turn, and opacity of a new one. */
 const FADE = 0.25, OPACITY = 0.5;
+/** Number of turns for which an axis keeps a peak. The turn of the peak is then hardly visible (5 % opacity). */
+const RANGE_TURNS = 8;
+/** Fraction of an axis below which it shrinks, so that irregular turns do not change it all the time. */
+const MIN_FILLED = 0.6;
 
 export class TurnCharts {
   /** @param {HTMLElement} parent @param {(angle: number) => void} onHover receives the cam angle (rad) of the pointer */
@@ -49,7 +53,7 @@ export class TurnCharts {
         const fraction = chart.xFraction(event);
         if (fraction >= 0 && fraction <= 1) onHover(fraction * TURN);
       });
-      this.charts.push({ name, chart, canvas, faded: document.createElement("canvas") });
+      this.charts.push({ name, chart, canvas, faded: document.createElement("canvas"), ranges: [] });
       chart.onResize = () => this.#resize();
     }
     this.#resize();
@@ -91,6 +95,16 @@ export class TurnCharts {
     this.hasChanged = true;
   }
 
+  /** Shrink an axis that is too large for the predicted turn and the newest turns. @param {TurnChart} each */
+  #shrink(each) {
+    const { name, chart, ranges } = each;
+    ranges.push(extent([this.last.map((sample) => sample[name])]));
+    ranges.splice(0, ranges.length - RANGE_TURNS);
+    const [low, high] = ranges.reduce(union, union([0, 0], extent([this.predicted?.[name]])));
+    const [bottom, top] = chart.range;
+    if (high - low < MIN_FILLED * (top - bottom)) this.#fit(each, Float64Array.of(low, high), true);
+  }
+
   /** Add passed samples. @param {TurnCurves} curves */
   add(curves) {
     for (let i = 0; i < curves.angle.length; i += 1) {
@@ -116,13 +130,17 @@ export class TurnCharts {
     }
     this.last = this.present;
     this.present = [];
+    for (const each of this.charts) this.#shrink(each);
     this.onTurn(this.last, contactEvents(this.last));
   }
 
   /** Remove all turns. */
   clear() {
     [this.present, this.last, this.hasChanged] = [[], [], true];
-    for (const { faded } of this.charts) clearCanvas(faded);
+    for (const each of this.charts) {
+      each.ranges = [];
+      clearCanvas(each.faded);
+    }
   }
 
   /** Draw the turns and the cam angle (rad), if they have changed. @param {number} angle */

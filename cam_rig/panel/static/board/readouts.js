@@ -8,8 +8,10 @@ const RESOLUTION = 1e-3;
 
 /** Fill the parts that do not change. @param {Board} board */
 export function fillHeading({ rig, cam, b_splines: splines }) {
-  setText("title", text("bench_title", { rig: cam.name, model: rig.name }));
-  document.title = `${cam.name} – cam_rig`;
+  setText("title", cam.title);
+  setText("rig_name", text("on_rig", { rig: rig.name }));
+  setText("motion", text("motion", { lift: formatNumber(cam.lift_m * 1e3) }));
+  document.title = `${cam.title} – cam_rig`;
   const key = splines === null ? "own" : splines.exact ? "exact" : "nearest";
   const distance = splines && formatNumber(splines.distance_m * 1e6, 2);
   setText("class", text(key, { degree: splines?.degree, distance }));
