@@ -53,6 +53,7 @@ CASES = [
     "profile {pair_7} --plot",
     "profile {below_0} --plot",
     "compare {golden} {quick} --plot",
+    "electronic poly4567 --points 64 --interpolation linear,spline --plot",
     "analyze {golden} --plot",
     "campaign {draws} --jobs 1 --out {draws}.rows --plot",
     "campaign {planes} --jobs 1 --out {planes}.rows --plot",

@@ -149,7 +149,11 @@ def _named_pieces(cam: CamConfig, law: Law, target: Target) -> dict[int, tuple[i
     limit = JUMP_RTOL * abs(peak(law, 2).value)
     jumps = np.abs(law.jumps(2)) > limit
     for segment, start in zip(cam.segments, segment_angles(cam), strict=True):
-        if isinstance(segment, Rise) and segment.law in target.named_kinds:
+        if (
+            isinstance(segment, Rise)
+            and segment.shaping is None
+            and segment.law in target.named_kinds
+        ):
             ends = start, start + segment.span.si
             first, stop = (int(np.abs(law.breaks - angle).argmin()) for angle in ends)
             near = np.abs(law.breaks[[first, stop]] - ends).max() < JOINT_ATOL_RAD

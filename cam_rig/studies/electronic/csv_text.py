@@ -42,12 +42,21 @@ INCREMENT_KEYS = ("increments_per_mm", "increments per mm", "inc/mm")
 PERIOD_KEYS = ("master_period", "period", "modulo")
 #: Length of a turn in the units of master positions that are recognised by their range.
 PERIODS = (TURN_DEG, 1.0, TURN)
-#: Smallest turn of a master in increments. It is a multiple of 360.
-MIN_INCREMENTS = 3600.0
+#: Turns of a master in increments that are recognised without the key `PERIOD_KEYS`: 360 times a
+#: power of ten, and powers of two. Another multiple of 360 may be a table without its last point.
+INCREMENT_PERIODS: tuple[float, ...] = (
+    *(360.0 * 10.0**k for k in range(1, 8)),
+    *(2.0**k for k in range(10, 33)),
+)
 #: Largest relative difference of a range of master positions from one turn.
 PERIOD_RTOL = 1e-6
-#: Largest difference of the ends of the slave, as a fraction of its range, that counts as closed.
-CLOSING_RTOL = 1e-6
+#: Largest difference of the ends of the slave, as a fraction of its range, that the digits of an
+#: exported table explain. The last point is then moved, with a note if it is above `CLOSED_RTOL`.
+CLOSING_RTOL = 1e-3
+#: Largest difference that is not worth a note.
+CLOSED_RTOL = 1e-9
+#: Smallest difference, as a fraction of the range, of an index table, which does not return.
+INDEX_FRACTION = 0.1
 #: Pattern of a line with a key and its value.
 KEY_LINE = re.compile(r"\s*([A-Za-z][\w /]*?)\s*[=:]\s*(\S.*?)\s*[;,]?\s*")
 #: First characters of comment lines.
@@ -101,6 +110,10 @@ class NumberLines:
         Line and value of a line with a single whole number before the rows.
     rows : list of (int, list of float)
         Line number and numbers of each row.
+    separator : str
+        Separator of the columns.
+    has_decimal_point : bool
+        True if a number of a row has a decimal point.
     """
 
     def __init__(self, file: str, text: str) -> None:
@@ -108,7 +121,8 @@ class NumberLines:
         self.keys: dict[str, tuple[int, str]] = {}
         self.count: tuple[int, int] | None = None
         self.rows: list[tuple[int, list[float]]] = []
-        notes, separator = [], ""
+        notes: list[str] = []
+        self.separator, self.has_decimal_point = "", False
         for line, raw in enumerate(text.splitlines(), 1):
             content = raw.strip().removesuffix(";")
             if not content:
@@ -122,8 +136,9 @@ class NumberLines:
             elif not self.rows and content.isdigit():
                 self.count = line, int(content)
             elif self.rows or re.match(r"[-+.,\d]", content):
-                separator = separator or _separator(content)
-                self.rows.append((line, self._numbers(line, content, separator)))
+                self.separator = self.separator or _separator(content)
+                self.has_decimal_point |= "." in content
+                self.rows.append((line, self._numbers(line, content, self.separator)))
         self.notes = tuple(notes)
         if not self.rows:
             raise ConfigError(f"{file}: line 1: no row of numbers; allowed: master and slave")
@@ -218,10 +233,11 @@ def read_segments(file: str, text: str) -> ControllerCam:
 def read_table(file: str, text: str) -> PointTable:
     """Return a table of points as a controller exports it.
 
-    Master positions may be degrees, rad, turns from 0 to 1, or increments with a multiple of 360
-    per turn. Slave positions are mm, or increments if a line contains their number per mm. A table
-    whose slave does not return is an index table. It is followed by its mirror image, so that one
-    turn of the result is two turns of the master.
+    Master positions may be degrees, rad, turns from 0 to 1, or increments with 3600, 36000, … or
+    1024, 2048, … per turn. The key ``master_period`` declares another turn. Slave positions are mm,
+    or increments if a line contains their number per mm. A table whose slave does not return is an
+    index table. It is followed by its mirror image, so that one turn of the result is two turns of
+    the master.
 
     Raises
     ------
@@ -241,13 +257,23 @@ def read_table(file: str, text: str) -> PointTable:
             raise lines.error(
                 line, f"the master is at {after[0]:g} after {before[0]:g}; allowed: rising"
             )
+    _require_master_and_slave(lines)
     x, y = np.array([row[:2] for _, row in lines.rows]).T
     x *= TURN_DEG / _period(lines, float(x[-1] - x[0]))
     x[-1] = x[0] + TURN_DEG
     increments = lines.value(INCREMENT_KEYS)
     y /= increments or 1.0
     notes, name = lines.notes, lines.name
-    if abs(y[-1] - y[0]) > CLOSING_RTOL * np.ptp(y):
+    gap, extent = abs(float(y[-1] - y[0])), float(np.ptp(y))
+    if CLOSING_RTOL * extent < gap < INDEX_FRACTION * extent:
+        raise lines.error(
+            lines.rows[-1][0],
+            f"the slave ends {gap:.6g} from its start; allowed: up to {CLOSING_RTOL * extent:.3g}, "
+            f"or an index table that ends at least {INDEX_FRACTION * extent:.3g} from it",
+        )
+    if CLOSED_RTOL * extent < gap <= CLOSING_RTOL * extent:
+        notes += (f"the last point was moved by {gap:.3g} to close the turn",)
+    if gap >= INDEX_FRACTION * extent > 0.0:
         x = np.concatenate([0.5 * (x - x[0]), TURN_DEG - 0.5 * (x - x[0])[-2::-1]])
         y = np.concatenate([y, y[-2::-1]])
         notes += ("index table, followed by its mirror image: run it at half the master's speed",)
@@ -255,19 +281,41 @@ def read_table(file: str, text: str) -> PointTable:
     return PointTable(name, x, y, notes, increments)
 
 
+def _require_master_and_slave(lines: NumberLines) -> None:
+    """Raise ConfigError if the first two of several columns may not be master and slave.
+
+    Case 1: numbers with a decimal comma between commas, such as ``3,6,0,020``. Case 2: a first
+    column that counts the rows.
+    """
+    line, first = lines.rows[0]
+    if len(first) < 3:
+        return
+    if lines.separator == "," and not lines.has_decimal_point:
+        raise lines.error(
+            line,
+            f"has {len(first)} whole numbers between commas; separate the columns by a semicolon "
+            "if numbers have a decimal comma",
+        )
+    counts = [row[0] for _, row in lines.rows]
+    if counts in ([*range(len(counts))], [*range(1, len(counts) + 1)]):
+        raise lines.error(
+            line, "the first column counts the rows; allowed: master and slave in the first two"
+        )
+
+
 def _period(lines: NumberLines, span: float) -> float:
     """Return the length of a turn in the unit of the master positions, which cover ``span``."""
-    declared = lines.value(PERIOD_KEYS)
-    periods = PERIODS if declared is None else (declared,)
-    for period in periods:
+    declared: float | None = lines.value(PERIOD_KEYS)
+    periods: tuple[float, ...] = PERIODS if declared is None else (declared,)
+    recognised: tuple[float, ...] = INCREMENT_PERIODS if declared is None else ()
+    for period in (*periods, *recognised):
         if abs(span - period) <= PERIOD_RTOL * period:
             return period
-    if declared is None and span >= MIN_INCREMENTS and span % TURN_DEG == 0.0:
-        return span
     allowed = ", ".join(f"{period:g}" for period in periods)
     line, (last, *_) = lines.rows[-1]
     raise lines.error(
         line,
         f"the last master position is {last:g}, {span:g} after the first; allowed: one turn "
-        f"({allowed}, or a multiple of 360 increments), with the closing point",
+        f"({allowed}, or 3600, 36000, … or 1024, 2048, … increments) with the closing point, or a "
+        f"line such as {PERIOD_KEYS[0]} = 360000",
     )

@@ -34,8 +34,18 @@ RESERVED = (
     "abs action adr and array at bool by byte case constant date dint do dword else elsif exit for "
     "function if int lint lreal lword method mod not of or pointer program real repeat return sint "
     "string struct then time to type udint uint ulint until usint var while word xor camref "
-    "cambuilder camsegments"
+    "cambuilder camsegments continue do end_array end_case end_for end_function "
+    "end_function_block end_if end_interface end_method end_namespace end_program end_property "
+    "end_repeat end_struct end_type end_union end_var end_while extends false from_end "
+    "function_block global implements interface jmp limit ltime mux namespace overlap override "
+    "persistent private program property protected public r_edge f_edge ref reference retain sel "
+    "super this true tod union using var_global var_in_out var_input var_output var_temp wstring "
+    "__delete __new any lword date_and_time time_of_day"
 )
+#: Further fields of a point that a text may contain.
+OTHER_FIELDS = (
+    "PointIndex", "FunctionType", "PointType", "RelIndexNextPoint", "SymmetryRatio", "Ignored",
+)  # fmt: skip
 #: Pattern of a comment in either form.
 COMMENT = re.compile(r"\(\*.*?\*\)|//[^\n]*", re.S)
 #: Pattern of a comment line above the declaration, which is kept.
@@ -288,6 +298,7 @@ def _read_points(source: SourceText, form: PointForm, notes: tuple[str, ...]) ->
     rows = list(_structures(source, declaration.end()))
     points = [_point(source, row, position, form) for row, position in rows]
     _check_count(source, declaration, len(points))
+    _check_reference(source, len(points), points)
     for i, (before, after) in enumerate(pairwise(points)):
         if not after[0].x > before[0].x:
             raise source.error(
@@ -308,6 +319,26 @@ def _check_count(source: SourceText, declaration: re.Match[str], count: int) -> 
             f"the array has {count} points, declared as [{declaration[2]}]; allowed: as many as "
             "declared, at least 2",
         )
+
+
+def _check_reference(
+    source: SourceText, count: int, points: list[tuple[Boundary, SegmentKind]]
+) -> None:
+    """Raise ConfigError if the reference to the array contradicts its points.
+
+    Its fields are optional in a text.
+    """
+    expected = {
+        "byType": 3.0,
+        "nElements": float(count),
+        "NumberOfPoints": float(count),
+        "xStart": points[0][0].x,
+        "xEnd": points[-1][0].x,
+    }
+    for name, value in expected.items():
+        match = re.search(rf"\b{name}\s*:=\s*([^,()\s]+)", source.code, re.I)
+        if match and source.number(match[1], match.start(), name) != value:
+            raise source.error(match.start(), f"{name} is {match[1]}; allowed: {value:g}")
 
 
 def _structures(source: SourceText, start: int) -> Iterator[tuple[str, int]]:
@@ -338,7 +369,14 @@ def _point(
                 f"{shorten(item.strip())} has no name; allowed: NAME := NUMBER, with a "
                 "decimal point",
             )
-        fields[name.strip().lower()] = value.strip()
+        key = name.strip()
+        known = {*form.fields, *OTHER_FIELDS}
+        if key.lower() in fields or key.lower() not in {each.lower() for each in known}:
+            problem = "is given twice" if key.lower() in fields else "is not a field of a point"
+            raise source.error(
+                position, f"{shorten(key)} {problem}; allowed: {', '.join(form.fields)}, each once"
+            )
+        fields[key.lower()] = value.strip()
     missing = [name for name in form.fields[:2] if name.lower() not in fields]
     if missing:
         raise source.error(position, f"{missing[0]} is missing")
@@ -350,6 +388,8 @@ def _point(
     values = [
         source.number(fields.get(name.lower(), "0.0"), position, name) for name in form.fields
     ]
+    if (step := fields.get("relindexnextpoint", "1")) != "1":
+        raise source.error(position, f"RelIndexNextPoint is {shorten(step)}; allowed: 1")
     if not form.kinds:
         return Boundary(*values), SegmentKind.POLY5
     name = fields.get("functiontype", "")

@@ -275,14 +275,24 @@ def _rig_of(cam: Cam, rig: Rig) -> RigConfig:
     )
 
 
+def _upper(value: float) -> str:
+    """Return a bound with three significant digits, rounded up."""
+    if value == 0.0:
+        return "0"
+    step = 10.0 ** (math.floor(math.log10(value)) - 2)
+    text = f"{value:.3g}"
+    return text if float(text) >= value else f"{value + step:.3g}"
+
+
 def _header(cam: CamConfig, form: str, bounds: ErrorBounds) -> tuple[str, ...]:
     """Return the comment lines of a text: source, units and bounds."""
     return (
         f"{cam.title or cam.name}: {form}, made by cam-rig electronic.",
         "Master in degrees, slave in mm, derivatives by the master position.",
-        f"Proven errors: lift {bounds.lift * 1e6:.3g} um, velocity {bounds.velocity * 1e3:.3g} "
-        f"mm/rad, acceleration {bounds.acceleration * 1e3:.3g} mm/rad^2, "
-        f"jumps of the jerk {bounds.jerk_jump * 1e3:.3g} mm/rad^3.",
+        f"Proven errors: lift {_upper(bounds.lift * 1e6)} um, velocity "
+        f"{_upper(bounds.velocity * 1e3)} mm/rad, acceleration "
+        f"{_upper(bounds.acceleration * 1e3)} mm/rad^2, jumps of the jerk "
+        f"{_upper(bounds.jerk_jump * 1e3)} mm/rad^3.",
     )
 
 

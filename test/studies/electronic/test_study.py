@@ -17,7 +17,11 @@ from .test_errors import SMOOTH
 @pytest.mark.parametrize("target", ["codesys", "codesys_builder"])
 @pytest.mark.parametrize("name", SMOOTH)
 def test_the_follower_moves_as_under_the_exact_law(name, target, tmp_path):
-    """Read back, residual vibration is within 5 % and the jump speed within 0.1 %."""
+    """Read back, residual vibration is within 5 % and the jump speed within 0.1 %.
+
+    A cam that is tuned to the stem has no residual vibration. A controller with the default errors
+    then leaves at most 10 nm.
+    """
     cam = cam_rig.load_cam(name)
     if not cam.follower.sprung:
         return
@@ -29,7 +33,7 @@ def test_the_follower_moves_as_under_the_exact_law(name, target, tmp_path):
     exact, made = (
         dwell_vibration(x, follower, CONTROLLER_RPM, low_dwell(law)) for x in (law, back)
     )
-    assert made == pytest.approx(exact, rel=0.05)
+    assert made == pytest.approx(exact, rel=0.05, abs=1e-8)
     speeds = [find_contact_loss_speed(x, rig) for x in (law, back)]
     assert speeds[1] == pytest.approx(speeds[0], rel=1e-3)
 
