@@ -1,5 +1,6 @@
 """Texts of controllers: round trips, exported tables, and errors with file and line."""
 
+import math
 import re
 from itertools import pairwise
 from typing import get_args
@@ -202,6 +203,8 @@ BAD_TEXTS = [
     (("SMC_CAMXYVA", "SMC_OTHER"), 1),
     ((" := [", ";"), 3),
     (("dX := 360.0, ", "dX := 360.0, PointType := MOTIONPOINTTYPE_IGNORE, "), 6),
+    (("dX := 360.0, dY := 0.0", "dX := 360.0, dYY := 0.0"), 6),
+    (("dX := 360.0, dY := 0.0", "dX := 360.0, dY := 0.0, dY := 0.0"), 6),
 ]
 
 
@@ -249,6 +252,53 @@ def test_bad_tables_are_refused_with_file_and_line(changes, line, tmp_path):
         return
     with pytest.raises(CamRigError, match=rf"^bad\.csv: line {line}: "):
         cam_rig.read_electronic(path, "table")
+
+
+def table_text(count, row):
+    """Return a table with one row per index from 0 to `count` - 1, from `row(k)`."""
+    return "\n".join(row(k) for k in range(count))
+
+
+def rise_and_fall(k, count):
+    """Return the lift (mm) of row k of a table with `count` rows that closes."""
+    return 10.0 - 10.0 * math.cos(2.0 * math.pi * k / (count - 1))
+
+
+#: Ambiguous tables, and words of the message.
+AMBIGUOUS = [
+    (table_text(1000, lambda k: f"{360 * k};{rise_and_fall(k, 1001):.4f}"), "closing point, or a"),
+    (
+        table_text(101, lambda k: f"{3.6 * k:.1f},{rise_and_fall(k, 101):.3f}".replace(".", ",")),
+        "separate the columns by a semicolon",
+    ),
+    (
+        table_text(361, lambda k: f"{k};{k}.0;{rise_and_fall(k, 361):.4f}"),
+        "the first column counts the rows",
+    ),
+    (
+        table_text(361, lambda k: f"{k};{rise_and_fall(k, 361) + k / 360.0:.4f}"),
+        "the slave ends 1 from its start",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), AMBIGUOUS)
+def test_ambiguous_tables_are_refused(text, words, tmp_path):
+    """A table whose columns, turn or closure are doubtful is refused instead of being guessed."""
+    path = tmp_path / "table.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(CamRigError, match=words):
+        cam_rig.read_electronic(path, "table")
+
+
+def test_a_table_that_its_digits_leave_open_is_closed(tmp_path):
+    """A last point that differs by 1 µm is moved to the first, with a note."""
+    text = table_text(361, lambda k: f"{k};{rise_and_fall(k, 361) + 0.001 * (k == 360):.4f}")
+    path = tmp_path / "table.csv"
+    path.write_text(text, encoding="utf-8")
+    result = cam_rig.read_electronic(path, "table")
+    assert result.law.lift == pytest.approx(0.02, rel=1e-4)
+    assert any("was moved by 0.001 to close the turn" in note for note in result.notes)
 
 
 def test_other_bad_files(tmp_path):
