@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from cam_rig.errors import CamRigError
 from cam_rig.messages.topics import Topic, second_publisher
 
 if TYPE_CHECKING:
@@ -15,8 +17,15 @@ CHECK_PERIOD_S = 0.25
 #: Longest time (s, wall clock) to wait for the node name of a second publisher. DDS may announce an
 #: endpoint before the name of its node, and a program without ROS never has a name.
 MAX_NAME_WAIT_S = 5.0
-#: Text for a publisher whose node has no name yet.
+#: Text for a publisher whose node still has no name after `MAX_NAME_WAIT_S`.
 UNNAMED = "a program that is not a ROS node"
+
+
+class UnnamedPublisherError(CamRigError):
+    """Error of a callback that needs the node name of a publisher before DDS has announced it.
+
+    The callback is repeated by `PublisherMonitor.repeat`.
+    """
 
 
 class PublisherMonitor:
@@ -29,9 +38,9 @@ class PublisherMonitor:
     def __init__(self, node: RigNode) -> None:
         self._node = node
         self._topics: list[Topic] = []
-        #: Time (s, monotonic clock) until which the monitor waits for the node name of a second
-        #: publisher, 0 if it does not wait.
-        self._named_by = 0.0
+        #: Time (s, monotonic clock) until which the monitor waits for a node name, by topic.
+        self._named_by: dict[Topic, float] = {}
+        self._repeated: Callable[[], object] | None = None
         node.create_wall_timer(CHECK_PERIOD_S, self._check)
 
     def add(self, topic: Topic) -> None:
@@ -41,32 +50,47 @@ class PublisherMonitor:
     def find_publishers(self, topic: Topic) -> dict[bytes, str]:
         """Return the full node name of each publisher of a topic by DDS identifier.
 
-        Publishers of another message type are left out, because DDS never connects them. The name
-        is `UNNAMED` if the name of a node is not discovered yet.
+        Publishers of another message type are left out, because DDS never connects them.
+
+        Raises
+        ------
+        UnnamedPublisherError
+            If a name is not discovered yet. After `MAX_NAME_WAIT_S` the name is `UNNAMED` instead.
         """
         names = {
             bytes(info.endpoint_gid): f"{info.node_namespace.rstrip('/')}/{info.node_name}"
             for info in self._node.get_publishers_info_by_topic(topic.relative)
             if info.topic_type == topic.type
         }
-        return {gid: UNNAMED if "UNKNOWN" in name else name for gid, name in names.items()}
+        unnamed = {gid: UNNAMED for gid, name in names.items() if "UNKNOWN" in name}
+        now = time.monotonic()
+        if not unnamed:
+            self._named_by.pop(topic, None)
+        elif now < self._named_by.setdefault(topic, now + MAX_NAME_WAIT_S):
+            raise UnnamedPublisherError(f"{topic.name}: the node of a publisher has no name yet")
+        return names | unnamed
+
+    def repeat(self, action: Callable[[], object]) -> None:
+        """Repeat a callback at the next check, because it has raised `UnnamedPublisherError`.
+
+        Only the first callback is kept. The error that it raises with the name ends the run.
+        """
+        self._repeated = self._repeated or action
 
     def _check(self) -> None:
-        """End the run if a monitored topic has a second publisher.
-
-        The error names its node. If DDS has not announced the name yet, the check waits for it, at
-        most `MAX_NAME_WAIT_S`.
-        """
-        # the count is cheap, but includes publishers of another message type
-        suspected = [t for t in self._topics if self._node.count_publishers(t.relative) > 1]
-        named_by, self._named_by = self._named_by or time.monotonic() + MAX_NAME_WAIT_S, 0.0
-        for topic in suspected:
-            names = list(self.find_publishers(topic).values())
-            if len(names) <= 1:
+        """End the run if a monitored topic has a second publisher. The error names its node."""
+        action, self._repeated = self._repeated, None
+        if action is not None:
+            action()
+        for topic in self._topics:
+            # the count is cheap, but includes publishers of another message type
+            if self._node.count_publishers(topic.relative) <= 1:
                 continue
-            if UNNAMED in names and time.monotonic() < named_by:
-                self._named_by = named_by
+            try:
+                names = list(self.find_publishers(topic).values())
+            except UnnamedPublisherError:
                 continue
-            this_node = self._node.get_fully_qualified_name()
-            others = [name for name in names if name != this_node] or names[1:]
-            self._node.fail(second_publisher(topic, topic.owner, ", ".join(others)))
+            if len(names) > 1:
+                this_node = self._node.get_fully_qualified_name()
+                others = [name for name in names if name != this_node] or names[1:]
+                self._node.fail(second_publisher(topic, topic.owner, ", ".join(others)))

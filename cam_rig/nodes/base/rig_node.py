@@ -6,7 +6,7 @@ import time
 import zlib
 from collections import deque
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
@@ -26,7 +26,7 @@ from cam_rig.files import read_bytes
 from cam_rig.messages.topics import DIAGNOSTICS, READY, TOPICS, Topic
 from cam_rig.nodes.base.diagnostics import Activity, Diagnostics, Heartbeat
 from cam_rig.nodes.base.parameter_table import ParameterTable
-from cam_rig.nodes.base.publisher_monitor import PublisherMonitor
+from cam_rig.nodes.base.publisher_monitor import PublisherMonitor, UnnamedPublisherError
 from cam_rig.nodes.base.publishing_monitor import PublishingMonitor
 from cam_rig.nodes.base.run_end import RunEndMonitor, find_endpoints
 from cam_rig.nodes.convert import message_class, qos, require_length
@@ -331,6 +331,8 @@ class RigNode(Node):
                 return callback(*arguments)
             except RefusedError as error:
                 self.reject(error)
+            except UnnamedPublisherError:
+                self.publisher_monitor.repeat(partial(guarded, *arguments))
             except CamRigError as error:
                 self.fail(error)
             except INVALID_CONTENT as error:

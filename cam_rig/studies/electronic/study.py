@@ -456,8 +456,8 @@ def read_electronic(
     --------
     >>> import cam_rig
     >>> from pathlib import Path
-    >>> _ = Path("cam.st").write_text(cam_rig.electronic("poly345", "twincat").text)
-    >>> cam_rig.read_electronic("cam.st", "twincat").law.degree
+    >>> _ = Path("out/cam.st").write_text(cam_rig.electronic("poly345", "twincat").text)
+    >>> cam_rig.read_electronic("out/cam.st", "twincat").law.degree
     5
     """
     path = Path(file)
