@@ -90,6 +90,15 @@ def integrate(  # noqa: PLR0912, PLR0915 - one compiled loop
                 value = (value + dense[6 - k, j]) * (x if k % 2 == 0 else 1.0 - x)
             out[j] = value + old[j]
 
+    def compute_stages(first, last, time, old, step):  # type: ignore[no-untyped-def]
+        for s in range(first, last):
+            for j in range(size):
+                total = 0.0
+                for k in range(s):
+                    total += a[s, k] * stages[k, j]
+                work[j] = old[j] + step * total
+            rate(time + c[s] * step, work, stages[s])
+
     time, written, has_guard = begin, 0, guard.size > 0
     rate(time, state, stages[0])
     scale = atol + rtol * np.abs(state)
@@ -101,13 +110,7 @@ def integrate(  # noqa: PLR0912, PLR0915 - one compiled loop
         step = min(step, end - time)
         if step < 1e-15 * max(abs(time), end):
             break
-        for s in range(1, STAGES):
-            for j in range(size):
-                total = 0.0
-                for k in range(s):
-                    total += a[s, k] * stages[k, j]
-                work[j] = state[j] + step * total
-            rate(time + c[s] * step, work, stages[s])
+        compute_stages(1, STAGES, time, state, step)
         for j in range(size):
             total = 0.0
             for k in range(STAGES):
@@ -135,13 +138,7 @@ def integrate(  # noqa: PLR0912, PLR0915 - one compiled loop
         stop, hit = time + step, False
         crosses = has_guard and guard_at(stop, new) < 0.0
         if crosses or (written < times.size and times[written] <= stop):
-            for s in range(STAGES + 1, 16):
-                for j in range(size):
-                    total = 0.0
-                    for k in range(s):
-                        total += a[s, k] * stages[k, j]
-                    work[j] = state[j] + step * total
-                rate(time + c[s] * step, work, stages[s])
+            compute_stages(STAGES + 1, 16, time, state, step)
             for j in range(size):
                 change = new[j] - state[j]
                 dense[0, j] = change

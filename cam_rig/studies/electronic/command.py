@@ -72,8 +72,10 @@ def electronic(
         raise ConfigError("--read cannot be combined with --points or --rig; use its cam file")
     if read is not None:
         target_file = new_yaml(out)
-        kind = _interpolations(interpolation)[0]
-        reading = study.read_electronic(read, as_, kind, out.stem if out else None)
+        kinds = _interpolations(interpolation)
+        if len(kinds) > 1:
+            raise ConfigError(f"--read requires one --interpolation, got {interpolation!r}")
+        reading = study.read_electronic(read, as_, kinds[0], out.stem if out else None)
         _write(target_file, reading.text)
         return reading
     if out is not None:

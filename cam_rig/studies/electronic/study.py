@@ -456,6 +456,7 @@ def read_electronic(
     --------
     >>> import cam_rig
     >>> from pathlib import Path
+    >>> Path("out").mkdir(exist_ok=True)
     >>> _ = Path("out/cam.st").write_text(cam_rig.electronic("poly345", "twincat").text)
     >>> cam_rig.read_electronic("out/cam.st", "twincat").law.degree
     5
@@ -473,12 +474,14 @@ def read_electronic(
     try:
         if target == TABLE:
             table = read_table(path.name, content)
-            law, notes, count = table_law(table, Interpolation(interpolation)), table.notes, 0
+            law, notes = table_law(table, Interpolation(interpolation)), table.notes
             count = table.x.size - 1
         else:
             form = Target(target)
-            read = read_segments if form is Target.VDI2143 else None
-            cam = read(path.name, content) if read else read_text(path.name, content, form)
+            if form is Target.VDI2143:
+                cam = read_segments(path.name, content)
+            else:
+                cam = read_text(path.name, content, form)
             law, notes, count = cam.law, cam.notes, len(cam.segments)
     except LawError as error:
         lines = content.count("\n")

@@ -102,6 +102,7 @@ REFUSED = [
     ("electronic poly345 --rig tm21 --rpm 1e9", "speed is 1e+09 rpm"),
     ("electronic --read none.st --points 64", "--read cannot be combined with --points or"),
     ("electronic --read none.st", "none.st: cannot be read"),
+    ("electronic --read a.csv --as table --interpolation linear,cubic", "one --interpolation"),
     ("electronic --read none.st --out a.txt", "ends in .yaml"),
 ]
 
