@@ -8,7 +8,8 @@ reach 1e7 and cancel, whereas the Bernstein ordinates are of the size of the lif
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from fractions import Fraction
 from functools import lru_cache, partial
 
 import numpy as np
@@ -115,6 +116,42 @@ def elevate(ordinates: FloatArray, target: int) -> FloatArray:
     """
     degree = ordinates.shape[0] - 1
     return ordinates if degree == target else elevation_matrix(degree, target) @ ordinates
+
+
+def from_powers(powers: Sequence[float | Fraction]) -> FloatArray:
+    """Return the ordinates ``(p + 1,)`` of the sum of powers[k]·u^k, exact for fractions."""
+    degree = len(powers) - 1
+
+    def ordinate(i: int) -> float:
+        terms = (Fraction(math.comb(i, k), math.comb(degree, k)) * powers[k] for k in range(i + 1))
+        return float(sum(terms))
+
+    return np.array([ordinate(i) for i in range(degree + 1)])
+
+
+def hermite(start: FloatArray, end: FloatArray, spans: FloatArray | float = 1.0) -> FloatArray:
+    """Return the ordinates of the polynomials of least degree between given ends.
+
+    The r-th derivative at an end depends on r + 1 ordinates (eq. 2.7 of the laws thesis).
+
+    Parameters
+    ----------
+    start, end : ndarray, shape (m,) or (m, n)
+        Value and derivatives at both ends of an interval, or of n intervals.
+    spans : float or ndarray, shape (n,)
+        Lengths of the intervals (default: 1).
+
+    Returns
+    -------
+    ndarray, shape (2 m,) or (2 m, n)
+        Ordinates of degree 2 m − 1.
+    """
+    count = start.shape[0]
+    orders = np.arange(count).reshape(count, *[1] * (start.ndim - 1))
+    factors = np.array([math.perm(2 * count - 1, order) for order in range(count)])
+    scales, (pascal, _) = spans**orders / factors.reshape(orders.shape), _pascal(count - 1)
+    halves = pascal @ (scales * start), pascal @ (scales * (-1.0) ** orders * end)
+    return np.concatenate([halves[0], halves[1][::-1]])
 
 
 def taylor(ordinates: FloatArray) -> FloatArray:

@@ -23,8 +23,6 @@ from cam_rig.units import FloatArray
 #: Shape of a rise: ordinates of one Bézier curve, analytic sections, or pieces.
 Shape = FloatArray | list[Section] | Pieces
 PI = math.pi
-
-
 #: Degree of the third derivative of a quarter of a sine, sufficient for rounding.
 QUARTER_DEGREE = 14
 
@@ -90,15 +88,6 @@ def sine_series(sizes: Mapping[int, float]) -> list[Section]:
     return sum_of_waves(wave(0.0, 1.0, 0.0, 0.0, 0.0), *waves)
 
 
-def decimal_powers(coefficients: Mapping[int, str]) -> FloatArray:
-    """Return the ordinates of the sum of coefficients[j]·u^j, given as decimals."""
-    degree = max(coefficients)
-    exact = {j: Fraction(text) / math.comb(degree, j) for j, text in coefficients.items()}
-    return np.array(
-        [float(sum(math.comb(k, j) * x for j, x in exact.items())) for k in range(degree + 1)]
-    )
-
-
 @dataclass(frozen=True)
 class HandbookLaw:
     """Rise of the handbooks: its source, its shape, and the defaults of its parameters."""
@@ -117,6 +106,9 @@ def _scca_family(name: str, source: str, constant_velocity: float = 0.0) -> Hand
 
 #: Source of two of the laws.
 HANDBOOK = "Cam Design Handbook"
+
+#: Coefficients of the law ``poly8``, of u^0 to u^8.
+POLY8 = "0 0 0 6.09755 0 -20.78040 26.73155 -13.60965 2.56095"
 
 #: Rises of the handbooks by their names in cam files. The peak factors are tested.
 FAMILIES: dict[str, HandbookLaw] = {
@@ -148,10 +140,7 @@ FAMILIES: dict[str, HandbookLaw] = {
     # The decimals end at 1 with zero slope and third derivative, exactly.
     "poly8": HandbookLaw(
         f"rest to reversal; {HANDBOOK}, p. 100",
-        partial(
-            decimal_powers,
-            {3: "6.09755", 5: "-20.78040", 6: "26.73155", 7: "-13.60965", 8: "2.56095"},
-        ),
+        partial(bernstein.from_powers, [Fraction(text) for text in POLY8.split()]),
     ),
     # Rests at both ends, and neither acceleration nor jerk in the middle.
     "low_impact_crossover": HandbookLaw(

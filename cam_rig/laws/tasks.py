@@ -24,22 +24,6 @@ from cam_rig.units import FloatArray
 # Motions between ends. An end is s, s', s'' and, for degree 7, s''' by u from 0 to 1.
 
 
-def hermite(start: Sequence[float], end: Sequence[float]) -> FloatArray:
-    """Return the Bernstein ordinates of the polynomial of least degree between two ends.
-
-    ``start`` and ``end`` are the value and its derivatives at 0 and 1. The r-th derivative at an
-    end depends on r + 1 ordinates (eq. 2.7 of the laws thesis).
-    """
-    degree = 2 * len(start) - 1
-    halves = []
-    for side, sign in ((start, 1.0), (end, -1.0)):
-        terms = [sign**j * x / math.perm(degree, j) for j, x in enumerate(side)]
-        halves.append(
-            [sum(math.comb(k, j) * terms[j] for j in range(k + 1)) for k in range(len(side))]
-        )
-    return np.array([*halves[0], *reversed(halves[1])])
-
-
 @lru_cache(maxsize=1)
 def _terms() -> FloatArray:
     """Return the ordinates of the terms of combinations on two halves of a span.
@@ -76,7 +60,7 @@ def combination(law: str, start: Sequence[float], end: Sequence[float]) -> Piece
 def motion_between(law: str, start: Sequence[float], end: Sequence[float]) -> Pieces:
     """Return the pieces of a motion between two ends, over u from 0 to 1."""
     if law in ("poly5", "poly7"):
-        return [0.0, 1.0], [hermite(start, end)]
+        return [0.0, 1.0], [bernstein.hermite(np.array(start), np.array(end))]
     return combination(law, start, end)
 
 

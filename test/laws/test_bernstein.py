@@ -229,3 +229,21 @@ def test_product_is_accurate(low, high, data):
             expected = by_de_casteljau(first, mp.mpf(u)) * by_de_casteljau(second, mp.mpf(u))
             value = evaluate(got[:, 0], np.array([u]))[0]
             assert value == pytest.approx(float(expected), abs=1e-15 * (1.0 + high))
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+def test_ordinates_of_powers_agree_with_the_definition(degree):
+    """The polynomial from the coefficients of its powers has their values."""
+    powers = ordinates(degree)
+    close(evaluate(bernstein.from_powers(powers), POINTS), Polynomial(powers)(POINTS), 4 * ROUNDING)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_hermite_polynomials_have_the_given_ends(count):
+    """Each polynomial has the given value and derivatives at both ends of its interval."""
+    rng = np.random.default_rng(count)
+    ends, spans = rng.uniform(-1.0, 1.0, (2, count, 5)), rng.uniform(0.5, 2.0, 5)
+    rows = bernstein.hermite(*ends, spans)
+    for order in range(count):
+        close(rows[[0, -1]], ends[:, order], 100 * ROUNDING)
+        rows = bernstein.derivative(rows) / spans

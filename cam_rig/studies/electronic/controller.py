@@ -6,7 +6,6 @@ of the slave by the master in mm/deg, mm/deg² and mm/deg³.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -16,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cam_rig.errors import LawError
-from cam_rig.laws.bernstein import join_pieces, rotate_to_zero
+from cam_rig.laws.bernstein import from_powers, hermite, join_pieces, rotate_to_zero
 from cam_rig.laws.law import Law
 from cam_rig.laws.segments import unit_rise
 from cam_rig.units import TURN, FloatArray
@@ -91,41 +90,10 @@ class ControllerSegment:
             return breaks, [self.left.y + height * column for column in columns]
         if self.kind is SegmentKind.COEFFICIENTS:
             stroke, *powers = self.coefficients
-            return [0.0, 1.0], [self.left.y + stroke * bernstein_of_powers(powers)]
+            return [0.0, 1.0], [self.left.y + stroke * from_powers(powers)]
         count, span = CONDITIONS[self.kind], self.right.x - self.left.x
-        ends = [np.array([end[1 : 1 + count]]).T for end in (self.left, self.right)]
-        return [0.0, 1.0], [hermite(ends[0], ends[1], np.array([span]))[:, 0]]
-
-
-def bernstein_of_powers(powers: list[float]) -> FloatArray:
-    """Return the Bernstein ordinates of the polynomial Σ cₖ zᵏ."""
-    degree = len(powers) - 1
-    return np.array(
-        [
-            sum(math.comb(i, k) / math.comb(degree, k) * powers[k] for k in range(i + 1))
-            for i in range(degree + 1)
-        ]
-    )
-
-
-def hermite(left: FloatArray, right: FloatArray, spans: FloatArray) -> FloatArray:
-    """Return the Bernstein ordinates of Hermite polynomials, ``(2 m, n)``.
-
-    Parameters
-    ----------
-    left, right : ndarray, shape (m, n)
-        Values and derivatives at both ends of n intervals: m = 3 gives degree 5.
-    spans : ndarray, shape (n,)
-        Lengths of the intervals.
-    """
-    count = left.shape[0]
-    degree = 2 * count - 1
-    matrix = np.array(
-        [[math.comb(i, r) / math.perm(degree, r) for r in range(count)] for i in range(count)]
-    )
-    scales = spans ** np.arange(count)[:, None]
-    signs = (-1.0) ** np.arange(count)[:, None]
-    return np.concatenate([matrix @ (left * scales), (matrix @ (right * scales * signs))[::-1]])
+        start, end = (np.array(end[1 : 1 + count]) for end in (self.left, self.right))
+        return [0.0, 1.0], [hermite(start, end, span)]
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from cam_rig.laws import bernstein
 from cam_rig.laws.bernstein import EPS
 from cam_rig.laws.law import LEVEL_ROUNDINGS, Law
-from cam_rig.studies.electronic.controller import hermite
 from cam_rig.units import TURN, FloatArray
 
 #: Number of derivatives that are compared: s, s' and s''.
@@ -89,7 +88,7 @@ def quintic_errors(
     exact = [restrict(column, starts, stops) for column in columns]
     ends = [np.stack([rows[index] for rows in exact]) for index in (0, -1)]
     spans = span * (stops - starts)
-    quintic, degree = hermite(ends[0], ends[1], spans), derivatives.shape[1] - 1
+    quintic, degree = bernstein.hermite(ends[0], ends[1], spans), derivatives.shape[1] - 1
     bounds = []
     for rows in exact:
         bounds.append(bound(bernstein.elevate(quintic, degree) - rows))

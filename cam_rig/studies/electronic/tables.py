@@ -8,17 +8,17 @@ from enum import Enum
 import numpy as np
 
 from cam_rig.errors import ConfigError
-from cam_rig.laws.bernstein import rotate_to_zero
+from cam_rig.laws.bernstein import hermite, rotate_to_zero
 from cam_rig.laws.law import Law
-from cam_rig.studies.electronic.controller import MM, TURN_DEG, hermite
+from cam_rig.studies.electronic.controller import MM, TURN_DEG
 from cam_rig.units import TURN, FloatArray
 
-#: Smallest number of intervals of a table. A moving spline needs as many points around each.
+#: Smallest number of intervals of a table. A sliding spline needs as many points around each.
 MIN_INTERVALS = 8
 #: Largest number of intervals of a table.
 MAX_INTERVALS = 16384
-#: Number of points of the moving spline, from which the slope at its middle point is taken.
-MOVING_POINTS = 7
+#: Number of points of the sliding spline, from which the slope at its middle point is taken.
+SLIDING_POINTS = 7
 #: Largest relative difference of two intervals of master positions that count as equal. It is
 #: above the rounding of REAL over 360 000 increments.
 EQUAL_RTOL = 0.05
@@ -116,7 +116,7 @@ def table_law(table: PointTable, interpolation: Interpolation) -> Law:
     Raises
     ------
     ConfigError
-        If a moving spline is requested for points that are not equally spaced.
+        If a sliding spline is requested for points that are not equally spaced.
 
     References
     ----------
@@ -143,7 +143,7 @@ def _slopes(name: str, x: FloatArray, y: FloatArray, interpolation: Interpolatio
 
     if interpolation is Interpolation.SPLINE:
         return np.asarray(CubicSpline(x, y, bc_type="periodic")(x, 1))
-    reach = MOVING_POINTS // 2
+    reach = SLIDING_POINTS // 2
     wide_x = np.concatenate([x[-1 - reach : -1] - TURN, x, x[1 : 1 + reach] + TURN])
     wide_y = np.concatenate([y[-1 - reach : -1], y, y[1 : 1 + reach]])
     if interpolation is Interpolation.CUBIC:
@@ -156,6 +156,6 @@ def _slopes(name: str, x: FloatArray, y: FloatArray, interpolation: Interpolatio
             f"table {name!r}: a sliding spline needs equally spaced points, got intervals of "
             f"{np.degrees(spans.min()):g}° to {np.degrees(spans.max()):g}°; use spline"
         )
-    windows = np.lib.stride_tricks.sliding_window_view(wide_y, MOVING_POINTS).T
-    grid = float(spans.mean()) * np.arange(MOVING_POINTS)
+    windows = np.lib.stride_tricks.sliding_window_view(wide_y, SLIDING_POINTS).T
+    grid = float(spans.mean()) * np.arange(SLIDING_POINTS)
     return np.asarray(CubicSpline(grid, windows, bc_type="natural")(grid[reach], 1))
