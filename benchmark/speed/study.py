@@ -252,15 +252,10 @@ def one_mass_trajectory(case: Case) -> OneMassTrajectory:
 
 def _one_mass(case: Case) -> Solution:
     trajectory = one_mass_trajectory(case)
-    motion = np.empty((2, case.times.size))
-    for phase in trajectory.phases:
-        span = slice(*np.searchsorted(case.times, [phase.begin, phase.end]).tolist())
-        times = case.times[span]
-        if phase.flight is not None:
-            motion[:, span] = phase.flight.motion(times - phase.begin)[:2]
-        else:
-            angle = case.speed * times
-            motion[:, span] = case.law(angle), case.speed * case.law(angle, 1)
+    angle = case.speed * case.times
+    motion = np.stack([case.law(angle), case.speed * case.law(angle, 1)])
+    is_flying, starts, since = trajectory.flights_at(case.times)
+    motion[:, is_flying] = trajectory.system.motion(starts, since)[:2]
     events = tuple((e.kind, e.time) for e in trajectory.events if e.time <= case.duration)
     return Solution(motion[:1], motion[1:], events)
 

@@ -263,32 +263,24 @@ def states(trajectory: Separation, times: FloatArray) -> FloatArray:
     the end mass, and F (N) the contact force. A time at the border of two phases belongs to the
     later one.
     """
-    end = trajectory.phases[-1].end if trajectory.phases else 0.0
+    phases = trajectory.phases
+    end = phases[-1].end if phases else 0.0
     times = check_times(times, last=end * (1.0 + 1e-12))
-    out = np.empty((5, times.size))
-    for phase in trajectory.phases:
-        last = phase is trajectory.phases[-1]
-        first = int(np.searchsorted(times, phase.begin))
-        stop = times.size if last else int(np.searchsorted(times, phase.end))
-        if first < stop:
-            out[:, first:stop] = phase_states(trajectory, phase, times[first:stop])
-    return out
-
-
-def phase_states(trajectory: Separation, phase: Phase, times: FloatArray) -> FloatArray:
-    """Return the motion and the force (z, ż, y, ẏ, F) at times (s) in one phase.
-
-    The phase is a contact or a flight. z (m) is the displacement of the roller mass, y (m) that of
-    the end mass, and F (N) the contact force. The shape is ``(5, len(times))``.
-    """
-    if phase.flight is not None:
-        flight = trajectory.fly(phase.flight, times - phase.begin)
-        return np.vstack([flight, np.zeros(times.size)])
-    angle = trajectory.angle + trajectory.speed * phase.begin
-    vibration = trajectory.response.states(phase.vibration, angle, times - phase.begin)
-    cam = trajectory.cam(times)
+    cam, vibration = trajectory.cam(times), np.zeros((2, times.size))
+    borders = np.searchsorted(times, [phase.begin for phase in phases[1:]]).tolist()
+    for phase, first, stop in zip(phases, [0, *borders], [*borders, times.size], strict=False):
+        if phase.flight is None and first < stop:
+            angle, since = trajectory.angle + trajectory.speed * phase.begin, times[first:stop]
+            vibration[:, first:stop] = trajectory.response.states(
+                phase.vibration, angle, since - phase.begin
+            )
     end_mass = trajectory.parameters.static_position(cam) + vibration
-    return np.vstack([cam[:2], end_mass, trajectory.force(vibration, cam)])
+    out = np.vstack([cam[:2], end_mass, trajectory.force(vibration, cam)])
+    is_flying, starts, since = trajectory.flights_at(times)
+    change, _ = trajectory.system.state_change(starts, since)
+    out[:4, is_flying] = from_inner(trajectory.parameters, starts + change)
+    out[4, is_flying] = 0.0
+    return out
 
 
 @with_ramps

@@ -14,7 +14,7 @@ from cam_rig.dynamics import Interval, TwoMassParameters
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve
-from cam_rig.dynamics.two_mass import Separation, phase_states
+from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN
 
@@ -130,7 +130,7 @@ def test_two_masses(laws, edge, cam, p, rpm, turns, limit):
         for a, b in itertools.pairwise(cut_at_joints(law, speed, phase.begin, phase.end)):
             edges = np.linspace(a, b, 3 + int((b - a) * max_rate / 2.0))
             times, weights = gauss(edges, 16)
-            _, v, _, w, force = phase_states(trajectory, phase, times)
+            _, v, _, w, force = states(trajectory, times)
             power = force * speed * law(speed * times, 1)
             work, flow = work + weights @ power, flow + weights @ np.abs(power)
             dissipated += weights @ (p.stem_damping * (v - w) ** 2 + p.damping * w**2)
@@ -138,8 +138,8 @@ def test_two_masses(laws, edge, cam, p, rpm, turns, limit):
         by_impulse = event.impulse * speed * law.at(event.angle)[1]
         work, flow = work + by_impulse, flow + abs(by_impulse)
     first, last = trajectory.phases[0], trajectory.phases[-1]
-    start = stored_in_two(p, phase_states(trajectory, first, np.array([first.begin])))[0]
-    end = stored_in_two(p, phase_states(trajectory, last, np.array([last.end])))[0]
+    start = stored_in_two(p, states(trajectory, np.array([first.begin])))[0]
+    end = stored_in_two(p, states(trajectory, np.array([last.end])))[0]
     lost = sum(event.energy_lost for event in trajectory.events)
     assert abs(work - dissipated - lost - (end - start)) / flow < limit
 

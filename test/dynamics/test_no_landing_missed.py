@@ -19,7 +19,7 @@ from cam_rig.dynamics.free_masses import free_masses, to_inner
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.one_mass import OneMassTrajectory
-from cam_rig.dynamics.two_mass import Separation, phase_states
+from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws import build_law
 from cam_rig.units import NS, RPM, TURN
 
@@ -49,7 +49,7 @@ def two_masses(law, p, rpm, turns, samples):
     """Simulate two masses from rest over some turns, and return the result of `scan`."""
     trajectory = Separation(law, p, rpm * RPM)
     trajectory.run(turns * TURN / trajectory.speed)
-    return scan(trajectory, samples, lambda phase, t: phase_states(trajectory, phase, t)[4])
+    return scan(trajectory, samples, lambda _, t: states(trajectory, t)[4])
 
 
 def one_mass(law, p, rpm, turns, samples):

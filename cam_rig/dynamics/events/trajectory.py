@@ -102,10 +102,17 @@ class Trajectory:
         self.law, self.speed, self.angle = law, speed, angle
         self.events: list[Event] = []
         self.system, self._turns = system, turns
-        self._recorded: list[NDArray[np.void]] = []  # records of `RUN_STATE`, not yet in _phases
+        self._recorded: list[NDArray[np.void]] = []  # records of `RUN_STATE`
         self._phases: list[Phase] = []
         #: State after the last phase: a vibration (η, η̇) in contact, or a flight.
         self.last: FloatArray | Flight = np.zeros(2)
+
+    @property
+    def records(self) -> NDArray[np.void]:
+        """Phases (contact or flight) in the order of time, as records of `RUN_STATE`."""
+        if len(self._recorded) != 1:
+            self._recorded = [np.concatenate([np.empty(0, RUN_STATE), *self._recorded])]
+        return self._recorded[0]
 
     @property
     def phases(self) -> list[Phase]:
@@ -113,14 +120,27 @@ class Trajectory:
 
         The list is created at the first access.
         """
-        for records in self._recorded:
-            starts, ends = records["time"].tolist(), records["phase_end"].tolist()
-            for start, end, state in zip(starts, ends, self._states(records), strict=True):
-                flight = state if isinstance(state, Flight) else None
-                vibration = np.zeros(2) if isinstance(state, Flight) else state
-                self._phases.append(Phase(start, end, vibration, flight))
-        self._recorded.clear()
+        records = self.records[len(self._phases) :]
+        starts, ends = records["time"].tolist(), records["phase_end"].tolist()
+        for start, end, state in zip(starts, ends, self._states(records), strict=True):
+            flight = state if isinstance(state, Flight) else None
+            vibration = np.zeros(2) if isinstance(state, Flight) else state
+            self._phases.append(Phase(start, end, vibration, flight))
         return self._phases
+
+    def flights_at(self, times: FloatArray) -> tuple[NDArray[np.bool], FloatArray, FloatArray]:
+        """Return the flights at times (s), ``(m,)``.
+
+        The results are True for each time in flight, ``(m,)``, the states at the start of the
+        flight for these k times, ``(n, k)``, and the times since then (s), ``(k,)``. A time at the
+        border of two phases belongs to the later one.
+        """
+        records = self.records
+        phase = np.searchsorted(records["time"], times, side="right") - 1
+        is_flying = records["mode"][phase] == RunMode.FLIGHT
+        flights = records[phase[is_flying]]
+        starts = flights["vector"][:, : self.system.load.size].T
+        return is_flying, starts, times[is_flying] - flights["time"]
 
     def _states(self, records: NDArray[np.void]) -> list[FloatArray | Flight]:
         """Return the state of the follower in each record of `RUN_STATE`.

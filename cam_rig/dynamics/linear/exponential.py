@@ -206,19 +206,23 @@ class FreeSystem:
         return np.asarray(self.matrix @ start + self.load)
 
     def state_change(self, start: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the change x − x₀ and the rate ẋ at times (s) after x₀ = ``start``.
+        """Return the change x − x₀ and the rate ẋ at m times (s) after x₀ = ``start``.
 
-        The shape of each is ``(n, len(times))``.
+        ``start`` is one state ``(n,)``, or a state for each time, ``(n, m)``. The shape of each
+        result is ``(n, m)``.
         """
+        starts = start[:, None] if start.ndim == 1 else start
         if self.pairs is None:
-            return self._change_by_exponential(start, times)
+            return self._change_by_exponential(starts, times)
         pairs = self.pairs
-        position, velocity = (pairs.inverse @ start).reshape(-1, 2).T
-        velocity_load, force_load = (pairs.inverse @ self.load).reshape(-1, 2).T
+        decoupled, load = pairs.inverse @ starts, pairs.inverse @ self.load[:, None]
+        position, velocity = decoupled[::2], decoupled[1::2]
+        velocity_load, force_load = load[::2], load[1::2]
+        springs, dampers = pairs.stiffness[:, None], pairs.damping[:, None]
         rate = velocity + velocity_load
-        pull = pairs.stiffness * position - force_load - pairs.damping * velocity_load
-        force = -pairs.stiffness * position - pairs.damping * velocity + force_load
-        change, rates = (np.empty((start.size, times.size)) for _ in range(2))
+        pull = springs * position - force_load - dampers * velocity_load
+        force = -springs * position - dampers * velocity + force_load
+        change, rates = (np.empty((len(start), times.size)) for _ in range(2))
         for i, (damping, stiffness) in enumerate(zip(pairs.damping, pairs.stiffness, strict=True)):
             impulse, slope, step = response(float(damping), float(stiffness), times)
             change[2 * i] = rate[i] * impulse - pull[i] * step
@@ -227,18 +231,33 @@ class FreeSystem:
             rates[2 * i + 1] = force[i] * slope - stiffness * rate[i] * impulse
         return pairs.shapes @ change, pairs.shapes @ rates
 
-    def _change_by_exponential(
+    def motion(
         self, start: FloatArray, times: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return x − x₀ and ẋ, each ``(n, len(times))``, by a matrix exponential.
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the motion of the contact mass at m times (s) after ``start``, ``(m,)`` each.
 
-        The matrix is A, augmented by the column ẋ₀.
+        ``start`` is one state ``(n,)``, or a state for each time, ``(n, m)``. The results are
+        displacement (m), velocity (m/s) and acceleration (m/s²).
         """
-        n, rates = start.size, self.rates(start)
-        matrix = np.zeros((n + 1, n + 1))
-        matrix[:n, :n], matrix[:n, n] = self.matrix, rates
-        flows = linalg().expm(matrix[None] * times[:, None, None])
-        return flows[:, :n, n].T, (flows[:, :n, :n] @ rates).T
+        change, rates = self.state_change(start, times)
+        position = self.row @ start + self.row @ change
+        return np.asarray(position), self.row @ rates, np.asarray(self.row @ self.matrix @ rates)
+
+    def _change_by_exponential(
+        self, starts: FloatArray, times: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return x − x₀ and ẋ, each ``(n, m)``, by a matrix exponential.
+
+        The matrix is A, augmented by the column ẋ₀. ``starts`` are the states x₀, ``(n, 1)`` or
+        ``(n, m)``.
+        """
+        n, rates = len(starts), self.matrix @ starts + self.load[:, None]
+        matrix = np.zeros((rates.shape[1], n + 1, n + 1))
+        matrix[:, :n, :n], matrix[:, :n, n] = self.matrix, rates.T
+        flows = linalg().expm(matrix * times[:, None, None])
+        return flows[:, :n, n].T, np.einsum(
+            "mij,jm->im", flows[:, :n, :n], np.broadcast_to(rates, (n, times.size))
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,24 +283,30 @@ class Flight:
 
         The results are displacement (m), velocity (m/s) and acceleration (m/s²).
         """
-        s = self.system
-        change, rates = s.state_change(self.start, times)
-        position = s.row @ self.start + s.row @ change
-        return np.asarray(position), np.asarray(s.row @ rates), np.asarray(s.row @ s.matrix @ rates)
+        return self.system.motion(self.start, times)
+
+
+def free_weights(matrix: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return S and Ṡ + 2δ S in e^{At} = (Ṡ + 2δ S) I + S A for two states, at times (s).
+
+    S is the impulse response (s) of the characteristic equation λ² + 2δ λ + κ = 0 of A,
+    ``(2, 2)``. The equation is the theorem of Cayley and Hamilton.
+    """
+    (a, b), (c, d) = matrix.tolist()
+    damping, stiffness = -(a + d), a * d - b * c
+    impulse, rate, _ = response(damping, stiffness, times)
+    return impulse, rate + damping * impulse
 
 
 def free_motion(matrix: FloatArray, start: FloatArray, times: FloatArray) -> FloatArray:
     """Return the free motion e^{At} z at times (s), ``(n, len(times))``.
 
-    ``start`` is the state z at time 0, ``(n,)`` or ``(n, len(times))``. For two states the theorem
-    of Cayley and Hamilton gives e^{At} = (Ṡ + 2δS) I + S A, with the impulse response S of the
-    characteristic equation. For more states each time needs one matrix exponential.
+    ``start`` is the state z at time 0, ``(n,)`` or ``(n, len(times))``. Two states have a closed
+    form (`free_weights`). For more states each time needs one matrix exponential.
     """
     starts = start[:, None] if start.ndim == 1 else start
     if starts.shape[0] != 2:
         flows = linalg().expm(matrix[None] * times[:, None, None])
         return np.asarray(np.matmul(flows, starts.T[:, :, None])[:, :, 0].T)
-    (a, b), (c, d) = matrix.tolist()
-    damping, stiffness = -(a + d), a * d - b * c
-    impulse, rate, _ = response(damping, stiffness, times)
-    return np.asarray(starts * (rate + damping * impulse) + (matrix @ starts) * impulse)
+    impulse, slope = free_weights(matrix, times)
+    return np.asarray(starts * slope + (matrix @ starts) * impulse)

@@ -5,15 +5,14 @@ Bernstein basis Bⱼ. The response is x(t) = X(u) + e^{At} (x₀ − X(0)) with 
 no time steps, so a stiff system costs no more than a soft one. X is computed by the method that
 keeps its digits:
 
-* For modes that are fast compared with the piece (|λ|T is at least the degree), X solves the
-  Sylvester equation A X − X Mᵀ/T = −F. M is the derivative matrix of the basis. The equation has a
-  solution because M is nilpotent.
-* For slow modes the solution of this equation would be huge and would cancel against the
-  exponential. For modes without a restoring force it does not exist. For these modes X(0) = 0, and
-  X is Picard's series of repeated integrals, whose terms are below rounding after about twenty
-  terms. The piece is divided into equal parts that are short enough for the series.
+* For modes that are fast compared with the piece (|λ|T is at least the degree), X is the sum of
+  −A⁻⁽ʲ⁺¹⁾ f⁽ʲ⁾. It is finite, because f is a polynomial.
+* For slow modes this sum would be huge and would cancel against the exponential. For modes without
+  a restoring force it does not exist. For these modes X(0) = 0, and X is Picard's series of
+  repeated integrals, whose terms are below rounding after about twenty terms. The piece is divided
+  into equal parts that are short enough for the series.
 
-An ordered Schur form separates fast and slow modes.
+An ordered Schur form separates fast and slow modes of very different rates.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.dynamics.linear.exponential import free_motion, linalg
+from cam_rig.dynamics.linear.exponential import free_weights, linalg
 from cam_rig.laws import bernstein
 from cam_rig.units import FloatArray
 
@@ -32,9 +31,17 @@ from cam_rig.units import FloatArray
 #: piece of the forcing f is divided into parts that satisfy it. The terms of Picard's series then
 #: stay below e⁴.
 PICARD_REACH = 4.0
+#: Largest ratio of the rates |λ| of two modes that are not separated into a slow and a fast mode.
+#: The rates of an overdamped mass at `MAX_STIFFNESS_RATIO` have the ratio 3.
+MAX_RATE_RATIO = 3.1
+#: Smallest product of rate and duration that has its own number of terms of Picard's series.
+MIN_REACH = 4.0**-8
+#: Largest excess of a product of rate and duration over a power of 4 that counts as rounding, in
+#: powers of 4.
+REACH_ROUNDING = 1e-9
 #: Largest ratio κ/δ² of an overdamped mass ẍ + 2δ ẋ + κ x = 0 at which its two decay rates count as
-#: very different.
-MAX_STIFFNESS_RATIO = 0.3
+#: different.
+MAX_STIFFNESS_RATIO = 0.75
 
 
 @lru_cache(maxsize=64)
@@ -62,7 +69,8 @@ def exponentials(matrix: FloatArray, times: FloatArray) -> FloatArray:
     if matrix.shape[0] != 2:
         flows: FloatArray = linalg().expm(matrix * times[:, None, None])
         return flows
-    return np.stack([free_motion(matrix, unit, times).T for unit in np.eye(2)], axis=2)
+    impulse, slope = (x[:, None, None] for x in free_weights(matrix, times))
+    return np.asarray(slope * np.eye(2) + impulse * matrix)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,14 +158,17 @@ def pieces(
     """
     bound = max(float(forcing.shape[1] - 1), PICARD_REACH)
     rates = np.abs(np.linalg.eigvals(matrix))
-    slow = (rates[:, None] * durations < bound).sum(axis=0)
+    if _have_similar_rates(rates):
+        slow = np.where(rates.min() * durations < bound, rates.size, 0)
+    else:
+        slow = (rates[:, None] * durations < bound).sum(axis=0)
     responses: dict[int, ForcingPiece] = {}
     for k in np.unique(slow):
         group = np.flatnonzero(slow == k)
-        modes = _modes(matrix, float(durations[group[0]]), bound)
-        norm = float(np.linalg.norm(modes[0], 2)) if modes[0].size else 0.0
-        parts = np.maximum(1, np.ceil(norm * durations[group] / PICARD_REACH)).astype(int)
-        terms = np.array([_picard_terms(norm * t) for t in durations[group] / parts])
+        modes = _modes(matrix, rates, float(durations[group[0]]), bound)
+        reaches = modes.slow_rate * durations[group]
+        parts = np.maximum(1, np.ceil(reaches / PICARD_REACH)).astype(int)
+        terms = np.array([_picard_terms(reach) for reach in (reaches / parts).tolist()])
         for count, order in {*zip(parts.tolist(), terms.tolist(), strict=True)}:
             same = group[(parts == count) & (terms == order)]
             solved = _solve(matrix, modes, forcing[:, :, same], durations[same], count, order)
@@ -165,9 +176,22 @@ def pieces(
     return tuple(responses[i] for i in range(durations.size))
 
 
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Separation of a matrix A into slow and fast modes, A V = V diag(slow, fast).
+
+    A block is empty if there is no such mode.
+    """
+
+    slow: FloatArray  #: block of the slow modes, 1/s, ``(k, k)``
+    fast: FloatArray  #: block of the fast modes, 1/s, ``(n - k, n - k)``
+    shapes: FloatArray  #: matrix V, ``(n, n)``
+    slow_rate: float  #: bound of the growth rate of Picard's series, 1/s, 0 without a slow mode
+
+
 def _solve(
     matrix: FloatArray,
-    modes: tuple[FloatArray, FloatArray, FloatArray],
+    modes: Modes,
     forcing: FloatArray,
     durations: FloatArray,
     parts: int,
@@ -175,34 +199,28 @@ def _solve(
 ) -> list[ForcingPiece]:
     """Return the responses on m forcing pieces with the same slow and fast modes.
 
-    The system is ẋ = A x + f with A = ``matrix``. ``modes`` is the result of `_modes`. ``forcing``
-    are the Bernstein ordinates of f, ``(n, p + 1, m)``, and ``durations`` are in s. Each piece is
-    divided into ``parts`` equal parts. For the slow modes Picard's series has ``terms`` integrals
-    after the first.
+    The system is ẋ = A x + f with A = ``matrix``. ``forcing`` are the Bernstein ordinates of f,
+    ``(n, p + 1, m)``, and ``durations`` are in s. Each piece is divided into ``parts`` equal parts.
+    For the slow modes Picard's series has ``terms`` integrals after the first.
     """
-    slow, fast, shapes = modes
-    (n, width, m), k = forcing.shape, slow.shape[0]
+    (n, width, m), k, shapes = forcing.shape, modes.slow.shape[0], modes.shapes
     # Scale the rows to one magnitude. Otherwise the pivot of the linear solve is the row of a
     # velocity, and the forcing of a slow mode loses its digits by cancellation.
     scale = np.exp2(-np.round(np.log2(np.abs(shapes).max(axis=1, keepdims=True))))
     inputs = np.linalg.solve(scale * shapes, scale * forcing.reshape(n, -1)).reshape(n, width, m)
-    inputs = np.asarray(inputs, dtype=np.float64).transpose(1, 2, 0)
-    fast_response = np.zeros((width, m, n - k))
-    if fast.size:
-        slope, solve = derivative_matrix(width - 1), linalg().solve_sylvester
-        for i, duration in enumerate(durations.tolist()):
-            fast_response[:, i] = solve(fast, -slope.T / duration, -inputs[:, i, k:].T).T
+    fast = _fast_response(modes.fast, inputs[k:], durations)
+    # Ordinates on the parts: each piece is replaced by its parts, in the order of time.
+    cut = bernstein.parts(width - 1, parts)
     lengths = durations / parts
-    responses = []
-    for i in range(parts):
-        span = (i / parts, (i + 1) / parts)
-        part = bernstein.restrict(inputs[:, :, :k].reshape(width, m * k), *span)
-        slow_part = _picard(slow, part.reshape(width, m, k), lengths, terms)
-        fast_part = bernstein.restrict(fast_response.reshape(width, m * (n - k)), *span)
-        fast_part = bernstein.elevate(fast_part, slow_part.shape[0] - 1)
-        fast_part = fast_part.reshape(len(slow_part), m, n - k)
-        responses.append(np.concatenate([slow_part, fast_part], axis=2) @ shapes.T)
-    particular = np.ascontiguousarray(np.stack(responses).transpose(2, 0, 3, 1))
+    on_parts = np.einsum("cqp,npm->nqmc", cut, np.concatenate([inputs[:k], fast]))
+    on_parts = on_parts.reshape(n, width, m * parts)
+    slow, degree = on_parts[:k], width - 1
+    if k:
+        slow = _picard(modes.slow, slow, np.repeat(lengths, parts), terms)
+        degree = slow.shape[1] - 1
+    elevated = bernstein.elevation_matrix(width - 1, degree) @ on_parts[k:]
+    states = np.tensordot(shapes, np.concatenate([slow, elevated]), axes=1)
+    particular = np.ascontiguousarray(states.reshape(n, degree + 1, m, parts).transpose(2, 3, 0, 1))
     flows = exponentials(matrix, lengths)
     return [
         ForcingPiece(matrix, x, float(duration), flow)
@@ -210,38 +228,69 @@ def _solve(
     ]
 
 
-def _modes(
-    matrix: FloatArray, duration: float, bound: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _fast_response(matrix: FloatArray, forcing: FloatArray, durations: FloatArray) -> FloatArray:
+    """Return the polynomial response of ẋ = A x + f, with the degree p of the forcing.
+
+    A is the block of the fast modes, ``(k, k)``. ``forcing`` are the Bernstein ordinates of f,
+    ``(k, p + 1, m)``, and ``durations`` are in s, ``(m,)``. The response X = A⁻¹(Ẋ − f) is the sum
+    of −A⁻⁽ʲ⁺¹⁾ f⁽ʲ⁾, which ends with the derivative of order p.
+    """
+    response = np.zeros_like(forcing)
+    if matrix.size:
+        slope = derivative_matrix(forcing.shape[1] - 1)
+        for _ in range(forcing.shape[1]):
+            difference = slope @ response / durations - forcing
+            solved = np.linalg.solve(matrix, difference.reshape(len(matrix), -1))
+            response = np.asarray(solved.reshape(forcing.shape), dtype=np.float64)
+    return response
+
+
+def _have_similar_rates(rates: FloatArray) -> bool:
+    """Return True if one or two modes have rates |λ| (1/s) so similar that both are slow or fast.
+
+    With two modes Aʲ is a combination of A and the unit matrix, so that the terms of Picard's
+    series are bounded by the larger rate.
+    """
+    return rates.size <= 2 and float(rates.max()) <= MAX_RATE_RATIO * float(rates.min())
+
+
+def _modes(matrix: FloatArray, rates: FloatArray, duration: float, bound: float) -> Modes:
     """Separate the slow and the fast modes of a matrix A.
 
-    Returns the slow block, the fast block, and the matrix V with A V = V diag(slow, fast). A mode
-    with eigenvalue λ is slow if |λ|T < ``bound``, with the ``duration`` T in s. A block is empty if
-    there is no such mode.
+    ``rates`` are the absolute values of its eigenvalues λ, 1/s. A mode is slow if |λ|T < ``bound``,
+    with the ``duration`` T in s.
     """
+    n, empty = matrix.shape[0], np.empty((0, 0))
+    if _have_similar_rates(rates):
+        # The matrix itself, because a transformation would add rounding.
+        if float(rates.min()) * duration < bound:
+            return Modes(matrix, empty, np.eye(n), float(rates.max()))
+        return Modes(empty, matrix, np.eye(n), 0.0)
     overdamped = _overdamped_modes(matrix)
     if overdamped is not None:
-        rates, shapes = overdamped
-        k = int(np.sum(np.abs(rates) * duration < bound))
-        return np.diag(rates[:k]), np.diag(rates[k:]), shapes
+        values, shapes = overdamped
+        k = int(np.sum(np.abs(values) * duration < bound))
+        slow_rate = float(np.abs(values[:k]).max(initial=0.0))
+        return Modes(np.diag(values[:k]), np.diag(values[k:]), shapes, slow_rate)
     balanced, scale = linalg().matrix_balance(matrix)
     triangle, basis, k = linalg().schur(
         balanced, output="real", sort=lambda re, im: math.hypot(re, im) * duration < bound
     )
-    if k == 0:  # no slow modes: the matrix itself, because a transformation would add rounding
-        return np.empty((0, 0)), matrix, np.eye(matrix.shape[0])
+    if k == 0:
+        return Modes(empty, matrix, np.eye(n), 0.0)
     slow, fast = triangle[:k, :k], triangle[k:, k:]
-    decouple = np.eye(matrix.shape[0])
-    if k < matrix.shape[0]:
+    decouple = np.eye(n)
+    if k < n:
         decouple[:k, k:] = linalg().solve_sylvester(slow, -fast, -triangle[:k, k:])
-    return slow, fast, np.asarray(scale @ basis @ decouple)
+    shapes = np.asarray(scale @ basis @ decouple)
+    return Modes(slow, fast, shapes, float(np.linalg.norm(slow, 2)))
 
 
 def _overdamped_modes(matrix: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     """Return the eigenvalues and mode shapes of an overdamped mass, or None.
 
     The eigenvalues are (slow, fast), 1/s, and the mode shapes are the columns of a matrix. The
-    result is None if ``matrix`` is not that of one mass whose two rates are very different. The
+    result is None if ``matrix`` is not that of one mass whose two rates are different. The
     slow rate is computed as the stiffness divided by the fast rate. The Schur form would give it
     with the rounding error of the fast rate, which may be 1e7 times as large.
     """
@@ -258,9 +307,10 @@ def _overdamped_modes(matrix: FloatArray) -> tuple[FloatArray, FloatArray] | Non
 def _picard_terms(reach: float) -> int:
     """Return the number of integrals after the first that Picard's series needs.
 
-    Further integrals are below rounding. ``reach`` is the product ‖A‖T of the slow modes and the
-    duration.
+    Further integrals are below rounding. ``reach`` is the product of the rate of the slow modes and
+    the duration. It is rounded up to a power of 4, so that more pieces are solved together.
     """
+    reach = 4.0 ** math.ceil(math.log(max(reach, MIN_REACH), 4.0) - REACH_ROUNDING)
     size, order = reach, 2
     while size > 1e-17:
         size *= reach / order
@@ -274,20 +324,32 @@ def _picard(
     """Return the response of ẋ = A x + f from x = 0 by Picard's series.
 
     The series is ∫f + A∫∫f + A²∫∫∫f + …, with ``terms`` integrals after the first. ``forcing`` are
-    the Bernstein ordinates of f, ``(p + 1, m, k)``, for m pieces and k states. ``durations`` are in
-    s, ``(m,)``. Returns the Bernstein ordinates of the sum, ``(q + 1, m, k)``.
+    the Bernstein ordinates of f, ``(k, p + 1, m)``, for m pieces and k states. ``durations`` are in
+    s, ``(m,)``. Returns the Bernstein ordinates of the sum, ``(k, q + 1, m)``.
     """
-    lengths = durations[:, None]
-    integrals = [lengths * bernstein.antiderivative(forcing)]
-    for _ in range(terms):
-        integrals.append(lengths * bernstein.antiderivative(integrals[-1] @ matrix.T))
-    total = integrals[0]
-    for term in integrals[1:]:
-        flat = bernstein.elevate(
-            total.reshape(len(total), math.prod(total.shape[1:])), term.shape[0] - 1
-        )
-        total = flat.reshape(term.shape) + term
-    return np.asarray(total)
+    k, width, m = forcing.shape
+    chain = np.empty((terms + 1, width, k, m))
+    term = forcing.transpose(1, 0, 2) * durations
+    chain[0] = term
+    for j in range(1, terms + 1):
+        term = matrix @ term * durations
+        chain[j] = term
+    sums = _repeated_integrals(width - 1, terms) @ chain.reshape((terms + 1) * width, k * m)
+    return np.asarray(sums.reshape(-1, k, m).transpose(1, 0, 2))
+
+
+@lru_cache(maxsize=128)
+def _repeated_integrals(degree: int, terms: int) -> FloatArray:
+    """Return the matrix that adds up the repeated integrals of polynomials of degree p.
+
+    Column block j, ``(q + 1, p + 1)``, integrates a polynomial j + 1 times over u from 0, with
+    j = 0 to ``terms``, and writes the result with the degree q = p + 1 + ``terms``.
+    """
+    target, integral, blocks = degree + 1 + terms, np.eye(degree + 1), []
+    for _ in range(terms + 1):
+        integral = bernstein.antiderivative(integral)
+        blocks.append(bernstein.elevate(integral, target))
+    return np.concatenate(blocks, axis=1)
 
 
 def periodic_state(pieces: list[ForcingPiece]) -> FloatArray:

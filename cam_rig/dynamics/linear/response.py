@@ -159,7 +159,7 @@ class LinearResponse:
         """
         start = check_state(start, self.constant.size)
         require_angle(angle)
-        slack = JOINT_ATOL_RAD / self.speed if self.law.repeats else 0.0
+        slack = self._slack
         inside = angle - math.floor(angle / TURN) * TURN
         i = bisect_right(self.parts, inside, key=lambda part: part.low) - 1
         time, state, local = 0.0, start, (inside - self.parts[i].low) / self.speed
@@ -209,14 +209,47 @@ class LinearResponse:
         last = float(times[-1]) if times.size else 0.0
         require_angle(angle)
         require_angle(angle + self.speed * last, "angle at the last time")
-        runs = list(self.walk(start, angle, np.nextafter(last, np.inf)))
-        starts = np.array([run.begin for run in runs])
-        run_of = np.searchsorted(starts, times, side="right") - 1
-        since = times - starts[run_of]
-        free = np.stack([run.free for run in runs], axis=1)[:, run_of]
-        local = np.array([run.local for run in runs])[run_of] + since
-        part_of = (run_of + runs[0].part.number) % len(self.parts)
-        return free_motion(self.matrix, free, since), local, part_of
+        begins, first_local, free, parts = self._passages(start, angle, np.nextafter(last, np.inf))
+        run = np.searchsorted(begins, times, side="right") - 1
+        since = times - begins[run]
+        local = since + np.where(run == 0, first_local, 0.0)
+        return free_motion(self.matrix, free[:, run], since), local, parts[run]
+
+    def _passages(
+        self, start: FloatArray, angle: float, duration: float
+    ) -> tuple[FloatArray, float, FloatArray, NDArray[np.intp]]:
+        """Return the passages of `walk` as arrays.
+
+        The results are their starts (s), ``(m,)``, the time (s) from the start of the first part to
+        the first passage, the free vibrations at the starts, ``(n, m)``, and the indices of the
+        parts, ``(m,)``. The passages after the first turn are computed together.
+        """
+        inside = angle - math.floor(angle / TURN) * TURN
+        first_turn = (self.parts[-1].low + self.parts[-1].span - inside) / self.speed
+        runs = list(self.walk(start, angle, min(duration, first_turn)))
+        begins = np.array([run.begin for run in runs])
+        free = np.stack([run.free for run in runs], axis=1)
+        numbers = np.array([run.part.number for run in runs])
+        if duration > first_turn:
+            part = runs[-1].part
+            flow = exponential(self.matrix, part.length - runs[-1].local)
+            turns = math.ceil((duration - first_turn) * self.speed / TURN)
+            later = self.free_starts(part.particular[:, -1] + flow @ runs[-1].free, turns)
+            lows = np.array([part.low for part in self.parts]) - inside
+            times = (TURN * np.arange(1.0, turns + 1.0)[:, None] + lows).ravel() / self.speed
+            count = int(np.searchsorted(times, duration))
+            is_jump = self.parts[(count - 1) % len(self.parts)].state_jump is not None
+            if count and is_jump and duration - times[count - 1] <= self._slack:
+                count -= 1  # a jump at the end belongs to the next interval
+            begins = np.append(begins, times[:count])
+            free = np.concatenate([free, later.reshape(-1, len(free))[:count].T], axis=1)
+            numbers = np.append(numbers, np.arange(count) % len(self.parts))
+        return begins, runs[0].local, free, numbers
+
+    @property
+    def _slack(self) -> float:
+        """Largest rounding error (s) of the time of a velocity jump."""
+        return JOINT_ATOL_RAD / self.speed if self.law.repeats else 0.0
 
     def end(self, start: FloatArray, angle: float, duration: float) -> FloatArray:
         """Return the state after ``duration`` s from a state at a cam angle, ``(n,)``.
@@ -275,9 +308,9 @@ class LinearResponse:
         They are the states less the forced response X, ``(turns, parts, n)``. ``start`` is the
         state at cam angle 0 before the first turn.
         """
-        states = [start]
+        states, turn = [start], self.turn
         for _ in range(1, turns):
-            states.append(self.turn.after(states[-1], 1))
+            states.append(turn.flow @ states[-1] + turn.offset)
         flows = np.stack([part_map.flow for part_map in self._maps[:-1]])
         offsets = np.stack([part_map.offset for part_map in self._maps[:-1]])
         forced = np.stack([part.particular[:, 0] for part in self.parts])

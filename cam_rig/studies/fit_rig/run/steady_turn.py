@@ -53,11 +53,9 @@ class OneMassTurn:
         motion = law.motion_at(inside)
         lift, force = motion[0], force_weights(p, speed) @ motion + p.preload
         times = self.begin + inside / speed
-        for phase in trajectory.phases:
-            if phase.flight is not None and phase.end > self.begin:
-                flying = (times >= phase.begin) & (times < phase.end)
-                lift[flying] = phase.flight.motion(times[flying] - phase.begin)[0]
-                force[flying] = 0.0
+        is_flying, starts, since = trajectory.flights_at(times)
+        lift[is_flying] = trajectory.system.motion(starts, since)[0]
+        force[is_flying] = 0.0
         return lift, force
 
 
