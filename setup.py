@@ -27,8 +27,9 @@ BAGS = ["lz4", "mcap", "rosbags", "zstandard"]
 VIEW = ["rerun-sdk", "starlette", "uvicorn", "websockets"]
 PARQUET = ["pyarrow"]
 CAD = ["ezdxf", "shapely>=2"]
-# Compiles the search for lift-offs and landings; without it the same code runs in plain Python.
-FAST = ["numba>=0.61"]
+# Compile the search for lift-offs and landings, with a C compiler; without them the same code runs
+# in plain Python.
+FAST = ["numba>=0.61", "setuptools>=77"]
 # Solve the convex programs of `cam-rig design`: with cones, and linear ones that grow by rows.
 DESIGN = ["clarabel>=0.11", "highspy>=1.11,<1.16"]
 # A campaign's dataset, and the shares of its inputs.

@@ -100,10 +100,10 @@ Time of a lift-off and its landing: wall time divided by the number of landings 
 {table}
 
 The search gives the same bits in plain Python and compiled by numba (`cam_rig[fast]`). A whole
-solution includes the tables of cam and follower. After half a second in plain Python the compiled
-search is loaded. If it does not exist yet, it is compiled first, once per user (10 to
-20 s). `python -m cam_rig.dynamics.events` compiles it in advance. `CAM_RIG_EVENTS=plain` or
-`=compiled` selects the search.\
+solution includes the tables of cam and follower. The compiled search is an extension module in the
+user's cache. Loading it takes a millisecond and does not import numba. `make setup` and
+`python -m cam_rig.dynamics.events` build it, once per user, in about a minute. If it is missing, it
+is built after 10 s in plain Python. `CAM_RIG_EVENTS=plain` or `=compiled` selects the search.\
 """
 
 

@@ -21,7 +21,7 @@ EXTRAS = {
         "cli": "jinja2 markupsafe rich typer",
         "dask": "distributed",
         "design": "clarabel highspy",
-        "fast": "numba",
+        "fast": "numba setuptools",
         "panel": "starlette uvicorn websockets",
         "parquet": "pyarrow",
         "plots": "matplotlib",

@@ -82,7 +82,6 @@ def serve_panel(
 
     With an address of the network, only the lab sheets are served.
     """
-    from cam_rig.dynamics.events.backend import expect_many
     from cam_rig.extras import require
     from cam_rig.files import temporary_folder
     from cam_rig.panel.board.board import Board
@@ -98,7 +97,6 @@ def serve_panel(
     from cam_rig.panel.server import PanelPages, serve
     from cam_rig.runner.resources import user_folder
 
-    expect_many()
     cam_configs = [resolve_cam(cam) for cam in cams]
     chosen = rig or str(default_rig([cam_path(cam) for cam in cams]))
     rig_config = resolve_rig(chosen, *cams)

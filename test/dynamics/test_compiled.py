@@ -5,7 +5,6 @@ Their results are equal to the last bit.
 
 import math
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -18,18 +17,20 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, two_mass
-from cam_rig.dynamics.events import backend
-from cam_rig.dynamics.events.backend import COMPILED, PLAIN, VARIABLE, select_backend
-from cam_rig.dynamics.events.runs import run_events
+from cam_rig.dynamics.events import backend, compiler
+from cam_rig.dynamics.events.backend import COMPILED, PLAIN, VARIABLE
 from cam_rig.dynamics.free_masses import TwoMassParameters, free_masses
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump
-from cam_rig.dynamics.jump.two_masses import force_run
+from cam_rig.dynamics.jump.two_masses import find_two_mass_jump, force_run
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.dynamics.two_mass import Separation, first_lift_off
 from cam_rig.laws import Law, vectors
 from cam_rig.units import NS, RPM, TURN
 
 from .helpers import ONE, TWO
+
+#: Folder of the compiled kernels in the user's cache.
+REAL_CACHE = backend.cache_folder()
 
 
 def bumpy(rng):
@@ -112,7 +113,7 @@ def test_masses_without_pairs(laws, monkeypatch):
 def test_a_number_of_any_kind(laws, monkeypatch, kind):
     """Integers, fractions and numpy floats give the results of Python floats.
 
-    The results are equal bit by bit, and no argument type causes a second compilation.
+    The results are equal bit by bit.
     """
     monkeypatch.setenv(VARIABLE, COMPILED)
     law, results = laws["poly345"], []
@@ -132,7 +133,6 @@ def test_a_number_of_any_kind(laws, monkeypatch, kind):
         results.append((block.events, trajectory.events, turns, loss, min_force, jump))
     assert results[0] == results[1]
     assert len(trajectory.events) > 4
-    assert len(backend._ready[run_events].signatures) == 1
 
 
 def test_binomials_beyond_the_table():
@@ -144,92 +144,123 @@ def test_binomials_beyond_the_table():
         assert vectors.binomials(degree)[2] == math.comb(degree, 2)
 
 
-def test_the_backend_of_a_call(monkeypatch):
-    """After half a second of plain Python the compiled code is selected.
+def test_every_call_has_the_compiled_types(laws):
+    """Every kernel is always called with the types of arguments for which it is compiled.
 
-    An environment variable overrides the selection.
+    A compiled kernel does not check them.
     """
-    monkeypatch.delenv(VARIABLE, raising=False)
-    monkeypatch.setattr(backend._plain_time, "seconds", 0.0)
-    assert select_backend() == PLAIN
-    backend.expect_many()
-    assert select_backend() == COMPILED
-    for requested in (PLAIN, COMPILED):
-        monkeypatch.setenv(VARIABLE, requested)
-        assert select_backend() == requested
+    from numba import typeof
 
-
-def double(value):
-    """Return twice a value. This function compiles in a tenth of a second."""
-    return 2.0 * value
+    expected = {
+        kernel: {tuple(map(typeof, arguments))}
+        for kernel, arguments in compiler.collect_calls().items()
+    }
+    calls = {kernel: set() for kernel in expected}
+    with compiler.recorder(lambda kernel, x: calls[kernel].add(tuple(map(typeof, x)))):
+        for seed in range(10):
+            law, one, two, interval = random_runs(laws, seed)
+            for model, p in (("one_mass", one), ("two_mass", two)):
+                MODELS[model].advance(law, p, None, interval, 1000)
+            if not law.velocity_jumps:
+                StroboscopicMap(law, one, interval.speed).run(1)
+                StroboscopicMap(law, TWO, 50.0).run(1)
+                first_lift_off(law, two, interval.speed, np.zeros(2), 0.01)
+                force_run(law, two, 0.01).min_output(interval.speed)
+                rigid_jump(law, one)
+        find_two_mass_jump(laws["poly345"], TWO, 0.1)
+    assert calls == expected
 
 
 @pytest.fixture
-def cache(monkeypatch, tmp_path):
-    """Empty folder for compiled code, with no function loaded yet."""
-    monkeypatch.setenv(VARIABLE, COMPILED)
-    monkeypatch.setattr(backend, "_ready", {})
-    monkeypatch.setattr(backend, "_cache_folder", lambda: tmp_path)
-    return tmp_path
+def process(laws, monkeypatch, tmp_path):
+    """Start of a process in which no kernel has been called, with an empty folder of the cache."""
+    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.setattr(backend, "cache_folder", lambda: tmp_path)
+
+    def restart():
+        monkeypatch.setattr(backend, "_state", backend.new_state())
+        return rigid_jump(laws["poly345"], ONE)
+
+    return restart
 
 
-def call_in_new_process(capsys):
-    """Call `double` as in a new process, and return what it prints on standard error.
-
-    Its compiled code is loaded from the folder again.
-    """
-    backend._ready.clear()
-    assert backend.dispatch(double, 3.0) == 6.0
-    return capsys.readouterr().err
+def store_library(folder, content=None):
+    """Store the compiled kernels of the user's cache in a folder, as its build does."""
+    if content is None:
+        (library,) = REAL_CACHE.glob(f"{backend.LIBRARY}-*")
+        content = library.read_bytes()
+    (folder / backend.library_name(content)).write_bytes(content)
 
 
-def truncated(data):
-    return data[: len(data) // 2]
+def test_compiled_code_is_used_from_the_first_call(process, tmp_path, monkeypatch):
+    """A process loads compiled code at its first call, unless plain Python is requested."""
+    plain = process()
+    assert backend._state.library is None
+    store_library(tmp_path)
+    assert process() == plain
+    assert backend._state.library is not None
+    monkeypatch.setenv(VARIABLE, PLAIN)
+    assert process() == plain
+    assert backend._state.library is None
 
 
-@pytest.mark.parametrize(
-    ("suffix", "damage"),
-    [
-        *(("nbi", damage) for damage in (truncated, lambda data: bytes(len(data)))),
-        *(("nbc", damage) for damage in (truncated, lambda data: bytes(len(data)))),
-        ("nbc", lambda _: pickle.dumps("text")),
-    ],
-)
-def test_damaged_code_is_compiled_again(cache, capsys, suffix, damage):
-    """Damaged compiled code is reported in one line, compiled again and replaced.
+@pytest.mark.parametrize("requested", [True, False])
+def test_missing_code_is_built_once(laws, process, tmp_path, monkeypatch, requested):
+    """Missing code is built on request, or after 10 s in plain Python, and once per process."""
+    builds = []
 
-    It is code on the disk. The result of the function is correct.
-    """
-    assert call_in_new_process(capsys) == "events: compiling double, once (about 15 s)\n"
-    assert call_in_new_process(capsys) == ""
-    (path,) = cache.rglob(f"*.{suffix}")
-    path.write_bytes(damage(path.read_bytes()))
-    line = "events: compiling double again, because its stored code is damaged (about 15 s)\n"
-    assert call_in_new_process(capsys) == line
-    assert call_in_new_process(capsys) == ""
+    def build():
+        builds.append(store_library(tmp_path))
 
-
-@pytest.mark.parametrize("reason", ["missing", "disabled", "broken"])
-def test_plain_python_if_numba_does_not_work(cache, capsys, monkeypatch, reason):
-    """Without numba, or if it fails, the same result is computed in plain Python.
-
-    A failure is reported once, in one line.
-    """
-    if reason == "missing":
-        monkeypatch.setattr(backend, "find_spec", lambda _: None)
-    elif reason == "disabled":
-        monkeypatch.setattr("numba.config.DISABLE_JIT", 1)
+    monkeypatch.setattr(backend, "build", build)
+    process()
+    assert not builds
+    if requested:
+        monkeypatch.setenv(VARIABLE, COMPILED)
     else:
-        (cache / "file").touch()
-        monkeypatch.setattr(backend, "_register", (cache / "file" / "x").mkdir)
-    line = call_in_new_process(capsys)
-    text = "events: using plain Python, because numba cannot compile double (NotADirectoryError"
-    assert line.startswith(text) if reason == "broken" else line == ""
-    assert line.count("\n") == (reason == "broken")
-    assert backend._ready == {double: double}
+        backend._state.plain_s = backend.BUILD_AFTER_S
+    for _ in range(2):
+        rigid_jump(laws["poly345"], ONE)
+    assert len(builds) == 1
+    assert backend._state.library is not None
 
 
-#: Program that compiles a function in about 2 s, and prints its result or "interrupted".
+@pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda x: bytes(len(x))])
+def test_damaged_code_is_removed(process, tmp_path, capsys, damage):
+    """Damaged compiled code is reported in one line and removed. Plain Python is used."""
+    expected = process()
+    store_library(tmp_path)
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(damage(path.read_bytes()))
+    assert process() == expected
+    line = "events: removing the compiled code from the cache, because it is damaged\n"
+    assert capsys.readouterr().err == line
+    assert not list(tmp_path.iterdir())
+
+
+def test_plain_python_without_numba(process, monkeypatch, capsys):
+    """Without numba, plain Python is used, and nothing is printed."""
+    expected = process()
+    monkeypatch.setenv(VARIABLE, COMPILED)
+    monkeypatch.setattr(backend, "find_spec", lambda _: None)
+    assert process() == expected
+    assert capsys.readouterr().err == ""
+
+
+def test_plain_python_if_the_compiler_fails(process, monkeypatch, capsys, tmp_path):
+    """If the compiler fails, the reason is printed in one line, and plain Python is used."""
+    expected = process()
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))  # no lock can be made there
+    monkeypatch.setenv(VARIABLE, COMPILED)
+    assert process() == expected
+    first, second = capsys.readouterr().err.splitlines()
+    assert f"{first}\n" == COMPILES
+    reason = "events: using plain Python, because the compiler failed (NotADirectoryError"
+    assert second.startswith(reason)
+
+
+#: Program that calls a kernel, and prints its result or "interrupted".
 PROGRAM = """
 import signal
 import numpy as np
@@ -245,8 +276,8 @@ try:
 except KeyboardInterrupt:
     print("interrupted")
 """
-#: Line on standard error of a process that compiles the function of `PROGRAM`.
-COMPILES = "events: compiling find_rigid_zero, once (about 15 s)\n"
+#: Line on standard error of a process that builds the compiled code.
+COMPILES = "events: compiling, once (about a minute)\n"
 
 
 def start(folder):
@@ -264,27 +295,30 @@ def start(folder):
     )
 
 
-def test_an_interrupt_while_compiling(tmp_path):
+@pytest.mark.parametrize("delay", [0.3, pytest.param(20.0, marks=pytest.mark.long)])
+def test_an_interrupt_while_compiling(tmp_path, delay):
     """Ctrl-C during the compilation raises KeyboardInterrupt in the caller.
 
-    Nothing else is printed.
+    Nothing else is printed, and no file but an empty lock remains.
     """
     process = start(tmp_path)
     assert process.stderr.readline() == COMPILES
-    time.sleep(0.3)
+    time.sleep(delay)
     process.send_signal(signal.SIGINT)
     out, errors = process.communicate(timeout=60.0)
     assert (process.returncode, out, errors) == (0, "interrupted\n", "")
+    assert all(path.name == "lock" for path in tmp_path.rglob("*") if path.is_file())
 
 
+@pytest.mark.long
 def test_two_processes_compile_at_once(tmp_path):
     """Two processes that compile at the same time both get the correct result.
 
-    The code that they store is valid for a third process.
+    One of them compiles, and the other waits for it. A third process loads the code.
     """
     both = [start(tmp_path), start(tmp_path)]
-    outputs = [process.communicate(timeout=60.0) for process in both]
+    outputs = [process.communicate(timeout=300.0) for process in both]
     speed, errors = start(tmp_path).communicate(timeout=60.0)
     assert (float.fromhex(speed) > 0.0, errors) == (True, "")
-    # A process that starts late may already load the code of the other process.
     assert all(out == speed and errors in ("", COMPILES) for out, errors in outputs)
+    assert len(list(tmp_path.rglob(f"{backend.LIBRARY}-*"))) == 1

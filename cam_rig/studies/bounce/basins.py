@@ -15,7 +15,6 @@ import numpy as np
 
 from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import MODELS, Interval
-from cam_rig.dynamics.events.backend import expect_many
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.errors import ConfigError
@@ -242,7 +241,6 @@ def basins(
     p, speed = bouncing(rig, restitution), check_speeds(rpm)[0] * RPM
     # only the state of one mass consists of gap and gap rate
     assert isinstance(p, FollowerParameters)
-    expect_many()
     gap, gap_rate = _axes(StroboscopicMap(law, p, speed), grid)
     lines = [[(float(x), float(rate)) for x in gap] for rate in gap_rate]
     progress.start(grid, law.name)

@@ -9,7 +9,6 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from cam_rig.arguments import check_arguments, to_vector
-from cam_rig.dynamics.events.backend import expect_many
 from cam_rig.dynamics.turn_map import ON_THE_CAM
 from cam_rig.errors import ConfigError
 from cam_rig.schema import RigConfig
@@ -145,7 +144,6 @@ def bounce_map(
             f"--out cannot be combined with --from {start}; use --from {START_ON_CAM}"
         )
     runs = BounceRuns.of(law, rig, sweep, swept, transient_turns, turns)
-    expect_many()
     if out is not None:
         rows = stored_rows(BounceFiles(Path(out), runs), resume, executor, workers, progress)
     else:

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.datasets.point_files import Batch
-from cam_rig.dynamics.events.backend import expect_many
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import build_law
 from cam_rig.laws.cam import require_sprung
@@ -51,9 +50,6 @@ SAMPLE_RATE = 48_000
 TURNS = 4
 #: Number of first turns at each speed that are not evaluated, if the campaign has no scene.
 TRANSIENT_TURNS = 1
-#: Smallest number of points of a campaign whose processes use compiled code from the first point
-#: on. Loading the code takes 0.45 s, and a point in plain Python up to 0.04 s longer.
-MIN_POINTS_TO_COMPILE = 16
 #: Path of the campaign input that is the amplitude of a waviness of the cam profile.
 WAVE = "profile.waviness.amplitude"
 #: Path of the campaign input that is the wavelength of a waviness of the cam profile.
@@ -354,8 +350,6 @@ def measure_batch(campaign: Campaign, first: int, last: int) -> BatchRows:
     not on the batch.
     """
     start = time.process_time()
-    if campaign.draws.total >= MIN_POINTS_TO_COMPILE:
-        expect_many()
     inputs = campaign.draws.rows(first, last)
     rows = [measure_point(campaign, row) for row in inputs]
     measures = np.array([values for values, _ in rows]).reshape(len(rows), -1)
