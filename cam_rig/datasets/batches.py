@@ -34,7 +34,7 @@ IN_FLIGHT_PER_WORKER = 3
 
 def compute_missing(
     dataset: PointFiles,
-    compute: Callable[[Any, int, int], Batch],
+    task: Callable[[Any, int, int], Callable[[], Batch]],
     executor: Executor,
     workers: int,
     progress: Progress = NULL_PROGRESS,
@@ -48,9 +48,9 @@ def compute_missing(
     ----------
     dataset : PointFiles
         Dataset within its context `open`.
-    compute : callable
-        Function of the study, the first point and the end (exclusive) of a batch. It returns its
-        rows.
+    task : callable
+        Function of the study, the first point and the end (exclusive) of a batch. It returns the
+        task for the executor, which computes the rows of the batch.
     executor : Executor
         Executor that computes the batches.
     workers : int
@@ -71,7 +71,7 @@ def compute_missing(
         with friendly_executor_errors("; finished batches are kept"):
             while True:
                 while len(in_flight) < sizes.in_flight and (batch := next(batches, None)):
-                    in_flight.add(executor.submit(compute, campaign, *batch))
+                    in_flight.add(executor.submit(task(campaign, *batch)))
                 if not in_flight:
                     return
                 finished, in_flight = wait(in_flight, return_when=FIRST_COMPLETED)

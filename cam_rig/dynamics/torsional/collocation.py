@@ -17,10 +17,8 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.linalg.blas import idamax
-from scipy.linalg.lapack import dgetrf, dgetrs
 
-from cam_rig.dynamics.linear.exponential import response
+from cam_rig.dynamics.linear.exponential import linalg, response
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.units import FloatArray
 
@@ -295,9 +293,9 @@ class CollocationWindow:
         for i in range(MAX_ITERATIONS):
             residual, slopes = self._residual(with_slopes=i < 2 or ratio > MAX_REUSE_RATIO)
             if slopes is not None:
-                factors = dgetrf(self._matrix(*slopes), overwrite_a=True)[:2]
+                factors = linalg().lapack.dgetrf(self._matrix(*slopes), overwrite_a=True)[:2]
             assert factors is not None
-            correction = dgetrs(*factors, residual)[0]
+            correction = linalg().lapack.dgetrs(*factors, residual)[0]
             self._set(self.unknown - correction)
             if not math.isfinite(correction @ correction):
                 return False
@@ -416,4 +414,4 @@ class CollocationWindow:
 
 def largest(values: FloatArray) -> float:
     """Return the largest absolute value of an array without NaN, ``(n,)``."""
-    return abs(float(values[idamax(values)]))
+    return abs(float(values[linalg().blas.idamax(values)]))

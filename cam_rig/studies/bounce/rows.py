@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -248,5 +249,6 @@ def stored_rows(
         progress.start(files.campaign.total, pluralize(missing, "row"))
         progress.advance(files.campaign.total - missing)
         executor = executor or SerialExecutor()
-        compute_missing(files, compute_batch, executor, max(1, workers), progress)
+        task = partial(partial, compute_batch)  # of the runs, the first row and the end of a batch
+        compute_missing(files, task, executor, max(1, workers), progress)
     return list(files.rows())

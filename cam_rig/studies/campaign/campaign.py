@@ -349,8 +349,20 @@ def measure_batch(campaign: Campaign, first: int, last: int) -> BatchRows:
     A point is one rig with its input values. Its results depend only on its index and the campaign,
     not on the batch.
     """
-    start = time.process_time()
-    inputs = campaign.draws.rows(first, last)
+    return batch_task(campaign, first, last)()
+
+
+def batch_task(campaign: Campaign, first: int, last: int) -> partial[BatchRows]:
+    """Return the task of `measure_batch` for a worker process.
+
+    It contains the input values, so that a worker does not import the libraries that draw them.
+    """
+    return partial(_measure_inputs, campaign, first, campaign.draws.rows(first, last))
+
+
+def _measure_inputs(campaign: Campaign, first: int, inputs: FloatArray) -> BatchRows:
+    """Measure consecutive points from ``first`` on, with the input values ``(n, d)`` in SI."""
+    start, last = time.process_time(), first + len(inputs)
     rows = [measure_point(campaign, row) for row in inputs]
     measures = np.array([values for values, _ in rows]).reshape(len(rows), -1)
     reasons = tuple(reason for _, reason in rows)

@@ -17,7 +17,7 @@ from cam_rig.errors import DynamicsError, OutputError, RunError
 from cam_rig.show.command import LOG_PERIOD_S, Dask, Jobs, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import console, say
-from cam_rig.studies.campaign.campaign import measure_batch
+from cam_rig.studies.campaign.campaign import batch_task
 
 if TYPE_CHECKING:
     from cam_rig.studies.campaign.campaign import Campaign
@@ -159,9 +159,7 @@ def _run(
         if dataset.missing():
             with pool() as workplace:
                 reporter = CampaignProgress(dataset, progress)
-                compute_missing(
-                    dataset, measure_batch, workplace.executor, workplace.count, reporter
-                )
+                compute_missing(dataset, batch_task, workplace.executor, workplace.count, reporter)
     result = CampaignResult(dataset)
     if result.failed == result.points:
         raise DynamicsError(

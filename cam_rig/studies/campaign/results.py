@@ -14,7 +14,7 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from scipy.stats import beta, binom
+from scipy.special import bdtr, bdtrik, betaincinv
 
 from cam_rig.errors import ConfigError
 from cam_rig.extras import friendly_import_errors
@@ -432,8 +432,17 @@ def order_interval(count: int, probability: float) -> tuple[int, int]:
 
     ``count`` is the size of the sample. An index outside of 0 to count − 1 is beyond the sample.
     """
-    low = int(binom.ppf(0.5 * MISSED, count, probability)) - 1
-    return low, int(binom.ppf(1.0 - 0.5 * MISSED, count, probability))
+    low = _binomial_quantile(0.5 * MISSED, count, probability)
+    return low - 1, _binomial_quantile(1.0 - 0.5 * MISSED, count, probability)
+
+
+def _binomial_quantile(fraction: float, count: int, probability: float) -> int:
+    """Return the smallest number of successes in ``count`` draws that is not exceeded so often.
+
+    That is the smallest k whose cumulative probability is at least ``fraction``.
+    """
+    k = math.ceil(bdtrik(fraction, count, probability))
+    return k - 1 if k > 0 and bdtr(k - 1, count, probability) >= fraction else k
 
 
 def proportion(successes: int, count: int) -> tuple[float, float, float]:
@@ -441,9 +450,9 @@ def proportion(successes: int, count: int) -> tuple[float, float, float]:
 
     ``successes`` of ``count`` draws succeeded. The results are share, lower end and upper end.
     """
-    low = float(beta.ppf(0.5 * MISSED, successes, count - successes + 1)) if successes else 0.0
+    low = float(betaincinv(successes, count - successes + 1, 0.5 * MISSED)) if successes else 0.0
     high = (
-        float(beta.ppf(1.0 - 0.5 * MISSED, successes + 1, count - successes))
+        float(betaincinv(successes + 1, count - successes, 1.0 - 0.5 * MISSED))
         if successes < count
         else 1.0
     )

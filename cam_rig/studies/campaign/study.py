@@ -12,7 +12,7 @@ from cam_rig.arguments import check_arguments
 from cam_rig.datasets.batches import SerialExecutor, compute_missing
 from cam_rig.extras import require
 from cam_rig.schema.load import Library, config_root, resolve_path
-from cam_rig.studies.campaign.campaign import Campaign, campaign_from, measure_batch, open_campaign
+from cam_rig.studies.campaign.campaign import Campaign, batch_task, campaign_from, open_campaign
 from cam_rig.studies.campaign.dataset import CampaignDataset
 from cam_rig.studies.campaign.results import CampaignResult
 
@@ -92,5 +92,5 @@ def campaign(
     with dataset.open(resume) as damaged:
         if damaged:
             warnings.warn(damaged, stacklevel=2)
-        compute_missing(dataset, measure_batch, executor or SerialExecutor(), max(1, workers))
+        compute_missing(dataset, batch_task, executor or SerialExecutor(), max(1, workers))
     return CampaignResult(dataset)

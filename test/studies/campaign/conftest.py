@@ -7,7 +7,7 @@ import pytest
 
 from cam_rig.datasets.batches import SerialExecutor, compute_missing
 from cam_rig.schema.load import Library, config_root
-from cam_rig.studies.campaign.campaign import campaign_from, measure_batch
+from cam_rig.studies.campaign.campaign import batch_task, campaign_from, measure_batch
 from cam_rig.studies.campaign.dataset import CampaignDataset
 from cam_rig.studies.campaign.results import CampaignResult
 
@@ -49,7 +49,7 @@ def measured(study):
 def run(dataset, resume=False):
     """Compute the missing points of a campaign, and return a warning of damaged files."""
     with dataset.open(resume) as damaged:
-        compute_missing(dataset, measure_batch, SerialExecutor(), 1)
+        compute_missing(dataset, batch_task, SerialExecutor(), 1)
     return damaged
 
 

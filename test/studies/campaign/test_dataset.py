@@ -23,7 +23,7 @@ from cam_rig.datasets.batches import BATCH_S, BatchSizes, SerialExecutor, comput
 from cam_rig.datasets.point_files import Batch
 from cam_rig.errors import ConfigError, OutputError, RunError
 from cam_rig.show.result import Progress
-from cam_rig.studies.campaign.campaign import measure_batch
+from cam_rig.studies.campaign.campaign import batch_task, measure_batch
 from cam_rig.studies.campaign.dataset import CampaignDataset
 
 from .conftest import run
@@ -91,7 +91,7 @@ def test_a_second_writer_is_refused(dataset):
     with dataset.open(False):
         with pytest.raises(OutputError, match="another run writes"), dataset.open(False):
             pass
-        compute_missing(dataset, measure_batch, SerialExecutor(), 1)
+        compute_missing(dataset, batch_task, SerialExecutor(), 1)
     assert dataset.missing() == []
 
 
@@ -313,7 +313,7 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
         dataset.open(False),
     ):
         killing = Killing(lambda: next(iter(client.run(os.getpid).values())))
-        compute_missing(dataset, measure_batch, client.get_executor(pure=False), 2, killing)
+        compute_missing(dataset, batch_task, client.get_executor(pure=False), 2, killing)
     assert killing.killed
     assert sum(last - first for first, last, _ in dataset.batches()) == 16
     assert numbers(alone) == numbers(dataset)
@@ -328,7 +328,7 @@ def test_a_killed_process_ends_the_run_and_resume_completes_it(alone, tmp_path):
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         killing = Killing(lambda: next(iter(pool._processes)))
         with dataset.open(False), pytest.raises(RunError, match="finished batches are kept"):
-            compute_missing(dataset, measure_batch, pool, 1, killing)
+            compute_missing(dataset, batch_task, pool, 1, killing)
     assert dataset.missing() != []
     run(dataset, resume=True)
     assert dataset.missing() == []
