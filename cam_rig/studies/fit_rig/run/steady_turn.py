@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter1d
@@ -50,13 +51,22 @@ class OneMassTurn:
         trajectory = self.trajectory
         law, p, speed = trajectory.law, trajectory.parameters, trajectory.interval.speed
         inside = np.mod(angle, TURN)
-        motion = law.motion_at(inside)
-        lift, force = motion[0], force_weights(p, speed) @ motion + p.preload
+        motion = _motion_at(law, inside.tobytes())
+        lift, force = motion[0].copy(), force_weights(p, speed) @ motion + p.preload
         times = self.begin + inside / speed
         is_flying, starts, since = trajectory.flights_at(times)
         lift[is_flying] = trajectory.system.motion(starts, since)[0]
         force[is_flying] = 0.0
         return lift, force
+
+
+@lru_cache(maxsize=64)
+def _motion_at(law: Law, angles: bytes) -> FloatArray:
+    """Return `Law.motion_at` of cam angles (rad), given as the bytes of an array.
+
+    A fit evaluates many followers at the same angles.
+    """
+    return law.motion_at(np.frombuffer(angles))
 
 
 @dataclass(frozen=True, eq=False)
