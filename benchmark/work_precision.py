@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from benchmark import live_rate, long_laws
+from benchmark import live_rate, long_laws, scaling
 from benchmark.speed.cases import BLOCKS, SPEEDS_RPM, rate_table, sample_rates
 from benchmark.speed.event_cost import event_costs, event_table
 from benchmark.speed.report import MeasuredPoint, figure, measure, notes
@@ -64,7 +64,7 @@ these closed forms. The reference of `torsional` is a Taylor series of order 40 
 `make bench` in {took:.0f} s. `python -m benchmark.speed` measures this machine.
 
 [Computing time in detail](develop/cost.md) has samples, settled turns, jump search,
-events and start-up.
+events, scaling and start-up.
 
 ### A campaign
 
@@ -89,6 +89,8 @@ This page gives the computing time of each part of the rig, on the machine of
 
 {events}
 
+{scaling}
+
 {start_up}
 """
 
@@ -110,6 +112,13 @@ is built after 10 s in plain Python. `CAM_RIG_EVENTS=plain` or `=compiled` selec
 def events() -> str:
     """Return the section on the cost of an event."""
     return EVENTS.format(table=to_markdown(event_table(event_costs())))
+
+
+def scaled() -> str:
+    """Return the section on time against the size of a problem, and draw its figure."""
+    scalings = scaling.measure()
+    scaling.draw(scalings, scaling.PLOT)
+    return scaling.section(scalings)
 
 
 START_UP = """\
@@ -228,10 +237,11 @@ def main() -> None:
         steady=steady(),
         jump_search=long_laws.section(long_laws.measure()),
         events=events(),
+        scaling=scaled(),
         start_up=start_up(),
     )
     COST_PAGE.write_text(details, encoding="utf-8")
-    print(f"{PAGE}, {COST_PAGE}, {PLOT}")
+    print(f"{PAGE}, {COST_PAGE}, {PLOT}, {scaling.PLOT}")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,8 @@ import subprocess
 
 import pytest
 
+from benchmark import scaling
+from benchmark.scaling import Scaling
 from benchmark.speed import cases as rate
 from benchmark.speed import start_up
 from benchmark.speed.event_cost import EventCost, event_costs, event_table
@@ -126,3 +128,21 @@ def test_a_copy_moves_what_a_block_holds(monkeypatch):
     assert set(sizes) == {(6 * 1000 * 8, 6 * 1000 * 8)}
     assert {one.ratio for one in found} == {1.0}
     assert {(one.samples_per_s, one.copied_per_s) for one in found} == {(500.0, 500.0)}
+
+
+# -- time against the size of a problem, as in the figure of docs/develop/cost.md
+
+
+def test_the_exponent_is_that_of_the_large_sizes():
+    """The exponent is fitted to sizes at which constant costs do not dominate."""
+    sizes = (1.0, 10.0, 1000.0, 10_000.0)
+    times = (5.0, 5.0, *(1e-3 * size**0.5 for size in sizes[2:]))
+    assert Scaling("rigs", sizes, times, None).exponent == pytest.approx(0.5, abs=1e-12)
+
+
+def test_the_memory_of_a_run_does_not_grow_with_its_turns():
+    """A run of 400 turns allocates at most 1.5 times the memory of a run of 100 turns."""
+    measured = scaling.by_turns((100, 400))
+    assert measured.sizes == (100, 400)
+    low, high = measured.memory
+    assert high < 1.5 * low
