@@ -54,9 +54,10 @@ receive the Jacobian, event functions, and a restart at every joint of the law.
 **Limitations.** The right-hand sides of these peers are Python functions, which cost 4 to 5 µs per
 evaluation. The peer `DOP853 numba` has no Python in its loop: law, right-hand side, events and
 step control are one function compiled by numba. It solves the cases of linear phases only. The
-cases are few, have the lift as their only excitation, and were chosen by the authors of the rig.
-A comparison with a program of others, Siconos, is an
-[independent check](#lift-offs-and-landings).
+cases are few, have the lift as their only excitation, and were chosen by the authors of the rig,
+except `ball_on_table`, the standard problem of impact dynamics (P. J. Holmes, *The dynamics of
+repeated impacts with a sinusoidally vibrating table*, Journal of Sound and Vibration 84, 1982). A
+comparison with a program of others, Siconos, is an [independent check](#lift-offs-and-landings).
 
 The references are closed forms of every linear phase with 60 digits. Their events are roots of
 these closed forms. The reference of `torsional` is a Taylor series of order 40 with 45 digits

@@ -26,6 +26,8 @@ from benchmark.speed.models import (
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.dynamics.interval import COLUMNS
 from cam_rig.laws import Law, build_law
+from cam_rig.laws.sampling import fit_curve
+from cam_rig.laws.segments import trigonometric
 from cam_rig.schema.load import config_root, load_cam
 from cam_rig.show.tables import DataTable, Header, tabulate
 from cam_rig.units import NS, TURN
@@ -47,6 +49,15 @@ ROLLER_SHARE = 0.40
 #: Preload (N) identified from Table 2.
 PRELOAD = 30.6
 
+#: Spring stiffness (N/m) of a ball that has no spring, because the model needs one. Its force is
+#: 1e-9 of the weight.
+NO_SPRING = 1e-6
+#: Acceleration of gravity (m/s²), and weight (N) of a ball of 1 kg.
+GRAVITY = 9.81
+#: Speed (rpm) of the table on which the ball bounces. Its largest acceleration is 1.33 times that
+#: of gravity.
+BALL_RPM = 345.0
+
 #: Height of the lowest bounce relative to the lift. A lower bounce is contact.
 MIN_BOUNCE = 1e-12
 
@@ -58,8 +69,8 @@ def law_of(cam: str) -> Law:
 
 def elastic_stem() -> Case:
     """Return a stiff oscillator with smooth excitation and little damping."""
-    model = Oscillator(MASS, DAMPING, SPRING, STEM)
-    return _case("elastic_stem", "residual vibration on the stem", "poly345", model, 300, 20, 25)
+    model, law = Oscillator(MASS, DAMPING, SPRING, STEM), law_of("poly345")
+    return _case("elastic_stem", "residual vibration on the stem", law, model, 300, 20, 25)
 
 
 def resonance() -> Case:
@@ -69,20 +80,20 @@ def resonance() -> Case:
     is the rise half a turn later.
     """
     stiffness = MASS * (9.0 * rad_per_s(300)) ** 2
-    model = Oscillator(MASS, 0.0, SPRING, stiffness - SPRING)
-    return _case("resonance", "undamped resonance, ω_n = 9 ω", "poly345", model, 300, 20, 25)
+    model, law = Oscillator(MASS, 0.0, SPRING, stiffness - SPRING), law_of("poly345")
+    return _case("resonance", "undamped resonance, ω_n = 9 ω", law, model, 300, 20, 25)
 
 
 def torsional() -> Case:
     """Return an elastic camshaft. The equation is nonlinear in the twist."""
     model = Twist(0.02, 1e4, MASS, DAMPING, SPRING, WEIGHT)
-    return _case("torsional", "torsional vibration", "poly345", model, 400, 4, 50)
+    return _case("torsional", "torsional vibration", law_of("poly345"), model, 400, 4, 50)
 
 
 def _two_mass(name: str, title: str, stem_stiffness: float, preload: float) -> Case:
     roller = ROLLER_SHARE * MASS
     model = TwoMasses(roller, MASS - roller, stem_stiffness, SPRING, DAMPING, DAMPING, preload)
-    return _case(name, title, "poly345", model, 450, 2, 97)
+    return _case(name, title, law_of("poly345"), model, 450, 2, 97)
 
 
 def two_mass_soft() -> Case:
@@ -103,12 +114,31 @@ def one_mass_arc() -> Case:
     """Return a rigid follower that lifts off a cam of arcs and bounces."""
     bounce = MIN_BOUNCE * law_of("tm21").lift
     model = OneMass(MASS, DAMPING, SPRING, WEIGHT, 0.8, bounce)
-    return _case("one_mass_arc", "one mass, arc cam, restitution 0.8", "tm21", model, 400, 10, 50)
+    return _case(
+        "one_mass_arc", "one mass, arc cam, restitution 0.8", law_of("tm21"), model, 400, 10, 50
+    )
+
+
+def ball_on_table() -> Case:
+    """Return a ball that bounces on a table with a sinusoidal motion of 10 mm.
+
+    It is the standard problem of impact dynamics: P. J. Holmes, "The dynamics of repeated impacts
+    with a sinusoidally vibrating table", Journal of Sound and Vibration 84 (1982). The motion is
+    irregular: 20 turns would enlarge a rounding error by 1e9.
+    """
+    motion = trigonometric(0.01, [-0.01], [0.0])
+    breaks, ordinates = fit_curve(motion, 0.0, TURN, degree=12)
+    table = Law("table", np.array(breaks), np.stack(ordinates, axis=1))
+    ball = OneMass(1.0, 0.0, NO_SPRING, GRAVITY, 0.8, MIN_BOUNCE * table.lift)
+    return _case("ball_on_table", "ball, restitution 0.8", table, ball, BALL_RPM, 5, 100)
 
 
 CASES: dict[str, Callable[[], Case]] = {
     make.__name__: make
-    for make in (elastic_stem, resonance, torsional, two_mass_soft, two_mass_stem, one_mass_arc)
+    for make in (
+        *(elastic_stem, resonance, torsional, two_mass_soft, two_mass_stem, one_mass_arc),
+        ball_on_table,
+    )
 }
 
 #: Turns of the cases that are shorter in a quick comparison.
@@ -123,7 +153,7 @@ def rad_per_s(rpm: float) -> float:
 def _case(
     name: str,
     title: str,
-    cam: str,
+    law: Law,
     model: BenchModel | Twist,
     rpm: float,
     turns: int,
@@ -132,9 +162,9 @@ def _case(
     speed = rad_per_s(rpm)
     times = output_times(speed, turns, per_turn)
     quick = QUICK_TURNS.get(name, turns)
-    caption = f"{title}, {cam} at {rpm:g} rpm, {turns} turns"
+    caption = f"{title}, {law.name} at {rpm:g} rpm, {turns} turns"
     assert math.isclose(turns * TURN / speed, turns * 60.0 / rpm)
-    return Case(name, caption, law_of(cam), model, speed, turns, quick, times)
+    return Case(name, caption, law, model, speed, turns, quick, times)
 
 
 # -- samples per second of cam_rig, compared with a copy of the same bytes

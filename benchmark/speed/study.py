@@ -279,7 +279,10 @@ ADAPTERS: dict[type, Callable[[Case], Solution]] = {
 }
 
 #: Cases in the order of computation. The fastest are first, to leave time for the others.
-ORDER = ("resonance", "torsional", "two_mass_soft", "one_mass_arc", "two_mass_stem", "elastic_stem")
+ORDER = (
+    *("resonance", "torsional", "two_mass_soft", "one_mass_arc", "ball_on_table"),
+    *("two_mass_stem", "elastic_stem"),
+)
 
 #: Smallest predicted ratio of the times of two consecutive settings.
 MIN_GROWTH = 1.3

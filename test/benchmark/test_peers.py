@@ -79,6 +79,7 @@ SOLVED = [
     ("torsional", 1, 1e-6),
     ("two_mass_soft", 1, 1e-6),
     ("one_mass_arc", 2, 1e-5),
+    ("ball_on_table", 2, 1e-5),
     ("elastic_stem", 1, 1e-5),
 ]
 

@@ -60,7 +60,9 @@ def test_the_torsional_reference_solves_the_equation(cases):
     assert abs(balance) < 1e-5 * abs(force * s1)
 
 
-@pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
+@pytest.mark.parametrize(
+    "name", ["two_mass_soft", "two_mass_stem", "one_mass_arc", "ball_on_table"]
+)
 def test_the_follower_flies_in_every_case_of_separation(cases, name):
     """The events of each case with flights start with a lift-off and include landings.
 

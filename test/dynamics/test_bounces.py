@@ -118,7 +118,9 @@ def test_too_many_events_are_an_error(monkeypatch):
 FAST = 450.0 * np.pi / 30.0
 
 
-@pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
+@pytest.mark.parametrize(
+    "name", ["two_mass_soft", "two_mass_stem", "one_mass_arc", "ball_on_table"]
+)
 def test_events_are_those_of_fifty_digits(name):
     """All lift-offs and landings agree with 50-digit arithmetic to 1e-13 s.
 
