@@ -281,12 +281,7 @@ def vibration(
         require_smooth(law, ", or a rig without a shaft")
     turn, window = steady_turn(law, follower, speed), low_dwell(law)
     inside = turn.vibration[window.contains(turn.angle)]
-    twist = fluctuation = None
-    if shaft is not None and shaft.flywheel_inertia is not None:
-        flywheel = flywheel_turn(law, shaft, shaft.flywheel_inertia, speed)
-        twist, fluctuation = flywheel.twist, flywheel.fluctuation
-    elif shaft is not None:
-        twist = float(np.ptp(steady_twist(law, shaft, speed)[1]))
+    twist, fluctuation = (None, None) if shaft is None else shaft_vibration(law, shaft, speed)
     return SteadyVibration(
         window=window,
         residual_amplitude=float(residual_vibration(law, follower, np.array([speed]))[0]),
@@ -296,6 +291,20 @@ def vibration(
         twist=twist,
         fluctuation=fluctuation,
     )
+
+
+def shaft_vibration(
+    law: Law, shaft: TorsionalParameters, speed: float
+) -> tuple[float, float | None]:
+    """Return the peak-to-peak twist (rad) of a shaft, and the speed fluctuation of its flywheel.
+
+    Both are those of a turn in steady state. The fluctuation is None if the flywheel has constant
+    speed. ``speed`` is the mean speed, rad/s.
+    """
+    if shaft.flywheel_inertia is None:
+        return float(np.ptp(steady_twist(law, shaft, speed)[1])), None
+    turn = flywheel_turn(law, shaft, shaft.flywheel_inertia, speed)
+    return turn.twist, turn.fluctuation
 
 
 def residual_vibration(

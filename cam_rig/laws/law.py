@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
@@ -36,16 +36,19 @@ class Extreme:
     angle: float
 
 
-def extremes(law: Law, order: int) -> tuple[Extreme, Extreme]:
+def extremes(law: Law, order: int, pieces: Sequence[int] | None = None) -> tuple[Extreme, Extreme]:
     """Return the smallest and the largest value of a derivative over the turn.
 
     They are at an end of a piece or at a root of the next derivative, the first of equal values.
+    ``pieces`` are the indices of the pieces of the law that count (default: all).
     """
     ordinates = law.derivative_ordinates(order)
     slope = law.derivative_ordinates(order + 1)
-    low = high = Extreme(float(ordinates[0, 0]), 0.0)
+    indices = range(law.spans.size) if pieces is None else pieces
+    low = high = Extreme(float(ordinates[0, indices[0]]), float(law.breaks[indices[0]]))
     tie = TIE_RTOL * float(np.abs(ordinates).max())
-    for i, (start, span) in enumerate(zip(law.breaks[:-1], law.spans, strict=True)):
+    for i in indices:
+        start, span = law.breaks[i], law.spans[i]
         u = np.array([0.0, *bernstein.crossings(slope[:, i]), 1.0])
         values = bernstein.evaluate(ordinates[:, i], u)
         lowest, highest = int(np.argmin(values)), int(np.argmax(values))

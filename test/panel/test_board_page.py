@@ -9,6 +9,7 @@ import pytest
 import cam_rig
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import find_jump
+from cam_rig.dynamics.kinetostatic import shaft_torque
 from cam_rig.laws.law import joints
 from cam_rig.panel.board.board import START_RPM, Board
 from cam_rig.panel.board.drawn_law import MOTION_POINTS, ORDERS, table_angles
@@ -23,12 +24,12 @@ from .conftest import BrowserPage, in_browser, with_moved_ordinate
 pytestmark = pytest.mark.slow
 #: Tolerance of the page's results, relative to their largest value.
 RTOL = 1e-12
-#: Script that computes law and force with the page's own JavaScript modules.
+#: Script that computes law, force and torque with the page's own JavaScript modules.
 LAW_IN_PAGE = """async ([ordinates, rpm]) => {
-  const { readTable, motion, contactForce } = await import("/static/board/law.js");
+  const { readTable, motion, contactForce, camTorque } = await import("/static/board/law.js");
   const board = await (await fetch("/board")).json();
-  const law = motion(readTable(board), ordinates);
-  const all = Float64Array.from([...law, contactForce(law, board.rig, rpm)].flatMap((x) => [...x]));
+  const law = motion(readTable(board), ordinates), force = contactForce(law, board.rig, rpm);
+  const all = Float64Array.from([...law, force, camTorque(law, force)].flatMap((x) => [...x]));
   return btoa(String.fromCharCode(...new Uint8Array(all.buffer)));
 }"""
 SPECTRUM_IN_PAGE = """async (values) => {
@@ -77,6 +78,11 @@ class BoardPage(BrowserPage):
         for _ in range(times):
             self.page.keyboard.press(key)
 
+    def choose(self, name, value):
+        """Choose a cam or a rig, which reloads the page."""
+        with self.page.expect_event("load"):
+            self.page.locator(f"#{name}").select_option(value)
+
     def save(self, name):
         self.page.locator("#name").fill(name)
         self.page.locator("#save").click()
@@ -110,22 +116,24 @@ def page(window, served, tmp_path):
 
 
 def in_page(page, ordinates, rpm):
-    """Return s to s''' and force, computed by the page's JavaScript, shape (5, n)."""
+    """Return s to s''', force and torque, computed by the page's JavaScript, shape (6, n)."""
     data = page.page.evaluate(LAW_IN_PAGE, [ordinates, rpm])
-    return np.frombuffer(base64.b64decode(data), dtype="<f8").reshape(ORDERS + 1, MOTION_POINTS)
+    return np.frombuffer(base64.b64decode(data), dtype="<f8").reshape(ORDERS + 2, MOTION_POINTS)
 
 
 def library_curves(board, ordinates, rpm):
-    """Return s to s''' and force, computed by the library, shape (5, n)."""
+    """Return s to s''', force and torque, computed by the library, shape (6, n)."""
     law, rig = board.law(np.array(ordinates)), FollowerParameters.from_rig(board.rig)
     rows = [law(table_angles(), order) for order in range(ORDERS)]
     force = rig.mass * rows[2] * (rpm * RPM) ** 2 + rig.damping * rows[1] * (rpm * RPM)
     force += rig.spring_stiffness * rows[0] + rig.preload
-    return np.stack([*rows, force])
+    torque = [shaft_torque(law, rig, angle, rpm * RPM) for angle in table_angles().tolist()]
+    # The library's torque is 0 if the force is negative.
+    return np.stack([*rows, force, np.where(force < 0.0, force * rows[1], torque)])
 
 
 def test_law_force_and_spectrum_of_the_page_are_those_of_the_library(page, board):
-    """Law and force that the page computes agree with the library to 1e-12.
+    """Law, force and torque that the page computes agree with the library to 1e-12.
 
     The spectrum agrees with numpy. As a control, a change of 1e-6 of an ordinate must be detected.
     """
@@ -474,8 +482,8 @@ def test_a_lost_connection_during_a_drag_loses_no_change(chromium, served, board
 def test_the_cam_turns_to_the_cursor_under_its_follower(page, board):
     """The cam is drawn at the angle of the cursor, with the follower at its lift.
 
-    The displayed s, v, a and F are those of the library. The cursor is moved by pointing at a chart
-    or by a slider.
+    The displayed s, v, a, F and T are those of the library. The cursor is moved by pointing at a
+    chart or by a slider.
     """
     for move in ("chart2", "force", "slider"):
         if move == "slider":
@@ -486,12 +494,11 @@ def test_the_cam_turns_to_the_cursor_under_its_follower(page, board):
         angle = int(page.page.locator("#cursor").input_value())
         assert angle == 201 or 60 < angle < 120
         page.until(lambda at=f"At {angle}°": page.text("at_cursor").startswith(at))
-        s, slope, second, _, force = library_curves(board, board.ordinates.tolist(), START_RPM)[
-            :, 2 * angle
-        ]
+        curves = library_curves(board, board.ordinates.tolist(), START_RPM)
+        s, slope, second, _, force, torque = curves[:, 2 * angle]
         omega = START_RPM * RPM
         numbers = [float(x) for x in re.findall(r"= (-?[\d.e-]+)", page.text("at_cursor"))]
-        expected = [1e3 * s, omega * slope, omega**2 * second, force]
+        expected = [1e3 * s, omega * slope, omega**2 * second, force, torque]
         assert numbers == pytest.approx(expected, rel=6e-3)
         turned = page.page.locator("#contour > svg > g").nth(1).get_attribute("transform")
         assert float(re.match(r"rotate\((-?[\d.]+) ", turned)[1]) == pytest.approx(-angle)
@@ -589,22 +596,102 @@ def test_contour_has_axis_base_circle_and_undercut(page, board):
 
 
 def test_the_first_words_are_about_the_cam(page):
-    """The heading is the title of the cam, and the first sentence states what the cam does.
+    """The page starts with the title of the cam, and the first sentence states what the cam does.
 
-    Sentences on splines are below the curves. On a telephone heading, knob, cam and a curve are in
-    view.
+    Sentences on splines are below the curves. On a telephone and in a small window title, knob, cam
+    and a curve are in view.
     """
     assert page.text("title") == "Polynomial 3-4-5"
     assert page.page.title() == "Polynomial 3-4-5 – cam_rig"
     words = " ".join(page.page.locator("body").inner_text().split())
-    assert words.startswith("Polynomial 3-4-5 on the rig paper_table2 Drawing board")
+    assert words.startswith("Polynomial 3-4-5 Cam")
+    chosen = "() => ['cam', 'rig'].map((id) => document.getElementById(id).selectedOptions[0].text)"
+    assert page.page.evaluate(chosen) == ["Polynomial 3-4-5", "paper_table2"]
     assert "poly345" not in words.partition("Motion law")[0]
     law = page.page.locator("#law").inner_text()
     assert law.startswith("Motion law\n\nIn each turn this cam raises its follower by 50 mm.")
     box = page.page.locator("#class").bounding_box()
     assert box["y"] > page.page.locator("#chart3").bounding_box()["y"]
-    page.page.set_viewport_size({"width": 390, "height": 844})
     page.page.evaluate("document.getElementById('expert').open = false")
-    for name in ("title", "knob", "contour", "chart0"):
-        box = page.page.locator(f"#{name}").bounding_box()
-        assert box["y"] >= 0 and box["y"] + box["height"] <= 844, name
+    for width, height in ((390, 844), (800, 600)):
+        page.page.set_viewport_size({"width": width, "height": height})
+        for name in ("cam", "knob", "contour", "chart0"):
+            box = page.page.locator(f"#{name}").bounding_box()
+            assert box["y"] >= 0 and box["y"] + box["height"] <= height, name
+
+
+def test_a_student_chooses_cam_and_rig_and_sizes_the_cam(chromium, board, tmp_path):
+    """Cam, rig and base radius are chosen on the page, and all results follow.
+
+    Twist and speed fluctuation appear with a shaft and a flywheel, torque always. The base radius
+    is reduced until the contour is undercut, and undo restores it.
+    """
+    board = Board(board.file, board.rig, tmp_path)
+    with serve(BoardPages(board)) as panel, in_browser(chromium, BoardPage) as page:
+        page.open(panel.address)
+        page.settled()
+        check_shaft(page, board)
+        page.choose("rig", "paper_flywheel")
+        page.settled()
+        assert page.page.evaluate("() => document.activeElement.id") == "rig"
+        assert board.rig.name == "paper_flywheel"
+        check_shaft(page, board)
+        torque = library_curves(board, board.ordinates.tolist(), START_RPM)[5]
+        numbers = [float(x) for x in re.findall(r"(-?[\d.]+) N·m", page.text("torques"))]
+        expected = [torque.max(), torque.min(), torque.mean()]
+        assert numbers == pytest.approx(expected, rel=5e-3)  # three digits
+        page.choose("rig", "tm21")
+        page.settled()
+        assert "TM21" in page.text("rig_title") and page.page.locator("#twist_of").is_hidden()
+        page.choose("cam", "flat")
+        page.settled()
+        assert page.text("title") == "Flat follower"
+        reduce_base_radius(page, board)
+
+
+def check_shaft(page, board):
+    """Check twist and speed fluctuation on the page against `cam-rig vibration`."""
+    measured = cam_rig.vibration("poly345", board.rig, START_RPM).rows[0].measured
+    assert page.number("twist") == pytest.approx(np.degrees(measured.twist), rel=1e-3)
+    if measured.fluctuation is None:
+        assert page.page.locator("#fluctuation_of").is_hidden()
+    else:
+        assert page.number("fluctuation") == pytest.approx(100.0 * measured.fluctuation, rel=2e-3)
+
+
+def reduce_base_radius(page, board):
+    """Reduce the base radius of the cam flat until it is undercut, save it, and undo."""
+    assert page.text("checks_title") == "Contour checks: all 6 ok"
+    page.page.locator("#checks_title").click()
+    for base, count in ((20, 6), (4, 5)):  # an undercut contour is not checked for crossings
+        page.enter("base_radius", base)
+        page.until(lambda b=base: board.base_radius_mm == b)
+        page.settled()
+        assert page.text("checks_title") == f"Contour checks: 2 of {count} fail"
+        assert page.page.locator("#contour .mark").count() == (2 if base == 4 else 0)
+    assert "-2.398" in page.page.locator("#checks .fault").first.inner_text()
+    page.save("small")
+    page.until(lambda: "Saved and marked" in page.text("status"))
+    assert cam_rig.load_cam(board.out / "small.yaml").follower.base_radius.si == 0.004
+    for base in (20.0, 35.0):
+        page.page.locator("#undo").click()
+        page.until(lambda b=base: board.base_radius_mm == pytest.approx(b))
+    page.settled()
+    assert page.text("checks_title") == "Contour checks: all 6 ok"
+
+
+def test_peaks_of_two_laws_are_in_tables(page):
+    """The peaks of the law and of a second law are in tables, with the titles of their cams."""
+    shown = page.page
+    assert shown.locator("#second_peaks").is_hidden()
+    shown.select_option("#second", label="Polynomial 4-5-6-7")
+    shown.locator("#second_peaks").wait_for()
+    rows = [shown.locator(f"#{name} tr").all_inner_texts() for name in ("peaks", "second_peaks")]
+    curvature = ["0.0686403", "56.081°", "-0.0686403", "123.92°", "5.7735"]
+    assert rows[0][2].split("\t")[1:] == curvature
+    assert [row.split("\t")[-1] for row in rows[1][1:]] == ["2.1875", "7.5132", "52.5"]
+    captions = [
+        shown.locator(f"#{name} caption").inner_text() for name in ("peaks", "second_peaks")
+    ]
+    assert captions == ["Polynomial 3-4-5: joints C2", "Polynomial 4-5-6-7: joints C3"]
+    assert "Polynomial 4-5-6-7" in shown.locator("#key").inner_text()

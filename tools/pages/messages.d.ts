@@ -16,22 +16,26 @@ interface Disc {
   steep: number[];
 }
 
-/** Cam in its frame, and follower about its origin, in mm and rad. Origin and turn are linear in the lift. */
-interface CamPicture {
-  contour: Points;
+/** Base circle, and follower about its origin, in mm and rad. Origin and turn are linear in the lift. */
+interface FollowerPicture {
   base: number;
-  roller: number;
   outline: Points[];
-  support: Points[];
   origin: Pair;
   origin_per_mm: Pair;
   turn: number;
   turn_per_mm: number;
+  is_oscillating: boolean;
+  max_lift: number;
+}
+
+/** Cam in its frame with its follower, in mm and rad. */
+interface CamPicture extends FollowerPicture {
+  contour: Points;
+  roller: number;
+  support: Points[];
   /** Roller's centre, point or middle of the face, at zero and at the largest lift. */
   centre: Points;
-  is_oscillating: boolean;
   reach: number;
-  max_lift: number;
   contact: Points;
   normal: Points;
 }
@@ -65,15 +69,26 @@ interface Board {
   /** B-splines that replace the law of the file, null if its ordinates are drawn. */
   b_splines: { degree: number; exact: boolean; distance_m: number } | null;
   start_can_be_made: boolean;
-  picture: CamPicture;
-  rig: Mass & { name: string; two_masses: boolean; from_rest_s: number; calibrated_on: string };
+  base_radius_mm: number;
+  base_radius_range: Pair;
+  rig: Mass & {
+    name: string;
+    title: string;
+    two_masses: boolean;
+    from_rest_s: number;
+    has_shaft: boolean;
+    has_flywheel: boolean;
+    calibrated_on: string;
+  };
   rpm: number;
   rpm_range: Pair;
   ordinates: number[];
   start: number[];
+  start_base_radius_mm: number;
   handles: SentHandle[];
   /** Titles by name. */
   cams: Record<string, string>;
+  rigs: Record<string, string>;
   points: number;
   orders: number;
   /** Arrays in base64. */
@@ -102,10 +117,32 @@ type Fault =
   | { key: "error"; message: string }
   | { key: "undercut" | "pressure"; angle_deg: number; value_deg?: number; allowed_deg?: number };
 
+/** Value of a derivative (m/rad^order) and its cam angle. */
+interface Extreme {
+  value: number;
+  angle_deg: number;
+}
+
+/** Peaks of the first three derivatives of a law, and the class of its roughest joint. The coefficient is that of the rise. */
+interface Figures {
+  continuity: number;
+  peaks: { largest: Extreme; least: Extreme; coefficient: number | null }[];
+}
+
+/** Law of another cam, with its motion in base64. */
+interface OtherLaw {
+  title: string;
+  motion: string;
+  figures: Figures;
+}
+
 /** Results that are computed for each change. */
 interface FastResults {
   version: number;
+  figures: Figures;
   discs: Disc[];
+  /** Null if the follower does not reach the cam. */
+  follower: FollowerPicture | null;
   faults: Fault[];
   warnings: Fault[];
   jump_rigid: PageValue;
@@ -125,6 +162,19 @@ interface Changed extends FastResults {
   number: null;
   ordinates: number[];
   rpm: number;
+  base_radius_mm: number;
+}
+
+/** Check of the contour, with value and limit in its unit. A value of null is infinite. */
+interface CheckResult {
+  title: string;
+  value: number | null;
+  angle_deg: number | null;
+  relation: "more than" | "less than" | "at most";
+  limit: number;
+  unit: string;
+  passed: boolean;
+  message: string;
 }
 
 /** Results that are computed after a pause in the changes. With a `message` there are no results. */
@@ -137,7 +187,11 @@ interface FullResults {
   jump: PageValue;
   residual_um: PageValue;
   level_db: PageValue;
-  checks: string[];
+  /** Null for a rig without a shaft. */
+  shaft: { twist_deg: PageValue; fluctuation_percent?: PageValue } | null;
+  checks: CheckResult[];
+  /** Reason why the cam cannot be checked, or empty. */
+  check_error: string;
   can_be_made: boolean;
 }
 
@@ -148,7 +202,7 @@ interface Design {
   best_rpm?: number;
   rpm: number;
   path: string;
-  motion: string;
+  law: OtherLaw;
   message?: string;
   stopped?: boolean;
 }

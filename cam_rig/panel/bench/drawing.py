@@ -21,7 +21,7 @@ from cam_rig.laws import Law, build_law
 from cam_rig.panel.bench.runner import Setup
 from cam_rig.profile import contours
 from cam_rig.profile.contact import Motion, turn_angles
-from cam_rig.profile.outlines import follower_shape
+from cam_rig.profile.outlines import FollowerShape, follower_shape
 from cam_rig.quantities.steady import steady_turn
 from cam_rig.schema import CamConfig, RigConfig, SceneConfig
 from cam_rig.schema.load import Library, config_root, load_cam
@@ -105,33 +105,46 @@ class LiveMotion:
 def cam_picture(cam: CamConfig, law: Law) -> dict[str, Any]:
     """Return the geometry of a cam and its follower as JSON data, in mm and rad.
 
-    The coordinates are those of the cam's frame. Position and turn of the follower are given at
-    zero lift and per mm of lift, because they are linear in the lift.
+    The coordinates are those of the cam's frame. The follower is that of `follower_picture`.
     """
     shape, disc = follower_shape(cam, law), contours(cam.follower, law, CONTOUR_POINTS)[0]
-    # Origin and turn are linear in lift, so two lifts (m) define them.
-    lifts = np.array([0.0, max(law.lift, 1e-3)])
-    origin, turn = shape.origin(lifts) * MM, shape.turn(lifts)
-    lift = float(lifts[1]) * MM
     motion = Motion.at(law, turn_angles(CONTOUR_POINTS))
     point, normal = shape.contact(motion)
-    return {
+    return follower_picture(cam, law, shape) | {
         "contour": millimetres(disc.points),
-        "base": _millimetres(cam.follower.base_radius.si),
         "roller": _millimetres(shape.element.roller),
-        "outline": [millimetres(strip.T) for strip in shape.in_guide()],
         "support": [millimetres(strip.T) for strip in shape.support()],
+        "centre": millimetres(shape.place(_lifts(law)).T),
+        "reach": _millimetres(shape.reach),
+        "contact": millimetres(point.T),
+        "normal": np.round(normal.T, DECIMALS).tolist(),
+    }
+
+
+def follower_picture(cam: CamConfig, law: Law, shape: FollowerShape) -> dict[str, Any]:
+    """Return the outline and the position of a follower as JSON data, in mm and rad.
+
+    Position and turn are given at zero lift and per mm of lift, because they are linear in the
+    lift. The data contain the base circle of the cam.
+    """
+    lifts = _lifts(law)
+    origin, turn = shape.origin(lifts) * MM, shape.turn(lifts)
+    lift = float(lifts[1]) * MM
+    return {
+        "base": _millimetres(cam.follower.base_radius.si),
+        "outline": [millimetres(strip.T) for strip in shape.in_guide()],
         "origin": origin[0].tolist(),
         "origin_per_mm": ((origin[1] - origin[0]) / lift).tolist(),
         "turn": float(turn[0]),
         "turn_per_mm": float(turn[1] - turn[0]) / lift,
-        "centre": millimetres(shape.place(lifts).T),
         "is_oscillating": bool(np.ptp(turn)),
-        "reach": _millimetres(shape.reach),
         "max_lift": _millimetres(shape.max_lift),
-        "contact": millimetres(point.T),
-        "normal": np.round(normal.T, DECIMALS).tolist(),
     }
+
+
+def _lifts(law: Law) -> FloatArray:
+    """Return two lifts (m), which define the linear map from lift to origin and turn."""
+    return np.array([0.0, max(law.lift, 1e-3)])
 
 
 def _millimetres(length: float) -> float:

@@ -188,7 +188,8 @@ class BenchPages(PanelPages):
 
         If the nodes are not running, they are started with this cam.
         """
-        cam = self._board.cam_of(self._controls.next_drawn_name(), body.get("ordinates"))
+        name, base = self._controls.next_drawn_name(), body.get("base_radius_mm")
+        cam = self._board.cam_of(name, body.get("ordinates"), base)
         await self._controls.mount(cam)
         return {"cam": cam.name}
 

@@ -9,35 +9,22 @@ in s and s''.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline as Spline
 
-from cam_rig.acoustics import RadiationParameters, level_db
-from cam_rig.acoustics.pressure import steady_power
-from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
-from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
-from cam_rig.dynamics.jump.two_masses import REST_DURATION_S
-from cam_rig.dynamics.vibration import residual_vibration
-from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import MAX_CONTINUITY, joints
-from cam_rig.profile import Contour, contours
-from cam_rig.profile.cam_checks import check_cam, max_pressure_angle
-from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.schema import CamConfig
 from cam_rig.schema.load import quantity_data, validate_cam
+from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segments import MAX_B_SPLINE_DEGREE, MAX_B_SPLINE_ORDINATES, Bezier, BSpline
-from cam_rig.show.looks import millimetres
 from cam_rig.studies.design.result import spline_cam_data
 from cam_rig.studies.design.space import LawEvent, events
-from cam_rig.studies.simulate.motion import simulate
-from cam_rig.studies.simulate.sound import sound_level
-from cam_rig.units import RPM, TURN, FloatArray
+from cam_rig.units import TURN, FloatArray
 
 #: Smallest number of polynomial pieces of the B-spline of an event, the part of the turn between
 #: two dwells.
@@ -200,115 +187,9 @@ def _end_derivatives(law: Law, event: LawEvent, end: int, count: int) -> list[fl
     return [float(d) * event.span**k / law.lift for k, d in enumerate(derivatives)]
 
 
-# Evaluation of a law: fast results for every change, and slow results once changes have stopped.
-
-#: Number of points of a contour on the page.
-CONTOUR_POINTS = 360
-#: Number of turns that are simulated for the sound level if contact is lost. The first is left out
-#: as transient.
-LEVEL_TURNS = 6
-#: Value that is sent to the page: the number as `value`, or the reason for a missing number as
-#: `message`. It is empty for infinity, which JSON cannot contain.
-PageValue = dict[str, float | str]
-
-
-def evaluate_fast(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
-    """Return those results for a drawn law that are computed in about 3 ms.
-
-    They are the contours, their faults, and the jump speed (rpm) of one rigid mass. The contours
-    are checked only at the drawn points. `evaluate_full` runs all checks. A law that cannot be made
-    has `faults`. A law that can be made but violates a limit has `warnings`.
-    """
-    jump = _page_value(lambda: rigid_jump_speed(law, FollowerParameters.from_rig(rig)) / RPM)
-    try:
-        discs = contours(cam.follower, law, CONTOUR_POINTS)
-    except CamRigError as error:
-        faults: list[dict[str, Any]] = [{"key": "error", "message": str(error)}]
-        return {"discs": [], "faults": faults, "warnings": [], "jump_rigid": jump, "pressure": None}
-    discs_data, faults, warnings, pressure = [], [], [], list[dict[str, float]]()
-    for disc in discs:
-        allowed = max_pressure_angle(cam.follower, disc.disc.element)
-        undercut, steep = disc.rate <= 0.0, np.abs(disc.pressure) > allowed
-        discs_data.append(
-            {
-                "points": millimetres(disc.points),
-                "pitch": None if disc.pitch is None else millimetres(disc.pitch),
-                "undercut": np.flatnonzero(undercut).tolist(),
-                "steep": np.flatnonzero(steep).tolist(),
-            }
-        )
-        if undercut.any():
-            worst = int(np.argmin(disc.rate))
-            faults.append({"key": "undercut", "angle_deg": _angle_deg(disc, worst)})
-        worst = int(np.argmax(np.abs(disc.pressure)))
-        value = math.degrees(abs(disc.pressure[worst]))
-        pressure.append({"value_deg": value, "allowed_deg": math.degrees(allowed)})
-        if steep.any():
-            warning = {"key": "pressure", "angle_deg": _angle_deg(disc, worst)}
-            warnings.append(warning | pressure[-1])
-    worst_pressure = max(pressure, key=lambda p: p["value_deg"] - p["allowed_deg"])
-    results = {"discs": discs_data, "faults": faults, "warnings": warnings}
-    return results | {"jump_rigid": jump, "pressure": worst_pressure}
-
-
-def evaluate_full(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[str, Any]:
-    """Return those results for a drawn law that take about 0.2 s.
-
-    They are the jump speed, the residual vibration, the sound level and all failed checks. The jump
-    speed is that of the rig's follower. The residual vibration is in µm and the level in dB, both
-    at the cam speed `rpm`.
-    """
-
-    def residual() -> float:
-        follower, speed = FollowerParameters.on_stem(rig, "the residual vibration"), rpm * RPM
-        return 1e6 * float(residual_vibration(law, follower, np.array([speed]))[0])
-
-    fatal, failed = failed_checks(cam, law)
-    return {
-        "jump": _page_value(lambda: find_jump(law, follower_of(rig), REST_DURATION_S).rpm),
-        "residual_um": _page_value(residual),
-        "level_db": _page_value(lambda: level(law, rig, rpm)),
-        "checks": failed,
-        "can_be_made": not fatal,
-    }
-
-
-def failed_checks(cam: CamConfig, law: Law) -> tuple[list[str], list[str]]:
-    """Return the failed checks of a cam with a law, as texts.
-
-    The first result contains the fatal ones, which mean that the cam cannot exist. The second
-    contains all failed checks.
-    """
-    try:
-        failed = [check for check in check_cam(cam, law) if not check.passed]
-    except CamRigError as error:
-        return [str(error)], [str(error)]
-    return [str(check) for check in failed if check.is_fatal], [str(check) for check in failed]
-
-
-def level(law: Law, rig: RigConfig, rpm: float) -> float:
-    """Return the sound level (dB re 20 µPa) of one rigid mass at a speed (rpm).
-
-    It is exact if contact is kept, else it is that of a simulation.
-    """
-    follower = FollowerParameters.from_rig(rig)
-    if law.velocity_jumps or rigid_jump_speed(law, follower) <= rpm * RPM:
-        return sound_level(simulate(law, rig, rpm=rpm, turns=LEVEL_TURNS)).level_db
-    power = steady_power(law, follower, RadiationParameters.from_rig(rig), rpm * RPM)
-    return float(level_db(np.array([math.sqrt(power)]))[0])
-
-
-def _page_value(compute: Callable[[], float]) -> PageValue:
-    """Return a computed value for a page, or the reason why it cannot be computed.
-
-    A value that is not finite is left out.
-    """
-    try:
-        value = compute()
-    except CamRigError as error:
-        return {"message": str(error)}
-    return {"value": value} if math.isfinite(value) else {}
-
-
-def _angle_deg(disc: Contour, index: int) -> float:
-    return math.degrees(disc.angle[index]) % 360.0
+def with_base_radius(cam: CamConfig, base_radius_mm: float, start: str) -> CamConfig:
+    """Return a cam with another base radius (mm). `start` is the cam that the drawing changes."""
+    source = f"drawn on the panel, from {start}"
+    base = Quantity(assumed=base_radius_mm, unit="mm", source=source)
+    follower = cam.follower.model_copy(update={"base_radius": base})
+    return cam.model_copy(update={"follower": follower})

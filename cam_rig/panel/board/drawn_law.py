@@ -100,8 +100,8 @@ class DrawnLaw:
             edges = (start, (start + segment.span.si) % TURN)
             orders = [max(0, continuity[_nearest_joint(joint_angles, edge)]) for edge in edges]
             fixed = [1 + min(drawable.MAX_KEPT_CONTINUITY, order) for order in orders]
-            first, last = float(angles[fixed[0] - 1]), float(angles[-fixed[1]])
             for i in range(fixed[0], count - fixed[1]):
+                first, last = float(angles[fixed[0] - 1]), float(angles[-fixed[1]])
                 angle = float(angles[i])
                 handles.append(Handle(index + i, angle % TURN, number, angle - first, last - angle))
             index += count

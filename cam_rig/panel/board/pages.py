@@ -35,6 +35,7 @@ COLOURS = {
     "acceleration": colours.web(colours.ACCELERATION),
     "jerk": colours.web(colours.BLACK),
     "force": colours.web(colours.FORCE),
+    "torque": colours.web(colours.TWIST),
     "contour": colours.web(colours.BLUE),
     "pitch": colours.web(colours.GREEN),
     "ghost": colours.web(colours.GREY),
@@ -52,10 +53,11 @@ class BoardPages(PanelPages):
         self.routes = (
             page_file("/", "board"),
             get("/board", lambda _: self.board.page_data() | {"colours": COLOURS}),
-            get("/other/{cam}", lambda path: self.board.shipped_law(path["cam"])),
-            post("/save", lambda b: self.board.save_for_page(b.get("name"), b.get("ordinates"))),
+            get("/other/{cam}", lambda path: self.board.second_law(path["cam"])),
+            post("/save", lambda b: self.board.save_for_page(b.get("name"), *_drawing(b))),
             post("/dxf", self._dxf),
             post("/open", self._open),
+            post("/choose", self._choose),
             *self._designs.routes,
             WebSocketRoute("/changes", self._changes),
         )
@@ -77,12 +79,20 @@ class BoardPages(PanelPages):
 
     async def _open(self, body: dict[str, Any]) -> dict[str, Any]:
         await asyncio.to_thread(self.board.open, body.get("text"))
+        return self._reload_pages()
+
+    async def _choose(self, body: dict[str, Any]) -> dict[str, Any]:
+        await asyncio.to_thread(self.board.choose, body.get("cam"), body.get("rig"))
+        return self._reload_pages()
+
+    def _reload_pages(self) -> dict[str, Any]:
+        """Let all pages load the board again, and return the names of its cam and rig."""
         self._broadcast({"type": "opened"})
         self._changed.set()
-        return {"name": self.board.file.name}
+        return {"cam": self.board.file.name, "rig": self.board.rig.name}
 
     async def _dxf(self, body: dict[str, Any]) -> Response:
-        text = await asyncio.to_thread(self.board.dxf, body.get("ordinates"))
+        text = await asyncio.to_thread(self.board.dxf, *_drawing(body))
         return Response(text, media_type="image/vnd.dxf")
 
     async def _changes(self, socket: WebSocket) -> None:
@@ -97,7 +107,8 @@ class BoardPages(PanelPages):
             self._pages.discard(page)
 
     async def _apply_change(self, page: LivePage, change: dict[str, Any]) -> dict[str, Any]:
-        self.board.update(change.get("ordinates"), change.get("rpm"))
+        ordinates, base_radius_mm = _drawing(change)
+        self.board.update(ordinates, change.get("rpm"), base_radius_mm)
         results = self.board.evaluate_fast()
         self._broadcast(results | self._changed_values(), self._pages - {page})
         self._changed.set()
@@ -105,8 +116,13 @@ class BoardPages(PanelPages):
 
     def _changed_values(self) -> dict[str, Any]:
         """Return the board's state for a page that did not make the last change."""
-        ordinates = self.board.ordinates.tolist()
-        return {"type": "changed", "number": None, "ordinates": ordinates, "rpm": self.board.rpm}
+        return {
+            "type": "changed",
+            "number": None,
+            "ordinates": self.board.ordinates.tolist(),
+            "rpm": self.board.rpm,
+            "base_radius_mm": self.board.base_radius_mm,
+        }
 
     def _broadcast(self, message: dict[str, Any], pages: set[LivePage] | None = None) -> None:
         for page in self._pages if pages is None else pages:
@@ -119,31 +135,37 @@ class BoardPages(PanelPages):
         """
         board = self.board
         while True:
-            drawn = board.drawn
+            machine = board.machine
             request = {"cam": board.cam.model_dump(), "rig": board.rig.model_dump()}
             async with worker_process(request) as process:
                 try:
-                    while board.drawn is drawn:  # a new worker follows if another file is opened
+                    while board.machine == machine:  # a new worker follows for another machine
                         await self._answer_once(process)
                 except WorkerLostError as error:  # the next worker answers the next change
                     self._broadcast(self._full_message() | {"message": str(error)})
 
     async def _answer_once(self, process: asyncio.subprocess.Process) -> None:
-        drawn = self.board.drawn
+        machine = self.board.machine
         await self._changed.wait()
         while self._changed.is_set():  # until there is no change for a while
             self._changed.clear()
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._changed.wait(), PAUSE_S)
-        if self.board.drawn is not drawn:
+        if self.board.machine != machine:
             self._changed.set()
             return
-        message = self._full_message()
-        results = await request_results(process, self.board.law(), self.board.rpm)
-        self._broadcast(message | results)
+        message, board = self._full_message(), self.board
+        results = await request_results(process, board.law(), board.rpm, board.base_radius_mm)
+        if board.machine == machine:
+            self._broadcast(message | results)
 
     def _full_message(self) -> dict[str, Any]:
         return {"type": "full", "version": self.board.version, "rpm": self.board.rpm}
+
+
+def _drawing(body: dict[str, Any]) -> tuple[Any, Any]:
+    """Return ordinates and base radius (mm) of a request of a page."""
+    return body.get("ordinates"), body.get("base_radius_mm")
 
 
 # The server's end of its worker processes, for the slow results of a law and for a design.
@@ -185,13 +207,16 @@ async def worker_process(request: dict[str, Any], *arguments: str) -> AsyncItera
         await process.wait()
 
 
-async def request_results(process: Process, law: Law, rpm: float) -> dict[str, Any]:
+async def request_results(
+    process: Process, law: Law, rpm: float, base_radius_mm: float
+) -> dict[str, Any]:
     """Request the slow results for a law at a speed (rpm) from a worker process.
 
-    They are the results of `drawable.evaluate_full`. Raises WorkerLostError if the process has
-    ended.
+    They are the results of `evaluation.evaluate_full` for a base radius (mm). Raises
+    WorkerLostError if the process has ended.
     """
-    request = {"breaks": law.breaks.tolist(), "ordinates": law.ordinates.tolist(), "rpm": rpm}
+    request = {"breaks": law.breaks.tolist(), "ordinates": law.ordinates.tolist()}
+    request |= {"rpm": rpm, "base_radius_mm": base_radius_mm}
     assert process.stdout is not None
     try:
         _send(process, request)

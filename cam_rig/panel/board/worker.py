@@ -1,8 +1,8 @@
 """Worker process for results that take too long to compute in the panel server.
 
 It reads lines of JSON from standard input and writes lines of JSON. With the argument ``design`` it
-makes one design. Otherwise it returns the slow results of each law (`drawable.evaluate_full`) until
-its input ends. It therefore ends with the server, however the server ends.
+makes one design. Otherwise it returns the slow results of each law (`evaluation.evaluate_full`)
+until its input ends. It therefore ends with the server, however the server ends.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ import numpy as np
 
 from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
-from cam_rig.panel.board.drawable import evaluate_full
+from cam_rig.panel.board.drawable import with_base_radius
+from cam_rig.panel.board.evaluation import evaluate_full
 from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.schema.yaml_text import parse_yaml
 from cam_rig.units import RPM
 
 
@@ -27,12 +29,13 @@ def _send(message: dict[str, Any]) -> None:
 def answer_laws(_: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
     """Read laws from standard input, and write the results of each as one line.
 
-    They are the slow results, those of `drawable.evaluate_full`.
+    They are the slow results, those of `evaluation.evaluate_full`. Each request has a base radius.
     """
     for line in sys.stdin:
         request = json.loads(line)
         law = Law(cam.name, np.array(request["breaks"]), np.array(request["ordinates"]))
-        _send(evaluate_full(cam, law, rig, request["rpm"]))
+        changed = with_base_radius(cam, request["base_radius_mm"], cam.name)
+        _send(evaluate_full(changed, law, rig, request["rpm"]))
 
 
 def design(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
@@ -40,8 +43,7 @@ def design(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
 
     A line is written for each better jump speed, then one line with the law or with an error.
     """
-    from cam_rig.panel.board.board import GOAL, LIMIT
-    from cam_rig.panel.board.drawn_law import motion_in_base64
+    from cam_rig.panel.board.board import GOAL, LIMIT, law_for_comparison
     from cam_rig.studies.design.request import DesignRequest
     from cam_rig.studies.design.study import search_design
 
@@ -55,7 +57,9 @@ def design(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
         _send({"message": str(error)})
     else:
         rpm = result.measures[0].result / RPM
-        _send({"rpm": rpm, "motion": motion_in_base64(result.law), "text": result.text})
+        designed = CamConfig.model_validate(parse_yaml(result.text))
+        law = law_for_comparison(designed, result.law)
+        _send({"rpm": rpm, "law": law, "text": result.text})
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 // Live bench: every control is a parameter or a service of a node, and displays the value that the node reports.
 import { $, create, field, post, setDisabled, setHidden, setText, setValue, showStatus } from "../common/dom.js";
-import { Knob, typedSpeed } from "../common/knob.js";
+import { Knob, typedNumber } from "../common/knob.js";
 import { LatestSender } from "../common/latest.js";
 import { formatGap } from "../common/rig.js";
 import { Store } from "../common/store.js";
@@ -244,7 +244,7 @@ const knob = new Knob($("knob"), about.knob, text("commanded"), (rpm) => {
 });
 [field("rpm").min, field("rpm").max] = about.speeds.map(String);
 $("rpm").addEventListener("change", () => {
-  const rpm = typedSpeed(field("rpm"), about.speeds);
+  const rpm = typedNumber(field("rpm"), about.speeds);
   if (rpm === null) return;
   knob.show(rpm);
   setSpeed(rpm);

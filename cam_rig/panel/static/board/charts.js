@@ -1,11 +1,12 @@
 // Charts of the board: the law and its derivatives, the contact force over the turn, the spectrum.
 /** @import { Motion, MotionTable } from "./law.js" */
-/** @import { BoardState } from "./main.js" */
-import { ANGLE_TICKS, Chart, extent, lineColour, svgElement, union } from "../common/charts.js";
+/** @import { BoardState, SecondLaw } from "./main.js" */
+import { ANGLE_TICKS, Chart, extent, lineColour, union } from "../common/charts.js";
 import { $, setText } from "../common/dom.js";
 import { cached } from "../common/store.js";
 import { formatNumber, text } from "../common/texts.js";
-import { contactForce, motion, spectrum } from "./law.js";
+import { camTorque, contactForce, motion, spectrum } from "./law.js";
+import { curveSample } from "./tables.js";
 
 /** Displayed lengths are in mm. */
 const MM = 1e3;
@@ -17,7 +18,7 @@ const STEM_OFFSET = 2.5;
 const DRAG_MARGIN = 0.12;
 /** Colours of the curves, and texts of the axes, of s to s'''. */
 const CURVES = [["lift", "s0"], ["velocity", "s1"], ["acceleration", "s2"], ["jerk", "s3"]];
-const SECOND_COLOUR = "#111";
+export const SECOND_COLOUR = "#111";
 
 export class BoardCharts {
   /** @param {Board} board @param {MotionTable} table */
@@ -32,23 +33,29 @@ export class BoardCharts {
     this.laws = CURVES.map(([, title], i) => new Chart($(`chart${i}`), {
       ...angle, title: text(title), role: i === 0 ? "group" : "img", xTitle: [0, CURVES.length - 1].includes(i) ? text("angle") : "",
     }));
-    this.force = new Chart($("force"), { ...angle, title: text("newton"), xTitle: text("angle") });
+    this.force = new Chart($("force"), { ...angle, title: text("newton") });
+    this.torque = new Chart($("torque"), { ...angle, title: text("newton_metre"), xTitle: text("angle") });
     this.spectrum = new Chart($("spectrum"), {
       x: [0, MAX_ORDER + 1], xTicks: [1, 10, 20, 30, 40], title: text("of_force"), xTitle: text("order"), isLogarithmic: true,
     });
     /** Charts over the cam angle. */
-    this.overAngle = [...this.laws, this.force];
+    this.overAngle = [...this.laws, this.force, this.torque];
     const forces = () => cached((/** @type {Motion | null} */ law, /** @type {number} */ rpm) => law && contactForce(law, board.rig, rpm));
     this.forces = [forces(), forces(), forces()];
+    const torques = () => cached((/** @type {Motion | null} */ law, /** @type {Numbers | null} */ force) => law && force && camTorque(law, force));
+    this.torques = [torques(), torques(), torques()];
     const logSpectrum = (/** @type {Numbers | null} */ values, /** @type {number} */ scale) => (
       values && spectrum(values, MAX_ORDER).map((amplitude) => Math.log10(Math.max(amplitude * scale, 1e-300))));
     this.spectra = [cached(logSpectrum), cached(logSpectrum), cached(logSpectrum)];
-    this.#drawLegend();
+    /** Second law in the legend, undefined before the first drawing. @type {SecondLaw | null | undefined} */
+    this.secondInLegend = undefined;
   }
 
   /** Draw the state. Axes shrink only if `state.mayShrink`. @param {BoardState} state */
   draw(state) {
-    const { mayShrink, second, fast, makeable, rpm } = state;
+    const { mayShrink, fast, makeable, rpm } = state;
+    const second = state.second && state.second.motion;
+    this.#drawLegend(state.second);
     const law = this.motion(state.ordinates);
     const isFaulty = Boolean(fast?.faults.length);
     this.laws.forEach((chart, order) => this.#drawLaw(chart, order, law, second, mayShrink));
@@ -60,6 +67,10 @@ export class BoardCharts {
     const [low, high] = extent(forces);
     this.force.fit(Math.min(low, 0), Math.max(high, 0), mayShrink);
     this.#drawCurves(this.force, forces, { colour: this.board.colours.force });
+    const torques = laws.map((each, i) => this.torques[i](each, forces[i]));
+    this.torque.fit(...extent(torques), mayShrink);
+    this.#drawCurves(this.torque, torques, { colour: this.board.colours.torque });
+    this.#nameTorques(/** @type {Float64Array} */ (torques[0]));
     this.#drawContact(/** @type {Float64Array} */ (forces[0]), isFaulty, Boolean(makeable));
     const isOfForce = state.spectrum === "force";
     const spectra = laws.map((each, i) => this.spectra[i](isOfForce ? forces[i] : each && each[2], isOfForce ? 1 : MM));
@@ -102,6 +113,19 @@ export class BoardCharts {
     $("contact").classList.toggle("fault", isLost || isFaulty);
   }
 
+  /** Show the largest, the least and the mean torque. @param {Float64Array} torque */
+  #nameTorques(torque) {
+    const [least, largest] = extent([torque]);
+    const mean = torque.reduce((sum, value) => sum + value, 0) / torque.length;
+    setText("torques", text("torques", {
+      largest: formatNumber(largest, 3),
+      least: formatNumber(least, 3),
+      mean: formatNumber(mean, 3),
+      largest_at: formatNumber(torque.indexOf(largest) * this.step),
+      least_at: formatNumber(torque.indexOf(least) * this.step),
+    }));
+  }
+
   /** @param {(Numbers | null)[]} spectra @param {boolean} isOfForce @param {boolean} mayShrink */
   #drawSpectrum(spectra, isOfForce, mayShrink) {
     const { colours } = this.board;
@@ -115,14 +139,17 @@ export class BoardCharts {
     $("key").querySelector("path")?.setAttribute("stroke", lineColour(colour));
   }
 
-  #drawLegend() {
-    const { colours } = this.board;
-    for (const [key, colour, kind] of [["key_law", colours.force, ""], ["key_start", colours.ghost, "ghost"], ["key_second", SECOND_COLOUR, "second"]]) {
+  /** Name the laws of the curves. @param {SecondLaw | null} second */
+  #drawLegend(second) {
+    if (second === this.secondInLegend) return;
+    this.secondInLegend = second;
+    const { colours, cam } = this.board;
+    const entries = [[cam.title, colours.force, ""], [text("key_start", cam), colours.ghost, "ghost"]];
+    if (second) entries.push([second.title, SECOND_COLOUR, "second"]);
+    $("key").replaceChildren(...entries.map(([title, colour, kind]) => {
       const item = document.createElement("li");
-      const svg = svgElement("svg", { viewBox: "0 0 34 10", "aria-hidden": "true" });
-      svgElement("path", { class: `curve ${kind}`, stroke: lineColour(colour), d: "M0 5H34" }, svg);
-      item.append(svg, text(key));
-      $("key").append(item);
-    }
+      item.append(curveSample(kind, lineColour(colour)), title);
+      return item;
+    }));
   }
 }

@@ -1,13 +1,14 @@
 // Files of the board: cam file, contour as DXF, and a design from the saved cam.
+/** @import { Drawing } from "./links.js" */
 import { $, copyText, create, field, post, setHidden, setText, showRefusal, showStatus } from "../common/dom.js";
 import { errorText, formatNumber, text } from "../common/texts.js";
 
 /** Name of the cam that was saved last, from which a design starts. @type {string | null} */
 let savedName = null;
 
-/** @param {() => number[]} readOrdinates */
-export function listenForFiles(readOrdinates) {
-  const send = (/** @type {string} */ path, more = {}) => post(path, { ...more, ordinates: readOrdinates() });
+/** @param {() => Drawing} readDrawing */
+export function listenForFiles(readDrawing) {
+  const send = (/** @type {string} */ path, more = {}) => post(path, { ...more, ...readDrawing() });
 
   $("controls").addEventListener("submit", async (event) => {
     event.preventDefault();
@@ -69,12 +70,12 @@ function showProgress(progress) {
   setText("design_progress", progress);
 }
 
-/** Show the state of a design. @param {Design} design @param {(motion: string) => void} onDesigned receives the law in base64 */
+/** Show the state of a design. @param {Design} design @param {(law: OtherLaw) => void} onDesigned */
 export function showDesign(design, onDesigned) {
   if (design.best_rpm !== undefined) return showProgress(text("design_so_far", { rpm: formatNumber(design.best_rpm) }));
   showProgress("");
   if (design.stopped) return showStatus(text("design_stopped"), false);
   if (design.message !== undefined) return showRefusal("not_designed", { message: design.message });
-  onDesigned(design.motion);
+  onDesigned(design.law);
   return showStatus(text("designed", { rpm: formatNumber(design.rpm, 5), path: design.path }), false);
 }

@@ -54,6 +54,9 @@ export function contactForce([lift, slope, curvature], rig, rpm) {
   return lift.map((s, i) => inertia * curvature[i] + damping * slope[i] + rig.spring_stiffness * s + rig.preload);
 }
 
+/** Return the torque (N·m) of the contact force on the cam: F s'. @param {Motion} law @param {Numbers} force */
+export const camTorque = ([, slope], force) => slope.map((value, i) => value * force[i]);
+
 /** Return the amplitudes of orders 1 to `count` of one turn. @param {Numbers} values @param {number} count */
 export function spectrum(values, count) {
   const n = values.length;

@@ -1,20 +1,23 @@
 // Drawing board: the page computes the law of the ordinates at once, the server its exact results.
 /** @import { Motion } from "./law.js" */
-import { extent } from "../common/charts.js";
+/** @import { Drawing } from "./links.js" */
+import { extent, lineColour } from "../common/charts.js";
 import { ContourChart } from "../common/contour.js";
 import { $, field, setDisabled, setText, setValue, showRefusal, showStatus } from "../common/dom.js";
-import { KEY_STEPS, typedSpeed } from "../common/knob.js";
+import { KEY_STEPS, typedNumber } from "../common/knob.js";
 import { degrees } from "../common/rig.js";
 import { Store } from "../common/store.js";
 import { errorText, formatNumber, loadTexts, text } from "../common/texts.js";
-import { BoardCharts } from "./charts.js";
+import { BoardCharts, SECOND_COLOUR } from "./charts.js";
+import { decodeLaw, listenForChoices, listenForSecond } from "./choices.js";
 import { Connection } from "./connection.js";
 import { listenForFiles, showDesign } from "./files.js";
 import { Handles, pullWeights } from "./handles.js";
 import { History } from "./history.js";
-import { contactForce, decodeMotion, readTable, sensitivity } from "./law.js";
+import { contactForce, readTable, sensitivity } from "./law.js";
 import { listenForLinks } from "./links.js";
 import { fillHeading, renderReadouts } from "./readouts.js";
+import { PeaksTable } from "./tables.js";
 
 /** Half widths (deg) of a pull. 0 moves a single ordinate. */
 const PULL_WIDTHS_DEG = [0, 10, 20, 40];
@@ -34,18 +37,21 @@ const handleData = board.handles.map((handle) => {
   return { ...handle, k, angle: (2 * Math.PI * k) / board.points };
 });
 
+/** Law that is drawn next to that of the board. @typedef {{title: string, motion: Motion, figures: Figures}} SecondLaw */
+
 /**
- * State of the board. Arrays are replaced and never changed.
+ * State of the board, with the base radius in mm. Arrays are replaced and never changed.
  *
  * `makeable` are the ordinates of the last law that can be made. `mayShrink` is true for one frame
  * after a gesture. `isFastCurrent` is true if the fast results are those of the ordinates.
- * @typedef {{ordinates: Float64Array, rpm: number, cursorDeg: number, spectrum: string, second: Motion | null,
+ * @typedef {{ordinates: Float64Array, rpm: number, baseRadius: number, cursorDeg: number, spectrum: string, second: SecondLaw | null,
  *   fast: FastResults | null, full: FullResults | null, isFastCurrent: boolean, makeable: Float64Array | null,
  *   mayShrink: boolean}} BoardState
  */
 const store = new Store(/** @type {BoardState} */ ({
   ordinates: Float64Array.from(board.ordinates),
   rpm: board.rpm,
+  baseRadius: board.base_radius_mm,
   cursorDeg: 0,
   spectrum: "force",
   second: null,
@@ -57,7 +63,11 @@ const store = new Store(/** @type {BoardState} */ ({
 }), render);
 const { state } = store;
 const charts = new BoardCharts(board, table);
-const contour = new ContourChart($("contour"), board.colours, text("contour"), board.picture);
+const contour = new ContourChart($("contour"), board.colours, text("contour"));
+const peaks = {
+  own: new PeaksTable("peaks", "", "currentColor"),
+  second: new PeaksTable("second_peaks", "second", lineColour(SECOND_COLOUR)),
+};
 
 // -- rendering ------------------------------------------------------------------------------------
 
@@ -69,11 +79,14 @@ function render(present) {
   charts.draw(present);
   present.mayShrink = false;
   handles.draw(motion[0], ordinates, liftMm);
-  if (fast) contour.draw(fast.discs);
+  if (fast?.follower) contour.draw(fast.discs, fast.follower);
+  peaks.own.draw(board.cam.title, fast?.figures, present.isFastCurrent);
+  peaks.second.draw(present.second?.title ?? "", present.second?.figures, true);
   setText("acceleration", `${formatNumber(Math.max(...extent([motion[2]]).map(Math.abs)) * speed ** 2)} m/s²`);
   renderCursor(motion, present.cursorDeg, speed);
   renderReadouts(present, board.cam.sprung);
   if (document.activeElement !== $("rpm")) setValue("rpm", Number(rpm.toPrecision(6)));
+  if (document.activeElement !== $("base_radius")) setValue("base_radius", Number(present.baseRadius.toPrecision(6)));
   setValue("knob", Math.log(rpm));
   setDisabled("undo", !history.past.length);
   setDisabled("redo", !history.future.length);
@@ -84,6 +97,7 @@ function renderCursor(motion, angleDeg, speed) {
   const k = Math.round((angleDeg / 360) * board.points) % board.points;
   const point = motion.map((curve) => curve.subarray(k, k + 1));
   const [[lift], [slope], [curvature]] = point;
+  const [force] = contactForce(point, board.rig, state.rpm);
   contour.setPose((angleDeg * Math.PI) / 180, lift * 1e3);
   for (const chart of charts.overAngle) chart.drawCursor(angleDeg);
   setText("at_cursor", text("cursor_words", {
@@ -91,7 +105,8 @@ function renderCursor(motion, angleDeg, speed) {
     lift: formatNumber(lift * 1e3),
     velocity: formatNumber(slope * speed, 3),
     acceleration: formatNumber(curvature * speed ** 2, 3),
-    force: formatNumber(contactForce(point, board.rig, state.rpm)[0], 3),
+    force: formatNumber(force, 3),
+    torque: formatNumber(force * slope, 3),
   }));
 }
 
@@ -107,10 +122,10 @@ function change(changes) {
 const settle = () => store.update({ mayShrink: true });
 
 /** Return the drawing as it is sent and stored. */
-const readDrawing = () => ({ ordinates: Array.from(state.ordinates), rpm: state.rpm });
-const history = new History(readDrawing, ({ ordinates, rpm }) => {
-  change({ ordinates: Float64Array.from(ordinates), rpm, mayShrink: true });
-});
+const readDrawing = () => ({ ordinates: Array.from(state.ordinates), rpm: state.rpm, base_radius_mm: state.baseRadius });
+/** Return the values of the state for a drawing. @param {Drawing} drawing */
+const drawn = ({ ordinates, rpm, base_radius_mm: baseRadius }) => ({ ordinates: Float64Array.from(ordinates), rpm, baseRadius });
+const history = new History(readDrawing, (drawing) => change({ ...drawn(drawing), mayShrink: true }));
 
 /** Make a change that is undone as one step. @param {Partial<BoardState>} changes */
 function changeAsStep(changes) {
@@ -187,13 +202,19 @@ $("knob").addEventListener("keydown", (event) => {
 });
 $("knob").addEventListener("change", endGesture);
 $("rpm").addEventListener("change", () => {
-  const rpm = typedSpeed(field("rpm"), board.rpm_range);
+  const rpm = typedNumber(field("rpm"), board.rpm_range);
   if (rpm !== null) changeAsStep({ rpm });
+});
+
+[field("base_radius").min, field("base_radius").max] = board.base_radius_range.map(String);
+$("base_radius").addEventListener("change", () => {
+  const baseRadius = typedNumber(field("base_radius"), board.base_radius_range, "base_range");
+  if (baseRadius !== null) changeAsStep({ baseRadius });
 });
 
 $("undo").addEventListener("click", () => history.undo());
 $("redo").addEventListener("click", () => history.redo());
-$("reset").addEventListener("click", () => changeAsStep({ ordinates: start }));
+$("reset").addEventListener("click", () => changeAsStep({ ordinates: start, baseRadius: board.start_base_radius_mm }));
 addEventListener("keydown", (event) => {
   const target = /** @type {Element} */ (event.target);
   if (!(event.ctrlKey || event.metaKey) || target.matches("input:not([type=range])")) return;
@@ -205,21 +226,12 @@ addEventListener("keydown", (event) => {
 });
 
 for (const width of PULL_WIDTHS_DEG) $("width").append(new Option(text(width ? "width_deg" : "width_one", { width }), String(width)));
-for (const [name, title] of Object.entries(board.cams)) $("second").append(new Option(title, name));
-$("second").addEventListener("change", async () => {
-  const name = field("second").value;
-  const answer = name ? await fetch(`/other/${name}`) : null;
-  const law = await answer?.json();
-  if (field("second").value !== name) return; // another law has been selected meanwhile
-  if (answer && !answer.ok) showStatus(errorText(law.message));
-  showSecond(answer?.ok ? law.motion : null);
-});
-/** Display a second law. @param {string | null} motion in base64, null to remove it */
-function showSecond(motion) {
-  store.update({ second: motion === null ? null : decodeMotion(motion, board.points), mayShrink: true });
-}
+/** Display a second law, or remove it. @param {SecondLaw | null} second */
+const showSecond = (second) => store.update({ second, mayShrink: true });
+listenForChoices(board);
+listenForSecond(board, showSecond);
 $("spectrum_of").addEventListener("change", () => store.update({ spectrum: field("spectrum_of").value, mayShrink: true }));
-listenForFiles(() => Array.from(state.ordinates));
+listenForFiles(readDrawing);
 
 // -- the server -----------------------------------------------------------------------------------
 
@@ -230,15 +242,15 @@ const sent = new Map();
 function receive(message, isPending) {
   switch (message.type) {
     case "refused": return showRefusal("refused", message);
-    case "design": return showDesign(message, showSecond);
+    case "design": return showDesign(message, (law) => showSecond(decodeLaw(law, board)));
     case "full": return message.message === undefined ? store.update({ full: message }) : showStatus(errorText(message.message));
     case "opened": // a link in the address is of the previous cam
       window.history.replaceState(null, "", location.pathname);
       return location.reload();
     case "changed": {
-      const ordinates = Float64Array.from(message.ordinates);
-      receiveFast(message, ordinates, true);
-      return store.update({ ordinates, rpm: message.rpm, mayShrink: true });
+      const drawing = drawn(message);
+      receiveFast(message, drawing.ordinates, true);
+      return store.update({ ...drawing, mayShrink: true });
     }
     default: {
       const ordinates = sent.get(message.number) ?? null;
@@ -254,8 +266,9 @@ function receiveFast(fast, ordinates, isFastCurrent) {
   const hasChanged = isFaulty !== Boolean(state.fast?.faults.length);
   // The contour of a law that has none is that of the last law with a contour.
   const discs = fast.discs.length ? fast.discs : state.fast?.discs ?? [];
+  const follower = fast.follower ?? state.fast?.follower ?? null;
   store.update({
-    fast: { ...fast, discs },
+    fast: { ...fast, discs, follower },
     isFastCurrent,
     makeable: isFaulty ? state.makeable : ordinates ?? state.makeable,
     // Axes do not shrink during a gesture.
@@ -276,4 +289,4 @@ expert.open ||= sessionStorage.getItem("expert") === "open";
 expert.addEventListener("toggle", () => sessionStorage.setItem("expert", expert.open ? "open" : ""));
 fillHeading(board);
 store.update();
-listenForLinks(board, readDrawing, ({ ordinates, rpm }) => changeAsStep({ ordinates: Float64Array.from(ordinates), rpm }));
+listenForLinks(board, readDrawing, (drawing) => changeAsStep(drawn(drawing)));

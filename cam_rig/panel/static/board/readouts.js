@@ -2,6 +2,7 @@
 /** @import { BoardState } from "./main.js" */
 import { $, create, field, setHidden, setText } from "../common/dom.js";
 import { errorText, formatNumber, text } from "../common/texts.js";
+import { renderChecks } from "./tables.js";
 
 /** Smallest magnitude of a readout, in its unit. */
 const RESOLUTION = 1e-3;
@@ -9,7 +10,7 @@ const RESOLUTION = 1e-3;
 /** Fill the parts that do not change. @param {Board} board */
 export function fillHeading({ rig, cam, b_splines: splines }) {
   setText("title", cam.title);
-  setText("rig_name", text("on_rig", { rig: rig.name }));
+  setText("rig_title", rig.title);
   setText("motion", text("motion", { lift: formatNumber(cam.lift_m * 1e3) }));
   document.title = `${cam.title} – cam_rig`;
   const key = splines === null ? "own" : splines.exact ? "exact" : "nearest";
@@ -17,6 +18,8 @@ export function fillHeading({ rig, cam, b_splines: splines }) {
   setText("class", text(key, { degree: splines?.degree, distance }));
   setText("jump_title", text(rig.two_masses ? "jump" : "jump_one", { seconds: formatNumber(rig.from_rest_s) }));
   setText("level_title", rig.calibrated_on ? text("level", { cam: rig.calibrated_on }) : text("level_relative"));
+  setHidden("twist_of", !rig.has_shaft);
+  setHidden("fluctuation_of", !rig.has_flywheel);
   field("name").value = `${cam.name}_drawn`;
 }
 
@@ -24,6 +27,7 @@ export function fillHeading({ rig, cam, b_splines: splines }) {
 export function renderReadouts({ fast, full, isFastCurrent }, isSprung) {
   if (!fast) return;
   const isFullCurrent = isFastCurrent && full?.version === fast.version;
+  renderChecks(full, isFullCurrent);
   const desmodromic = isSprung ? null : { message: text("desmodromic") };
   showValue("jump_rigid", desmodromic ?? fast.jump_rigid, 5, "rpm");
   $("jump_rigid").classList.toggle("stale", !isFastCurrent);
@@ -31,21 +35,28 @@ export function renderReadouts({ fast, full, isFastCurrent }, isSprung) {
   setText("pressure_angle", pressure === null ? "–"
     : text("of_allowed", { value: formatNumber(pressure.value_deg, 3), allowed: formatNumber(pressure.allowed_deg, 3) }));
   $("pressure_angle").classList.toggle("fault", pressure !== null && pressure.value_deg > pressure.allowed_deg);
-  for (const id of ["jump", "residual", "level"]) $(id).classList.toggle("stale", !isFullCurrent);
+  for (const id of ["jump", "residual", "level", "twist", "fluctuation"]) $(id).classList.toggle("stale", !isFullCurrent);
   if (full) {
     showValue("jump", desmodromic ?? full.jump, 5, "rpm");
     showValue("residual", full.residual_um, 4, "µm");
     showValue("level", full.level_db, 4, "dB");
+    if (full.shaft) showValue("twist", full.shaft.twist_deg, 4, "°");
+    if (full.shaft?.fluctuation_percent) showValue("fluctuation", full.shaft.fluctuation_percent, 3, "%");
   }
-  const hasChecks = full?.version === fast.version && full.checks.length > 0;
   const canBeMade = full?.version === fast.version ? full.can_be_made : fast.faults.length === 0;
   setHidden("not_made", canBeMade);
   $("results").classList.toggle("not_made", !canBeMade);
-  // The full checks replace the faults of the fast results.
-  const lines = hasChecks ? full.checks.map(errorText) : [...fast.faults, ...fast.warnings].map(faultText);
+  // The failed full checks replace the faults of the fast results.
+  const failed = full?.version === fast.version ? failures(full) : [];
+  const lines = failed.length ? failed.map(errorText) : [...fast.faults, ...fast.warnings].map(faultText);
   if ($("faults").textContent !== lines.join("")) {
     $("faults").replaceChildren(...lines.map((textContent) => create("li", { textContent })));
   }
+}
+
+/** @param {FullResults} full */
+function failures({ checks, check_error: error }) {
+  return error ? [error] : checks.filter(({ passed }) => !passed).map(({ message }) => message);
 }
 
 /** @param {Fault} fault */

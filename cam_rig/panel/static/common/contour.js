@@ -11,11 +11,12 @@ const BAR = 70;
 const AXIS_RADIUS = 4, MARK_RADIUS = 11;
 
 export class ContourChart {
-  /** @param {HTMLElement} parent @param {Record<string, string>} colours @param {string} label @param {CamPicture} picture */
-  constructor(parent, colours, label, picture) {
+  /** @param {HTMLElement} parent @param {Record<string, string>} colours @param {string} label */
+  constructor(parent, colours, label) {
     this.parent = parent;
     this.colours = colours;
-    this.picture = picture;
+    /** @type {FollowerPicture | null} */
+    this.picture = null;
     this.pose = { angle: 0, lift: 0 };
     /** Position of the axis (px), and px/mm. */
     this.frame = { x: 0, y: 0, unit: 1 };
@@ -28,24 +29,27 @@ export class ContourChart {
     this.scale = svgElement("g", {}, this.svg);
     this.curves = svgElement("g", {}, this.svg);
     this.follower = svgElement("g", { class: "held" }, this.svg);
-    for (const outline of [...picture.outline].reverse()) {
-      svgElement("path", { class: "follower", d: polyline(outline) }, this.follower);
-    }
     new ResizeObserver(() => this.#draw()).observe(parent);
   }
 
-  /** Draw discs, unless they are already displayed. The scale does not shrink. @param {Disc[]} discs */
-  draw(discs) {
+  /**
+   * Draw discs and follower, unless they are already displayed. The scale shrinks only with another base circle.
+   * @param {Disc[]} discs @param {FollowerPicture} picture
+   */
+  draw(discs, picture) {
     if (discs === this.discs || !discs.length) return;
-    const box = bounds(discs, this.picture);
-    this.box = this.box ? { x: union(this.box.x, box.x), y: union(this.box.y, box.y) } : box;
+    const box = bounds(discs, picture), previous = this.picture?.base === picture.base ? this.box : null;
+    this.box = previous ? { x: union(previous.x, box.x), y: union(previous.y, box.y) } : box;
     this.discs = discs;
+    this.picture = picture;
+    this.follower.replaceChildren(...[...picture.outline].reverse().map((outline) => (
+      svgElement("path", { class: "follower", d: polyline(outline) }))));
     this.#draw();
   }
 
   #draw() {
-    const { box, parent: { clientWidth: width, clientHeight: height } } = this;
-    if (!width || !box) return;
+    const { box, picture, parent: { clientWidth: width, clientHeight: height } } = this;
+    if (!width || !box || !picture) return;
     const unit = Math.min((width - 12) / (box.x[1] - box.x[0]), (height - 28) / (box.y[1] - box.y[0]));
     const x0 = width / 2 - (unit * (box.x[0] + box.x[1])) / 2;
     const y0 = height / 2 - 8 + (unit * (box.y[0] + box.y[1])) / 2;
@@ -63,7 +67,7 @@ export class ContourChart {
       for (const run of runs(undercut)) svgElement("path", { class: "curve bad", d: line(points, run) }, parts);
       for (const run of runs(steep)) svgElement("path", { class: "curve steep", d: line(points, run) }, parts);
     }
-    svgElement("circle", { class: "zero base", cx: x0, cy: y0, r: unit * this.picture.base }, parts);
+    svgElement("circle", { class: "zero base", cx: x0, cy: y0, r: unit * picture.base }, parts);
     svgElement("circle", { class: "zero", cx: x0, cy: y0, r: AXIS_RADIUS }, parts);
     this.curves.replaceChildren(parts);
     this.#markFaults();
@@ -74,6 +78,7 @@ export class ContourChart {
   /** Turn the cam to an angle (rad), and lift the follower (mm). @param {number} angle @param {number} lift */
   setPose(angle, lift) {
     this.pose = { angle, lift };
+    if (!this.picture) return;
     const { x, y, unit } = this.frame;
     const follower = followerPose(this.picture, lift);
     this.curves.setAttribute("transform", `rotate(${-degrees(angle)} ${x} ${y})`);
@@ -109,7 +114,7 @@ export class ContourChart {
 
 /**
  * Return the ranges of x and y (mm) of discs at any angle, and of the follower.
- * @param {Disc[]} discs @param {CamPicture} picture
+ * @param {Disc[]} discs @param {FollowerPicture} picture
  */
 function bounds(discs, picture) {
   const curves = discs.flatMap(({ points, pitch }) => [points, pitch ?? points]);

@@ -130,15 +130,15 @@ export class Knob {
 }
 
 /**
- * Return the typed speed (rpm). Show the rule and return null if it is out of range.
- * @param {HTMLInputElement} input @param {Pair} range
+ * Return a typed number, by default a speed. Show the rule and return null if it is out of range.
+ * @param {HTMLInputElement} input @param {Pair} range @param {string} rule key of the text of the rule
  */
-export function typedSpeed(input, [low, high]) {
-  const rpm = input.valueAsNumber;
-  const isValid = rpm >= low && rpm <= high;
+export function typedNumber(input, [low, high], rule = "speed_range") {
+  const number = input.valueAsNumber;
+  const isValid = number >= low && number <= high;
   const values = { value: input.value || "–", low: formatNumber(low, 6), high: formatNumber(high, 6) };
-  showStatus(isValid ? "" : text("speed_range", values));
-  return isValid ? rpm : null;
+  showStatus(isValid ? "" : text(rule, values));
+  return isValid ? number : null;
 }
 
 /** @param {number} angle deg from the top @param {number} radius */

@@ -339,7 +339,7 @@ function visibleArea(picture, ring) {
   return area;
 }
 
-/** Return position and turn of the follower at a lift (mm). @param {CamPicture} picture @param {number} lift */
+/** Return position and turn of the follower at a lift (mm). @param {FollowerPicture} picture @param {number} lift */
 export function followerPose({ origin, origin_per_mm: perMm, turn, turn_per_mm: turnPerMm }, lift) {
   return { x: origin[0] + perMm[0] * lift, y: origin[1] + perMm[1] * lift, turn: turn + turnPerMm * lift };
 }

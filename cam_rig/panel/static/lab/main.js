@@ -3,7 +3,7 @@
 import { TurnSound } from "../bench/sound.js";
 import { ANGLE_TICKS, Chart, extent } from "../common/charts.js";
 import { $, create, field, post, setHidden, setText, showRefusal, showStatus } from "../common/dom.js";
-import { Knob, typedSpeed } from "../common/knob.js";
+import { Knob, typedNumber } from "../common/knob.js";
 import { LatestSender } from "../common/latest.js";
 import { Lens, RigPicture } from "../common/rig.js";
 import { Store } from "../common/store.js";
@@ -221,7 +221,7 @@ function setSpeed(rpm) {
 }
 const knob = new Knob($("knob"), sheet.knob, text("speed"), setSpeed);
 $("rpm").addEventListener("change", () => {
-  const rpm = typedSpeed(field("rpm"), sheet.knob);
+  const rpm = typedNumber(field("rpm"), sheet.knob);
   if (rpm === null) return;
   knob.show(rpm);
   setSpeed(rpm);

@@ -1,0 +1,45 @@
+// Cam and rig of the board, and the law that is drawn next to that of the board.
+/** @import { SecondLaw } from "./main.js" */
+import { $, field, post, showRefusal, showStatus } from "../common/dom.js";
+import { errorText } from "../common/texts.js";
+import { decodeMotion } from "./law.js";
+
+/** Key of sessionStorage with the id of the select whose choice reloads the page. */
+const CHOSEN = "chosen";
+
+/** Fill the selects of cam and rig. A choice applies to the server's board, which lets all pages reload. @param {Board} board */
+export function listenForChoices({ cam, rig, cams, rigs }) {
+  for (const [name, title] of Object.entries(cams)) $("cam").append(new Option(title, name));
+  for (const [name, title] of Object.entries(rigs)) $("rig").append(Object.assign(new Option(name), { title }));
+  for (const [id, present] of [["cam", cam.name], ["rig", rig.name]]) {
+    field(id).value = present;
+    $(id).addEventListener("change", async () => {
+      sessionStorage.setItem(CHOSEN, id);
+      const answer = await post("/choose", { [id]: field(id).value });
+      if (answer.ok) return;
+      sessionStorage.removeItem(CHOSEN);
+      field(id).value = present;
+      showRefusal("not_chosen", await answer.json());
+    });
+  }
+  $(sessionStorage.getItem(CHOSEN) ?? "")?.focus(); // the reloaded page keeps the focus
+  sessionStorage.removeItem(CHOSEN);
+}
+
+/** Fill the select of the second law. @param {Board} board @param {(law: SecondLaw | null) => void} show */
+export function listenForSecond(board, show) {
+  for (const [name, title] of Object.entries(board.cams)) $("second").append(new Option(title, name));
+  $("second").addEventListener("change", async () => {
+    const name = field("second").value;
+    const answer = name ? await fetch(`/other/${name}`) : null;
+    const law = await answer?.json();
+    if (field("second").value !== name) return; // another law has been selected meanwhile
+    if (answer && !answer.ok) showStatus(errorText(law.message));
+    show(answer?.ok ? decodeLaw(law, board) : null);
+  });
+}
+
+/** Return a law of a message with its decoded motion. @param {OtherLaw} law @param {Board} board @returns {SecondLaw} */
+export function decodeLaw({ title, motion, figures }, { points }) {
+  return { title, figures, motion: decodeMotion(motion, points) };
+}
