@@ -111,8 +111,9 @@ def test_every_sent_message_has_its_declared_type(served, tmp_path):
 AXE = TOOLS / "node_modules/axe-core/axe.min.js"
 #: Path of each page, and the element id that is filled last.
 FILLED = {"/": "level", "/bench": "graph", "/lab": "contact"}
-#: Script that makes hidden elements visible, so that they are checked too.
-SHOW_HIDDEN = "document.querySelectorAll('[hidden]').forEach((one) => { one.hidden = false; })"
+#: Script that makes hidden elements and details visible, so that they are checked too.
+SHOW_HIDDEN = """document.querySelectorAll('[hidden]').forEach((one) => { one.hidden = false; });
+document.querySelectorAll('details').forEach((one) => { one.open = true; })"""
 VIOLATIONS = """() => axe.run().then(({ violations }) => violations.flatMap(({ id, nodes }) =>
   nodes.map(({ html, failureSummary }) => `${id}: ${html.slice(0, 120)} ${failureSummary}`)))"""
 CASES = [

@@ -36,7 +36,7 @@ KEY = "PageDown"
 #: Number of key presses.
 KEY_PRESSES = 4
 #: Height of the picture (px).
-HEIGHT = 910
+HEIGHT = 1010
 #: JavaScript condition that all numbers are displayed and are those of the displayed law.
 READY = """() => ["jump_rigid", "jump", "residual", "level"].every((id) => {
   const place = document.getElementById(id);
@@ -64,7 +64,6 @@ def photograph_panel(path: Path) -> None:
         handle = page.locator(".handle").nth(HANDLE)
         for _ in range(KEY_PRESSES):
             handle.press(KEY)
-        page.locator("#expert summary").click()
         page.locator("#second").select_option(SECOND_CAM)
         page.locator("#chart0 .second[d^=M]").wait_for(state="attached")
         until(page, READY, lambda: board.version >= KEY_PRESSES)

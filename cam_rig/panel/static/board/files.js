@@ -10,8 +10,7 @@ let savedName = null;
 export function listenForFiles(readDrawing) {
   const send = (/** @type {string} */ path, more = {}) => post(path, { ...more, ...readDrawing() });
 
-  $("controls").addEventListener("submit", async (event) => {
-    event.preventDefault();
+  const save = async () => {
     const name = field("name").value;
     const answer = await send("/save", { name });
     const saved = await answer.json();
@@ -22,7 +21,9 @@ export function listenForFiles(readDrawing) {
     setHidden("design", false);
     if (reason === null) return showStatus(text("saved", { path }), false);
     return showStatus(text("saved_not_made", { path, reason: errorText(reason) }));
-  });
+  };
+  $("save").addEventListener("click", save);
+  $("name").addEventListener("keydown", (event) => event.key === "Enter" && save());
 
   $("dxf").addEventListener("click", async () => {
     const answer = await send("/dxf");

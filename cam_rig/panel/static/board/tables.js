@@ -49,7 +49,7 @@ export class PeaksTable {
       ...[largest, least].flatMap(({ value, angle_deg: angle }) => [formatNumber(value, 6), `${formatNumber(angle, 5)}°`]),
       coefficient === null ? "–" : formatNumber(coefficient, 5),
     ]);
-    const headings = ["", text("largest"), text("at"), text("least"), text("at"), text("of_rise")];
+    const headings = [text("derivative"), text("largest"), text("at"), text("least"), text("at"), text("of_rise")];
     this.table.replaceChildren(this.caption, ...rowsOf(headings, rows));
   }
 }
