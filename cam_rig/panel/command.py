@@ -55,9 +55,10 @@ def panel(
     The command prints an address on this machine and serves it until Ctrl-C. On the drawing board
     the ordinates of a law are handles on its curve. The curves s to s''', force, torque, spectrum
     and the jump speeds follow each change. Other cams and rigs are chosen on the page. The bench
-    runs the nodes, with a speed knob, the moving rig, a level meter, sound and readings. The address contains a token. Without it no
-    page, user or machine has access to the pages or to Rerun's. ROS programs on this machine can
-    reach the nodes of the bench, as those of every run. `cam-rig lab` serves lab sheets.
+    runs the nodes, with a speed knob, the moving rig, a level meter, sound and readings. The
+    address contains a token. Without it no page, user or machine has access to the pages or to
+    Rerun's. ROS programs on this machine can reach the nodes of the bench, as those of every run.
+    `cam-rig lab` serves lab sheets.
 
     Examples
     --------

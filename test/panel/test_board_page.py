@@ -545,25 +545,29 @@ def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromiu
 
 
 def test_a_link_opens_the_same_law(page, board, served, chromium):
-    """A link restores the speed and the ordinates of its law, and undo reverts both.
+    """A link restores speed, base radius and ordinates of its law, and undo reverts all of them.
 
     A link for another cam is refused.
     """
     page.drag(9, 9.0)
     page.enter("rpm", 412)
+    page.enter("base_radius", 60)
+    page.until(lambda: board.base_radius_mm == 60.0)
     page.settled()
     page.page.locator("#link").click()
     page.until(lambda: "link to this law" in page.text("status"))
     drawn, link = board.ordinates.tolist(), page.page.url
-    board.update(board.drawn.ordinates.tolist(), START_RPM)
+    start_base = 1e3 * board.file.follower.base_radius.si
+    board.update(board.drawn.ordinates.tolist(), START_RPM, start_base)
     with in_browser(chromium, BoardPage) as other:
         other.open(served.address)
         other.page.goto(link)
         other.until(lambda: board.ordinates.tolist() == drawn)
-        assert board.rpm == 412.0
+        assert board.rpm == 412.0 and board.base_radius_mm == 60.0
         other.page.locator("#undo").click()
         other.until(lambda: board.rpm == START_RPM)
         assert board.ordinates.tolist() == board.drawn.ordinates.tolist()
+        assert board.base_radius_mm == start_base
         other.page.goto(link.replace("poly345", "tm21"))
         other.until(lambda: "The link is for cam tm21" in other.text("status"))
 

@@ -21,10 +21,10 @@ FOLDERS = ("course", "course/es")
 RPM_OF_LESSONS = 300.0
 
 
-def complete_rows(folder, lesson, columns):
-    """Return the rows of the complete tables of a lesson with a number of columns, by first cell.
+def table_rows(folder, lesson, columns):
+    """Return the rows of the tables of a lesson with a number of columns, by first cell.
 
-    Cells that start with a number are numbers. A table that students complete is left out.
+    Cells that start with a number are numbers.
     """
     page = text(DOCS / folder / f"{lesson}.md").replace("−", "-")
     page = page.replace(",", ".") if folder.endswith("es") else page
@@ -33,7 +33,7 @@ def complete_rows(folder, lesson, columns):
     return {
         first: [float(number[0]) if (number := re.match(r"-?[\d.]+", c)) else c for c in row]
         for first, *row in cells
-        if len(row) == columns - 1 and all(row)
+        if len(row) == columns - 1
     }
 
 
@@ -51,7 +51,7 @@ def on_flywheel(tmp_path):
 def test_the_peaks_of_lesson_1_are_those_of_the_board(board, folder):
     """Peaks and coefficients of the laws in lesson 1 are those that the board displays."""
     figures = board.evaluate_fast()["figures"]
-    rows = complete_rows(folder, "1_motion_laws", 6)
+    rows = table_rows(folder, "1_motion_laws", 6)
     units = ("s′, m/rad", "s″, m/rad²", "s‴, m/rad³")
     units = [unit if unit in rows else unit.replace(",", ".") for unit in units]
     for unit, peak in zip(units, figures["peaks"], strict=True):
@@ -60,7 +60,7 @@ def test_the_peaks_of_lesson_1_are_those_of_the_board(board, folder):
             expected += [rounded(peak[place]["value"], 6), rounded(peak[place]["angle_deg"], 5)]
         assert rows[unit] == [*expected, rounded(peak["coefficient"], 5)]
     names = {title: name for name, title in board.page_data()["cams"].items()}
-    laws = complete_rows(folder, "1_motion_laws", 5)
+    laws = table_rows(folder, "1_motion_laws", 5)
     laws = {
         title.replace(".", ","): row for title, row in laws.items() if row[-1] in ("C1", "C2", "C3")
     }
@@ -75,7 +75,7 @@ def test_the_peaks_of_lesson_1_are_those_of_the_board(board, folder):
 def test_the_radii_of_lesson_2_are_those_of_the_board(board, folder):
     """The least radii of curvature in lesson 2 are those that the board displays."""
     board.choose("flat", None)
-    rows = complete_rows(folder, "2_size_of_a_cam", 3)
+    rows = table_rows(folder, "2_size_of_a_cam", 3)
     rows = {first: row for first, row in rows.items() if first.endswith(" mm")}
     assert list(rows) == ["4 mm", "7 mm", "22 mm"]
     for first, (radius, result) in rows.items():
@@ -92,7 +92,7 @@ def test_the_torques_of_lesson_5_are_those_of_the_board(on_flywheel, folder):
     """Torque, twist and speed fluctuation in lesson 5 are those that the board displays."""
     board, speed = on_flywheel, RPM_OF_LESSONS * RPM
     names = {title: name for name, title in board.page_data()["cams"].items()}
-    rows = complete_rows(folder, "5_torsion", 6)
+    rows = table_rows(folder, "5_torsion", 6)
     rows = {title: row for title, row in rows.items() if title in names}
     assert len(rows) == 3
     for title, row in rows.items():

@@ -501,7 +501,7 @@ def test_a_design_reports_its_progress_and_is_written(panel):
     jump = cam_rig.jump_speed(law, board.rig).rpm
     assert message["rpm"] == pytest.approx(jump, rel=1e-3)
     assert jump > 1.2 * cam_rig.jump_speed(board.drawn.start.law, board.rig).rpm
-    motion = np.frombuffer(base64.b64decode(message["motion"]), dtype="<f8")
+    motion = np.frombuffer(base64.b64decode(message["law"]["motion"]), dtype="<f8")
     expected = np.stack([law(table_angles(), order) for order in range(ORDERS)])
     largest = np.abs(expected).max(axis=1, keepdims=True)
     assert (np.abs(motion.reshape(ORDERS, MOTION_POINTS) - expected) / largest).max() <= 1e-9
