@@ -35,7 +35,7 @@ COLOURS = {
     "acceleration": colours.web(colours.ACCELERATION),
     "jerk": colours.web(colours.BLACK),
     "force": colours.web(colours.FORCE),
-    "torque": colours.web(colours.TWIST),
+    "torque": colours.web(colours.SPEED),
     "contour": colours.web(colours.BLUE),
     "pitch": colours.web(colours.GREEN),
     "ghost": colours.web(colours.GREY),
