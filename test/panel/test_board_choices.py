@@ -17,7 +17,7 @@ from cam_rig.panel.board.evaluation import evaluate_full
 from cam_rig.panel.board.figures import find_rise, law_figures
 from cam_rig.profile.read_dxf import read_dxf
 
-from .conftest import with_moved_ordinate
+from .conftest import BOARD, received, with_moved_ordinate
 
 
 def test_a_page_chooses_cam_and_rig(board):
@@ -161,3 +161,26 @@ def test_the_shaft_is_that_of_the_vibration_study(board):
     assert {value["message"] for value in slow.values()} == {"rpm: is 19.9; allowed: from 20 on"}
     board.choose(None, "tm21")
     assert evaluate_full(board.cam, board.law(), board.rig, 300.0)["shaft"] is None
+
+
+def test_a_change_of_the_previous_cam_is_refused(served):
+    """A page that was opened before another cam was chosen cannot change the new cam.
+
+    The choice reloads all pages. The changes of a reloaded page are accepted.
+    """
+    board = served.board
+    old = {"ordinates": with_moved_ordinate(board, 0.1), "rpm": 250}
+    old |= {"generation": json.loads(served.get("/board"))["generation"]}
+    with served.page(BOARD) as page:
+        received(page, "changed")
+        status, reply = served.send("/choose", {"cam": "flat", "rig": "tm21"})
+        assert (status, reply) == (200, {"cam": "flat", "rig": "tm21"})
+        received(page, "opened")
+        page.send(json.dumps(old | {"number": 1}))
+        assert "another cam or rig now" in received(page, "refused")["refused"]["message"]
+        assert board.ordinates.tolist() == board.drawn.ordinates.tolist()
+        new = {"generation": board.generation, "number": 2}
+        page.send(json.dumps(old | new))
+        assert received(page, "fast")["fast"]["number"] == 2
+    status, reply = served.send("/choose", {"rig": "nobody"})
+    assert status == 409 and reply["message"].startswith("rig: is 'nobody'; allowed: ")

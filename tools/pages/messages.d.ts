@@ -69,6 +69,8 @@ interface Board {
   /** B-splines that replace the law of the file, null if its ordinates are drawn. */
   b_splines: { degree: number; exact: boolean; distance_m: number } | null;
   start_can_be_made: boolean;
+  /** Number of cams and rigs that have been opened or chosen. */
+  generation: number;
   base_radius_mm: number;
   base_radius_range: Pair;
   rig: Mass & {
@@ -160,6 +162,7 @@ interface Fast extends FastResults {
 interface Changed extends FastResults {
   type: "changed";
   number: null;
+  generation: number;
   ordinates: number[];
   rpm: number;
   base_radius_mm: number;

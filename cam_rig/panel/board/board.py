@@ -67,7 +67,7 @@ class Board:
         self.rig, self.out = rig, out
         self.cams, self.rigs = shipped_cams() | {cam.name: cam}, shipped_rigs() | {rig.name: rig}
         self._rig_names = {rig.name: rig.name if rig_name is None else rig_name}
-        self.rpm, self.version = START_RPM, 0
+        self.rpm, self.version, self.generation = START_RPM, 0, 0
         self._draw(cam, DrawnLaw.of(cam))
 
     def _draw(self, cam: CamConfig, drawn: DrawnLaw) -> None:
@@ -90,7 +90,7 @@ class Board:
             raise ConfigError(f"not a cam file: {explain(error, CamConfig)}") from None
         self._draw(cam, DrawnLaw.of(cam))
         self.cams[cam.name] = cam
-        self.version += 1
+        self._count_machine()
 
     def choose(self, cam: Any, rig: Any) -> None:
         """Replace the cam or the rig of the board by another of `cams` or `rigs`.
@@ -105,7 +105,12 @@ class Board:
         if new_cam is not None:
             self._draw(new_cam, DrawnLaw.of(new_cam))
         self.rig = new_rig
+        self._count_machine()
+
+    def _count_machine(self) -> None:
+        """Count a new cam or rig, so that a page of the previous one can be detected."""
         self.version += 1
+        self.generation += 1
 
     @property
     def cam(self) -> CamConfig:
@@ -191,6 +196,7 @@ class Board:
             },
             "b_splines": splines,
             "start_can_be_made": not evaluate_fast(cam, start.law, self.rig)["faults"],
+            "generation": self.generation,
             "base_radius_mm": self.base_radius_mm,
             "base_radius_range": [MIN_BASE_RADIUS_MM, MAX_BASE_RADIUS_MM],
             "rig": {

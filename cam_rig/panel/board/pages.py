@@ -108,6 +108,8 @@ class BoardPages(PanelPages):
 
     async def _apply_change(self, page: LivePage, change: dict[str, Any]) -> dict[str, Any]:
         ordinates, base_radius_mm = _drawing(change)
+        if change.get("generation", self.board.generation) != self.board.generation:
+            raise RefusedError("the board has another cam or rig now; load the page again")
         self.board.update(ordinates, change.get("rpm"), base_radius_mm)
         results = self.board.evaluate_fast()
         self._broadcast(results | self._changed_values(), self._pages - {page})
@@ -119,6 +121,7 @@ class BoardPages(PanelPages):
         return {
             "type": "changed",
             "number": None,
+            "generation": self.board.generation,
             "ordinates": self.board.ordinates.tolist(),
             "rpm": self.board.rpm,
             "base_radius_mm": self.board.base_radius_mm,

@@ -248,6 +248,8 @@ function receive(message, isPending) {
       window.history.replaceState(null, "", location.pathname);
       return location.reload();
     case "changed": {
+      // Another cam or rig was chosen while the connection was lost.
+      if (message.generation !== board.generation) return location.reload();
       const drawing = drawn(message);
       receiveFast(message, drawing.ordinates, true);
       return store.update({ ...drawing, mayShrink: true });
@@ -279,7 +281,7 @@ function receiveFast(fast, ordinates, isFastCurrent) {
 const connection = new Connection(
   (number) => {
     sent.set(number, state.ordinates);
-    return readDrawing();
+    return { ...readDrawing(), generation: board.generation };
   },
   receive,
   (isOpen) => showStatus(isOpen ? "" : text("disconnected")),
