@@ -12,23 +12,25 @@ from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.dynamics.kinetostatic import shaft_torque
 from cam_rig.laws.law import joints
 from cam_rig.panel.board.board import START_RPM, Board
-from cam_rig.panel.board.drawn_law import MOTION_POINTS, ORDERS, table_angles
 from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.command import REDIRECT
 from cam_rig.panel.server import serve
 from cam_rig.profile.read_dxf import read_dxf
-from cam_rig.units import RPM
+from cam_rig.units import RPM, TURN
 
 from .conftest import BrowserPage, in_browser, with_moved_ordinate
 
 pytestmark = pytest.mark.slow
 #: Tolerance of the page's results, relative to their largest value.
 RTOL = 1e-12
+#: Number of points of a turn that the page draws, `MOTION_POINTS` of board/law.js.
+MOTION_POINTS = 720
 #: Script that computes law, force and torque with the page's own JavaScript modules.
 LAW_IN_PAGE = """async ([ordinates, rpm]) => {
-  const { readTable, motion, contactForce, camTorque } = await import("/static/board/law.js");
+  const { DrawnLaw, motionOf, contactForce, camTorque } = await import("/static/board/law.js");
   const board = await (await fetch("/board")).json();
-  const law = motion(readTable(board), ordinates), force = contactForce(law, board.rig, rpm);
+  const law = motionOf(new DrawnLaw(board).of(ordinates));
+  const force = contactForce(law, board.rig, rpm);
   const all = Float64Array.from([...law, force, camTorque(law, force)].flatMap((x) => [...x]));
   return btoa(String.fromCharCode(...new Uint8Array(all.buffer)));
 }"""
@@ -118,16 +120,17 @@ def page(window, served, tmp_path):
 def in_page(page, ordinates, rpm):
     """Return s to s''', force and torque, computed by the page's JavaScript, shape (6, n)."""
     data = page.page.evaluate(LAW_IN_PAGE, [ordinates, rpm])
-    return np.frombuffer(base64.b64decode(data), dtype="<f8").reshape(ORDERS + 2, MOTION_POINTS)
+    return np.frombuffer(base64.b64decode(data), dtype="<f8").reshape(6, MOTION_POINTS)
 
 
 def library_curves(board, ordinates, rpm):
     """Return s to s''', force and torque, computed by the library, shape (6, n)."""
     law, rig = board.law(np.array(ordinates)), FollowerParameters.from_rig(board.rig)
-    rows = [law(table_angles(), order) for order in range(ORDERS)]
+    angles = np.linspace(0.0, TURN, MOTION_POINTS, endpoint=False)
+    rows = [law(angles, order) for order in range(4)]
     force = rig.mass * rows[2] * (rpm * RPM) ** 2 + rig.damping * rows[1] * (rpm * RPM)
     force += rig.spring_stiffness * rows[0] + rig.preload
-    torque = [shaft_torque(law, rig, angle, rpm * RPM) for angle in table_angles().tolist()]
+    torque = [shaft_torque(law, rig, angle, rpm * RPM) for angle in angles.tolist()]
     # The library's torque is 0 if the force is negative.
     return np.stack([*rows, force, np.where(force < 0.0, force * rows[1], torque)])
 

@@ -91,12 +91,7 @@ interface Board {
   /** Titles by name. */
   cams: Record<string, string>;
   rigs: Record<string, string>;
-  points: number;
-  orders: number;
-  /** Arrays in base64. */
-  first: string;
-  table: string;
-  constant: string;
+  law: BoardLaw;
   colours: Record<string, string>;
 }
 
@@ -106,6 +101,44 @@ interface Mass {
   damping: number;
   spring_stiffness: number;
   preload: number;
+}
+
+/** One mass with Newton's coefficient of restitution, null if the rig does not contain it. */
+interface Bouncer extends Mass {
+  restitution: number | null;
+}
+
+/** Sizes of a follower (m, rad). Sizes that its type does not have are 0, or null for a default. */
+interface FollowerSizes {
+  type: string;
+  base_radius: number;
+  roller_radius: number;
+  eccentricity: number;
+  inclination: number;
+  arm: number;
+  pivot_distance: number;
+  face_offset: number;
+  roller_distance: number | null;
+  arms_angle: number | null;
+  allowed_pressure: number;
+}
+
+/** Law: breaks (rad), and Bernstein ordinates (m) of each piece. */
+interface LawData {
+  name: string;
+  breaks: number[];
+  ordinates: number[][];
+}
+
+/** Polynomial pieces of a law: `matrices` times `count` ordinates from `first` on, or the constant `dwell` (m). */
+interface BoardLaw {
+  breaks: number[];
+  degree: number;
+  first: number[];
+  count: number[];
+  dwell: number[];
+  /** Matrices of all pieces, row by row, in base64. */
+  matrices: string;
 }
 
 /** A value, or the reason why there is none. Empty for infinity. */
@@ -131,10 +164,10 @@ interface Figures {
   peaks: { largest: Extreme; least: Extreme; coefficient: number | null }[];
 }
 
-/** Law of another cam, with its motion in base64. */
+/** Law of another cam. */
 interface OtherLaw {
   title: string;
-  motion: string;
+  law: LawData;
   figures: Figures;
 }
 

@@ -25,9 +25,8 @@ from cam_rig.extras import require
 from cam_rig.files import write_new
 from cam_rig.laws import Law, build_law
 from cam_rig.panel import is_number
-from cam_rig.panel.board import drawn_law
 from cam_rig.panel.board.drawable import DRAWABLE_SEGMENTS, with_base_radius
-from cam_rig.panel.board.drawn_law import DrawnLaw, in_base64
+from cam_rig.panel.board.drawn_law import DrawnLaw, law_data
 from cam_rig.panel.board.evaluation import evaluate_fast, fatal_reasons, has_flywheel
 from cam_rig.panel.board.figures import find_rise, law_figures
 from cam_rig.schema import CamConfig, RigConfig, load, load_rig
@@ -178,9 +177,9 @@ class Board:
         """Return the data of the board that a page needs once.
 
         They contain names, numbers of the rig, the movable ordinates, and the linear map from the
-        ordinates to the motion.
+        ordinates to the law.
         """
-        start, table, cam = self.drawn.start, self.drawn.table, self.drawn.start.cam
+        start, cam = self.drawn.start, self.drawn.start.cam
         follower = FollowerParameters.from_rig(self.rig)
         calibrated = is_calibrated(self.rig, "one_mass")
         splines = None
@@ -221,11 +220,7 @@ class Board:
             "handles": [asdict(handle) for handle in self.drawn.handles],
             "cams": {cam.name: cam.title for cam in sorted(self.cams.values(), key=_title)},
             "rigs": {name: self.rigs[name].title for name in sorted(self.rigs)},
-            "points": drawn_law.MOTION_POINTS,
-            "orders": drawn_law.ORDERS,
-            "first": in_base64(table.first),
-            "table": in_base64(table.table),
-            "constant": in_base64(table.constant),
+            "law": self.drawn.page_data,
         }
 
     def second_law(self, name: str) -> dict[str, Any]:
@@ -329,13 +324,10 @@ def _named(kind: str, name: Any, choices: dict[str, Named]) -> Named:
 
 
 def law_for_comparison(cam: CamConfig, law: Law) -> dict[str, Any]:
-    """Return a law that a page compares with that of the board, with the title of its cam.
-
-    The motion is ``(4, n)`` in m/rad^order, as base64.
-    """
+    """Return a law that a page compares with that of the board, with the title of its cam."""
     return {
         "title": cam.title,
-        "motion": drawn_law.motion_in_base64(law),
+        "law": law_data(law),
         "figures": law_figures(law, find_rise(cam, law)),
     }
 

@@ -1,10 +1,9 @@
 """Motion law of the drawing board, as a linear function of its ordinates.
 
 The ordinates are the control values of the Bézier and B-spline segments. Each polynomial piece of
-the law is a Bézier curve. Its ordinates are those of its segment, multiplied by a fixed matrix. s
-to s''' at fixed angles are therefore linear in the ordinates too, and a page computes them by one
-multiplication. The ordinates at the ends of a segment are fixed, so that the derivatives that were
-continuous there stay continuous.
+the law is a Bézier curve. Its ordinates are those of its segment, multiplied by a fixed matrix. A
+page receives the matrices and computes the law of any ordinates. The ordinates at the ends of a
+segment are fixed, so that the derivatives that were continuous there stay continuous.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from __future__ import annotations
 import base64
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -23,11 +23,6 @@ from cam_rig.panel.board.drawable import DRAWABLE_SEGMENTS, DrawableCam
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import BSpline
 from cam_rig.units import TURN, FloatArray
-
-#: Number of equally spaced angles per turn at which the page evaluates the law.
-MOTION_POINTS = 720
-#: Number of curves of the law that are drawn: s, s', s'' and s'''.
-ORDERS = 4
 
 
 @dataclass(frozen=True)
@@ -44,19 +39,6 @@ class Handle:
     segment: int
     left: float
     right: float
-
-
-@dataclass(frozen=True, eq=False)
-class MotionTable:
-    """Linear map from the ordinates to s, s', s'' and s''' (m/rad^order) at n angles.
-
-    The curves are `constant` ``(4, n)`` + Σ `table` ``(4, n, w)`` · ordinates. `first` ``(n,)`` is
-    the index of the first ordinate that contributes at an angle.
-    """
-
-    first: FloatArray
-    table: FloatArray
-    constant: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +90,7 @@ class DrawnLaw:
         return handles
 
     @cached_property
-    def _pieces(self) -> list[tuple[int, FloatArray]]:
+    def pieces(self) -> list[tuple[int, FloatArray]]:
         """Index of the first ordinate, and matrix, of each polynomial piece of the law.
 
         The matrix ``(p + 1, k)`` (m) converts k successive ordinates of the segment to the p + 1
@@ -137,43 +119,28 @@ class DrawnLaw:
             matrix @ ordinates[first : first + matrix.shape[1]]
             if matrix.shape[1]
             else start.ordinates[:, i]
-            for i, (first, matrix) in enumerate(self._pieces)
+            for i, (first, matrix) in enumerate(self.pieces)
         ]
         return Law(name, start.breaks, np.stack(columns, axis=1))
 
     @cached_property
-    def table(self) -> MotionTable:
-        """Linear map from the ordinates to s to s''' at equally spaced cam angles.
+    def page_data(self) -> dict[str, Any]:
+        """JSON data from which a page computes the law of any ordinates.
 
-        At joints of the law the values are right limits.
+        Each piece of the law has the index of its first ordinate, the number of its ordinates and a
+        matrix. A dwell has no ordinates. Its lift is in ``dwell`` (m).
         """
-        law = self.start.law
-        angle = table_angles()
-        piece = np.searchsorted(law.breaks[1:-1], angle, side="right")
-        u = (angle - law.breaks[piece]) / law.spans[piece]
-        width = max(matrix.shape[1] for _, matrix in self._pieces)
-        first, count = np.zeros(MOTION_POINTS), self.ordinates.size
-        table = np.zeros((ORDERS, MOTION_POINTS, width))
-        constant = np.zeros((ORDERS, MOTION_POINTS))
-        for i in np.unique(piece):
-            rows, (start, matrix) = np.flatnonzero(piece == i), self._pieces[i]
-            if not matrix.shape[1]:
-                constant[0, rows] = law.ordinates[0, i]
-                continue
-            # No row may extend beyond the last ordinate.
-            shift = max(0, start + width - count)
-            columns = slice(shift, shift + matrix.shape[1])
-            first[rows] = start - shift
-            for order in range(min(ORDERS, law.degree + 1)):
-                values = bernstein.basis(law.degree - order, u[rows]) @ matrix
-                table[order, rows, columns] = values
-                matrix = bernstein.derivative(matrix) / law.spans[i]
-        return MotionTable(first, table, constant)
-
-
-def table_angles() -> FloatArray:
-    """Return the cam angles (rad) of a `MotionTable`, shape ``(n,)``."""
-    return np.linspace(0.0, TURN, MOTION_POINTS, endpoint=False)
+        law, matrices = self.start.law, [matrix for _, matrix in self.pieces]
+        return {
+            "breaks": law.breaks.tolist(),
+            "degree": law.degree,
+            "first": [first for first, _ in self.pieces],
+            "count": [matrix.shape[1] for matrix in matrices],
+            "dwell": [
+                0.0 if m.shape[1] else float(law.ordinates[0, i]) for i, m in enumerate(matrices)
+            ],
+            "matrices": in_base64(np.concatenate([matrix.ravel() for matrix in matrices])),
+        }
 
 
 def in_base64(array: FloatArray) -> str:
@@ -181,12 +148,9 @@ def in_base64(array: FloatArray) -> str:
     return base64.b64encode(np.ascontiguousarray(array, dtype="<f8").tobytes()).decode("ascii")
 
 
-def motion_in_base64(law: Law) -> str:
-    """Return s to s''' of a law at the table's angles as base64.
-
-    The array is ``(4, n)`` in m/rad^order.
-    """
-    return in_base64(np.stack([law(table_angles(), order) for order in range(ORDERS)]))
+def law_data(law: Law) -> dict[str, Any]:
+    """Return the JSON data of a law for a page: breaks (rad), and ordinates (m) of each piece."""
+    return {"name": law.name, "breaks": law.breaks.tolist(), "ordinates": law.ordinates.T.tolist()}
 
 
 def _nearest_joint(angles: FloatArray, angle: float) -> float:

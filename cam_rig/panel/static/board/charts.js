@@ -1,11 +1,11 @@
 // Charts of the board: the law and its derivatives, the contact force over the turn, the spectrum.
-/** @import { Motion, MotionTable } from "./law.js" */
+/** @import { DrawnLaw, Motion } from "./law.js" */
 /** @import { BoardState, SecondLaw } from "./main.js" */
 import { ANGLE_TICKS, Chart, extent, lineColour, union } from "../common/charts.js";
 import { $, setText } from "../common/dom.js";
 import { cached } from "../common/store.js";
 import { formatNumber, text } from "../common/texts.js";
-import { camTorque, contactForce, motion, spectrum } from "./law.js";
+import { MOTION_POINTS, camTorque, contactForce, motionOf, spectrum } from "./law.js";
 import { curveSample } from "./tables.js";
 
 /** Displayed lengths are in mm. */
@@ -21,14 +21,14 @@ const CURVES = [["lift", "s0"], ["velocity", "s1"], ["acceleration", "s2"], ["je
 export const SECOND_COLOUR = "#111";
 
 export class BoardCharts {
-  /** @param {Board} board @param {MotionTable} table */
-  constructor(board, table) {
+  /** @param {Board} board @param {DrawnLaw} drawn */
+  constructor(board, drawn) {
     this.board = board;
-    this.step = 360 / board.points;
+    this.step = 360 / MOTION_POINTS;
     /** Motion of ordinates, and of the last law that can be made. */
-    this.motion = cached((/** @type {Numbers} */ ordinates) => motion(table, ordinates));
-    this.makeableMotion = cached((/** @type {Numbers} */ ordinates) => motion(table, ordinates));
-    this.start = motion(table, board.start);
+    this.motion = cached((/** @type {Numbers} */ ordinates) => motionOf(drawn.of(ordinates)));
+    this.makeableMotion = cached((/** @type {Numbers} */ ordinates) => motionOf(drawn.of(ordinates)));
+    this.start = motionOf(drawn.start);
     const angle = { x: /** @type {Pair} */ ([0, 360]), xTicks: ANGLE_TICKS };
     this.laws = CURVES.map(([, title], i) => new Chart($(`chart${i}`), {
       ...angle, title: text(title), role: i === 0 ? "group" : "img", xTitle: [0, CURVES.length - 1].includes(i) ? text("angle") : "",

@@ -2,7 +2,7 @@
 /** @import { SecondLaw } from "./main.js" */
 import { $, field, post, showRefusal, showStatus } from "../common/dom.js";
 import { errorText } from "../common/texts.js";
-import { decodeMotion } from "./law.js";
+import { motionOf, readLaw } from "./law.js";
 
 /** Key of sessionStorage with the id of the select whose choice reloads the page. */
 const CHOSEN = "chosen";
@@ -35,11 +35,9 @@ export function listenForSecond(board, show) {
     const law = await answer?.json();
     if (field("second").value !== name) return; // another law has been selected meanwhile
     if (answer && !answer.ok) showStatus(errorText(law.message));
-    show(answer?.ok ? decodeLaw(law, board) : null);
+    show(answer?.ok ? decodeLaw(law) : null);
   });
 }
 
-/** Return a law of a message with its decoded motion. @param {OtherLaw} law @param {Board} board @returns {SecondLaw} */
-export function decodeLaw({ title, motion, figures }, { points }) {
-  return { title, figures, motion: decodeMotion(motion, points) };
-}
+/** Return a law of a message with its motion. @param {OtherLaw} law @returns {SecondLaw} */
+export const decodeLaw = ({ title, law, figures }) => ({ title, figures, motion: motionOf(readLaw(law)) });

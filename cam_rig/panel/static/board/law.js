@@ -1,57 +1,48 @@
-// The law in the page: s to s''' are fixed matrices times the ordinates, and the kinetostatic
-// contact force is a combination of them. All values are in SI units.
+// The law in the page: polynomial pieces whose ordinates are fixed matrices times those of the board,
+// its curves over a turn, and their contact force. All values are in SI units.
+import { forceAt } from "../core/force.js";
+import { Law, TURN, pieceOrdinates, readPieces } from "../core/law.js";
+import { valueAt } from "../core/polynomials.js";
 import { decodeBase64 } from "../common/dom.js";
 
-/** Return little-endian float64 values of base64. @param {string} base64 */
-const doubles = (base64) => new Float64Array(decodeBase64(base64));
+/** Number of equal steps of a turn at which the curves are drawn. */
+export const MOTION_POINTS = 720;
 
-/** Return the motion table of a board with decoded arrays. @param {Board} board */
-export function readTable(board) {
-  const table = doubles(board.table);
-  const first = Uint32Array.from(doubles(board.first));
-  const { points, orders } = board;
-  return { table, first, constant: doubles(board.constant), points, orders, width: table.length / points / orders };
-}
-
-/** @typedef {ReturnType<typeof readTable>} MotionTable */
 /** Curves s (m), s', s'', s''' (m/rad^order) at equal steps of a turn. @typedef {Float64Array[]} Motion */
 
-/** Return the motion in the base64 of a message. @param {string} base64 @param {number} points @returns {Motion} */
-export function decodeMotion(base64, points) {
-  const values = doubles(base64);
-  return Array.from({ length: values.length / points }, (_, order) => values.subarray(order * points, (order + 1) * points));
-}
-
-/** Return the motion of ordinates. @param {MotionTable} table @param {Numbers} ordinates @returns {Motion} */
-export function motion({ table, first, constant, points, orders, width }, ordinates) {
-  const curves = [];
-  for (let order = 0; order < orders; order += 1) {
-    const values = new Float64Array(points);
-    for (let k = 0; k < points; k += 1) {
-      const row = (order * points + k) * width;
-      let sum = constant[order * points + k];
-      for (let i = 0; i < width; i += 1) sum += table[row + i] * ordinates[first[k] + i];
-      values[k] = sum;
-    }
-    curves.push(values);
+/** Law of a cam for any ordinates. */
+export class DrawnLaw {
+  /** @param {Board} board */
+  constructor({ cam, law, start }) {
+    this.name = cam.name;
+    this.breaks = law.breaks;
+    this.degree = law.degree;
+    this.pieces = readPieces(law, new Float64Array(decodeBase64(law.matrices)));
+    this.start = this.of(start);
   }
-  return curves;
+
+  /** @param {Numbers} ordinates */
+  of(ordinates) { return new Law(this.name, this.breaks, pieceOrdinates(this.pieces, this.degree, ordinates)); }
+
+  /** Return the derivative (m) of the lift at point k of a turn with respect to an ordinate. @param {number} k @param {number} index */
+  sensitivity(k, index) {
+    const angle = (TURN * k) / MOTION_POINTS, i = this.start.pieceAt(angle), { first, count, matrix } = this.pieces[i];
+    if (index < first || index >= first + count) return 0;
+    const column = Float64Array.from({ length: this.degree + 1 }, (_, row) => matrix[row * count + index - first]);
+    return valueAt(column, (angle - this.breaks[i]) / this.start.spans[i]);
+  }
 }
 
-/**
- * Return the derivative (m) of the lift at angle index k with respect to an ordinate.
- * @param {MotionTable} table @param {number} k @param {number} index
- */
-export function sensitivity({ table, first, width }, k, index) {
-  const column = index - first[k];
-  return column >= 0 && column < width ? table[k * width + column] : 0;
-}
+/** Return the curves of a law. @param {Law} law @returns {Motion} */
+export const motionOf = (law) => law.sample(MOTION_POINTS);
 
-/** Return the contact force (N): m s'' Ω² + c s' Ω + k s + preload. @param {Motion} law @param {Mass} rig @param {number} rpm */
+/** Return the law of a message. @param {LawData} law */
+export const readLaw = ({ name, breaks, ordinates }) => new Law(name, breaks, ordinates.map((piece) => Float64Array.from(piece)));
+
+/** Return the contact force (N) of a mass that follows the cam. @param {Motion} law @param {Mass} rig @param {number} rpm */
 export function contactForce([lift, slope, curvature], rig, rpm) {
-  const speed = (rpm * 2 * Math.PI) / 60;
-  const inertia = rig.mass * speed * speed, damping = rig.damping * speed;
-  return lift.map((s, i) => inertia * curvature[i] + damping * slope[i] + rig.spring_stiffness * s + rig.preload);
+  const speed = (rpm * TURN) / 60;
+  return lift.map((s, i) => forceAt([s, slope[i], curvature[i]], rig, speed));
 }
 
 /** Return the torque (N·m) of the contact force on the cam: F s'. @param {Motion} law @param {Numbers} force */

@@ -14,7 +14,7 @@ import { Connection } from "./connection.js";
 import { listenForFiles, showDesign } from "./files.js";
 import { Handles, pullWeights } from "./handles.js";
 import { History } from "./history.js";
-import { contactForce, readTable, sensitivity } from "./law.js";
+import { DrawnLaw, MOTION_POINTS, contactForce } from "./law.js";
 import { listenForLinks } from "./links.js";
 import { fillHeading, renderReadouts } from "./readouts.js";
 import { PeaksTable } from "./tables.js";
@@ -29,12 +29,12 @@ const SLIDER_RPM = [20, 2000];
 await loadTexts();
 /** @type {Board} */
 const board = await (await fetch("/board")).json();
-const table = readTable(board);
+const drawnLaw = new DrawnLaw(board);
 const start = Float64Array.from(board.start);
 const liftMm = board.cam.lift_m * 1e3;
 const handleData = board.handles.map((handle) => {
-  const k = Math.round((handle.angle / (2 * Math.PI)) * board.points) % board.points;
-  return { ...handle, k, angle: (2 * Math.PI * k) / board.points };
+  const k = Math.round((handle.angle / (2 * Math.PI)) * MOTION_POINTS) % MOTION_POINTS;
+  return { ...handle, k, angle: (2 * Math.PI * k) / MOTION_POINTS };
 });
 
 /** Law that is drawn next to that of the board. @typedef {{title: string, motion: Motion, figures: Figures}} SecondLaw */
@@ -62,7 +62,7 @@ const store = new Store(/** @type {BoardState} */ ({
   mayShrink: true,
 }), render);
 const { state } = store;
-const charts = new BoardCharts(board, table);
+const charts = new BoardCharts(board, drawnLaw);
 const contour = new ContourChart($("contour"), board.colours, text("contour"));
 const peaks = {
   own: new PeaksTable("peaks", "", "currentColor"),
@@ -94,7 +94,7 @@ function render(present) {
 
 /** Show one cam angle in all charts, and turn the cam to it. @param {Motion} motion @param {number} angleDeg @param {number} speed */
 function renderCursor(motion, angleDeg, speed) {
-  const k = Math.round((angleDeg / 360) * board.points) % board.points;
+  const k = Math.round((angleDeg / 360) * MOTION_POINTS) % MOTION_POINTS;
   const point = motion.map((curve) => curve.subarray(k, k + 1));
   const [[lift], [slope], [curvature]] = point;
   const [force] = contactForce(point, board.rig, state.rpm);
@@ -161,7 +161,7 @@ const handles = new Handles(charts.laws[0], handleData, {
   begin: () => history.begin(),
   move(handle, lift) {
     const present = charts.motion(state.ordinates)[0][handle.k];
-    const effect = weightsOf(handle).reduce((sum, [{ index }, weight]) => sum + weight * sensitivity(table, handle.k, index), 0);
+    const effect = weightsOf(handle).reduce((sum, [{ index }, weight]) => sum + weight * drawnLaw.sensitivity(handle.k, index), 0);
     pull(handle, () => (lift - present) / effect);
   },
   step: (handle, lifts) => pull(handle, () => lifts),
@@ -242,7 +242,7 @@ const sent = new Map();
 function receive(message, isPending) {
   switch (message.type) {
     case "refused": return showRefusal("refused", message);
-    case "design": return showDesign(message, (law) => showSecond(decodeLaw(law, board)));
+    case "design": return showDesign(message, (law) => showSecond(decodeLaw(law)));
     case "full": return message.message === undefined ? store.update({ full: message }) : showStatus(errorText(message.message));
     case "opened": // a link in the address is of the previous cam
       window.history.replaceState(null, "", location.pathname);

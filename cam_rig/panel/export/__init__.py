@@ -1,0 +1,1 @@
+"""Static form of the drawing board: one HTML file that needs no server."""

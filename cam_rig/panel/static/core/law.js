@@ -1,0 +1,129 @@
+// Motion law of a cam: s (m) over one turn, as polynomial pieces in Bernstein form, and its derivatives
+// by the cam angle. Each piece is a fixed matrix times the ordinates of the drawing board.
+import { derivative, elevate, valueAt } from "./polynomials.js";
+import { crossings } from "./roots.js";
+
+export const TURN = 2 * Math.PI;
+/** Smallest jump of s' that is not rounding: relative to the lift, and to the slopes on both sides. */
+const VELOCITY_JUMP = 1e-9, SLOPE_ROUNDING = 1e-12;
+/** Difference of extreme values that counts as rounding, relative to the largest ordinate. */
+export const TIE_RTOL = 1e-12;
+/** Distance of a sample from a joint at which it counts as on the joint, relative to the step of the samples. */
+const AT_SAMPLE = 1e-6;
+
+/** Polynomial piece: `matrix` (rows of `count`) times the ordinates from `first` on, or constant. @typedef {{first: number, count: number, matrix: Float64Array, dwell: number}} Piece */
+
+/** Return the pieces of a board's law. @param {BoardLaw} law @param {Float64Array} matrices @returns {Piece[]} */
+export function readPieces({ degree, first, count, dwell }, matrices) {
+  let offset = 0;
+  return first.map((start, i) => {
+    const size = (degree + 1) * count[i];
+    offset += size;
+    return { first: start, count: count[i], matrix: matrices.subarray(offset - size, offset), dwell: dwell[i] };
+  });
+}
+
+/** Return the ordinates (m) of each piece. @param {Piece[]} pieces @param {number} degree @param {Numbers} ordinates */
+export function pieceOrdinates(pieces, degree, ordinates) {
+  return pieces.map(({ first, count, matrix, dwell }) => Float64Array.from({ length: degree + 1 }, (_, row) => {
+    if (!count) return dwell;
+    let sum = 0;
+    for (let i = 0; i < count; i += 1) sum += matrix[row * count + i] * ordinates[first + i];
+    return sum;
+  }));
+}
+
+/** Motion law over one turn. */
+export class Law {
+  /** @param {string} name @param {Numbers} breaks cam angles (rad) from 0 to 2π @param {Float64Array[]} ordinates of each piece (m) */
+  constructor(name, breaks, ordinates) {
+    this.name = name;
+    this.breaks = Float64Array.from(breaks);
+    this.spans = Float64Array.from(ordinates, (_, i) => breaks[i + 1] - breaks[i]);
+    this.size = ordinates[0].length;
+    /** Ordinates of s to s''' of each piece, of the degree of s. @type {Float64Array[][]} */
+    this.orders = [];
+    for (let order = 0, of = ordinates; order < 4; order += 1) {
+      this.orders.push(of.map((values) => elevate(values, this.size)));
+      of = of.map((values, i) => derivative(values).map((value) => value / this.spans[i]));
+    }
+    /** Bounds of |s| (m), |s'| (m/rad) and |s''| (m/rad²). */
+    this.bounds = this.orders.slice(0, 3).map((pieces) => Math.max(...pieces.map(largest)));
+    const [low, high] = this.#extremes();
+    /** Smallest and largest s with their angles. */
+    this.low = low;
+    this.high = high;
+    /** Largest less smallest displacement, m. */
+    this.lift = high.value - low.value;
+  }
+
+  /** Return the index of the piece at an angle of the first turn. @param {number} angle */
+  pieceAt(angle) {
+    let low = 0, high = this.spans.length;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (this.breaks[middle] <= angle) low = middle;
+      else high = middle;
+    }
+    return low;
+  }
+
+  /**
+   * Return s and its derivatives up to an order at a cam angle (rad). At a joint they are right limits.
+   * An angle that is less than `tolerance` before a joint counts as on it.
+   * @param {number} angle
+   */
+  at(angle, maxOrder = 2, tolerance = 0) {
+    const inside = angle - Math.floor(angle / TURN) * TURN, piece = this.pieceAt(inside + tolerance);
+    const u = Math.max(0, (inside - this.breaks[piece]) / this.spans[piece]);
+    return this.orders.slice(0, maxOrder + 1).map((pieces) => valueAt(pieces[piece], u));
+  }
+
+  /** Return s and its derivatives up to an order at equal steps of a turn. @param {number} points */
+  sample(points, maxOrder = 3) {
+    const curves = Array.from({ length: maxOrder + 1 }, () => new Float64Array(points)), step = TURN / points;
+    for (let k = 0; k < points; k += 1) {
+      this.at(k * step, maxOrder, AT_SAMPLE * step).forEach((value, order) => { curves[order][k] = value; });
+    }
+    return curves;
+  }
+
+  /** Return the smallest and the largest s (m) with their angles (rad), the first of equal ones. */
+  #extremes() {
+    const [lift, slope] = this.orders, tie = TIE_RTOL * this.bounds[0];
+    let low = { value: lift[0][0], angle: 0 }, high = low;
+    lift.forEach((ordinates, i) => {
+      for (const u of [0, ...crossings(slope[i]), 1]) {
+        const extreme = { value: valueAt(ordinates, u), angle: this.breaks[i] + u * this.spans[i] };
+        if (extreme.value < low.value - tie) low = extreme;
+        if (extreme.value > high.value + tie) high = extreme;
+      }
+    });
+    return [low, high];
+  }
+
+  /** Return the largest jump of s' (m/rad) and its angle (rad), null if s' is continuous. */
+  velocityJump() {
+    const slopes = this.orders[1], last = slopes.length - 1;
+    const jumps = slopes.map((piece, i) => {
+      const before = slopes[i ? i - 1 : last];
+      const step = piece[0] - before[before.length - 1], rounding = SLOPE_ROUNDING * Math.max(largest(piece), largest(before));
+      return { step, angle: this.breaks[i], isJump: Math.abs(step) - rounding > VELOCITY_JUMP * this.lift };
+    }).filter(({ isJump }) => isJump);
+    return jumps.sort((a, b) => Math.abs(b.step) - Math.abs(a.step))[0] ?? null;
+  }
+}
+
+/** Error of a law or a follower, with a message as that of the server. */
+export class RefusedError extends Error {}
+
+/** Return the largest magnitude. @param {Float64Array} values */
+export const largest = (values) => values.reduce((max, value) => Math.max(max, Math.abs(value)), 0);
+
+/** Return a number as Python's format g with significant digits, as in the messages of the server. @param {number} value @param {number} digits */
+export function general(value, digits) {
+  const [mantissa, power] = value.toExponential(digits - 1).split("e"), exponent = Number(power);
+  const trim = (/** @type {string} */ text) => (text.includes(".") ? text.replace(/\.?0+$/, "") : text);
+  if (exponent >= -4 && exponent < digits) return trim(value.toFixed(digits - 1 - exponent));
+  return `${trim(mantissa)}e${exponent < 0 ? "-" : "+"}${String(Math.abs(exponent)).padStart(2, "0")}`;
+}
