@@ -21,8 +21,8 @@ export function jumpSpeed(law, rig) {
 }
 
 /** Throw a RefusedError if s' jumps, which needs an infinite force. @param {Law} law */
-export function requireSmooth(law) {
-  const jump = law.velocityJump();
+function requireSmooth(law) {
+  const [jump] = law.velocityJumps().sort((a, b) => Math.abs(b.step) - Math.abs(a.step));
   if (!jump) return;
   const step = general(jump.step, 3), angle = general((jump.angle * 180) / Math.PI, 3);
   throw new RefusedError(`law '${law.name}': velocity jumps by ${step} m/rad at ${angle}°, an infinite force in this model; `

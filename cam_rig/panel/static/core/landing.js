@@ -11,6 +11,9 @@ import { findFall } from "./roots.js";
 const ACCELERATION_ROUNDING_ERRORS = 64, ANGLE_ROUNDING_ERRORS = 4;
 /** Largest relative position in a piece of the law, because its end belongs to the next piece. */
 const MAX_PIECE_POSITION = 1 - 2 ** -53;
+/** Difference of cam angles (rad) that counts as none, and the longest time (s) that it may take. */
+export const SAME_ANGLE = 1e-12;
+const MAX_JUMP_ROUNDING_S = 1e-7;
 /** Shortest step of the search, s. */
 const MIN_WINDOW_S = 1e-300;
 
@@ -19,12 +22,18 @@ const MIN_WINDOW_S = 1e-300;
 
 /**
  * Return the gap (m) at the landing, or at `limit` (s) without a landing.
+ *
+ * A velocity jump of the cam may be at `limit`. Within rounding of it the cam is that before the jump.
  * @param {FreeFlight} flight @param {Cam} cam @param {number} gap @param {number} rate at the start, m and m/s
  * @param {number} startRounding uncertainty of the gap's acceleration at a lift-off, m/s² @param {number} limit @returns {Gap}
  */
 export function findLanding(flight, cam, gap, rate, startRounding, limit) {
+  const atJump = Math.min(Math.max(SAME_ANGLE / cam.speed, 4 * angleRoundingTime(cam)), MAX_JUMP_ROUNDING_S);
   let point = { time: 0, gap, rate, rounding: 0, hasLanded: false };
-  while (point.time < limit && !point.hasLanded) point = searchWindow(flight, cam, point, startRounding, limit);
+  while (point.time < limit && !point.hasLanded) {
+    const lag = point.time > limit - atJump ? atJump : 0;
+    point = searchWindow(flight, cam, point, startRounding, limit, lag);
+  }
   return point;
 }
 
@@ -41,11 +50,14 @@ function pieceFrom(cam, time) {
   return [next, high, high + spans[next]];
 }
 
-/** @param {FreeFlight} flight @param {Cam} cam @param {Gap} point @param {number} startRounding @param {number} limit @returns {Gap} */
-function searchWindow(flight, cam, point, startRounding, limit) {
+/**
+ * Search in the piece of the law that follows the time of the point, less a lag (s).
+ * @param {FreeFlight} flight @param {Cam} cam @param {Gap} point @param {number} startRounding @param {number} limit @param {number} lag @returns {Gap}
+ */
+function searchWindow(flight, cam, point, startRounding, limit, lag) {
   const { law, speed } = cam, { time } = point;
-  const [piece, low, high] = pieceFrom(cam, time);
-  const end = Math.min(time + flight.window, limit, (high - cam.angle) / speed);
+  const [piece, low, high] = pieceFrom(cam, time - lag);
+  const end = Math.min(time + flight.window, limit, lag ? Infinity : (high - cam.angle) / speed);
   if (!(end > time)) return { ...point, time: time + Math.max(EPS * time, MIN_WINDOW_S) };
   const duration = end === time + flight.window ? flight.window : end - time, span = high - low;
   const position = (/** @type {number} */ at, /** @type {number} */ max) => Math.min(Math.max((cam.angle + speed * at - low) / span, 0), max);

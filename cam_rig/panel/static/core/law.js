@@ -102,15 +102,14 @@ export class Law {
     return [low, high];
   }
 
-  /** Return the largest jump of s' (m/rad) and its angle (rad), null if s' is continuous. */
-  velocityJump() {
+  /** Return the joints at which s' jumps: cam angle (rad) and step (m/rad). */
+  velocityJumps() {
     const slopes = this.orders[1], last = slopes.length - 1;
-    const jumps = slopes.map((piece, i) => {
-      const before = slopes[i ? i - 1 : last];
-      const step = piece[0] - before[before.length - 1], rounding = SLOPE_ROUNDING * Math.max(largest(piece), largest(before));
-      return { step, angle: this.breaks[i], isJump: Math.abs(step) - rounding > VELOCITY_JUMP * this.lift };
-    }).filter(({ isJump }) => isJump);
-    return jumps.sort((a, b) => Math.abs(b.step) - Math.abs(a.step))[0] ?? null;
+    return slopes.flatMap((piece, i) => {
+      const before = slopes[i ? i - 1 : last], step = piece[0] - before[before.length - 1];
+      const rounding = SLOPE_ROUNDING * Math.max(largest(piece), largest(before));
+      return Math.abs(step) - rounding > VELOCITY_JUMP * this.lift ? [{ angle: this.breaks[i], step }] : [];
+    });
   }
 }
 
