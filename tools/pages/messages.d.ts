@@ -73,7 +73,7 @@ interface Board {
   generation: number;
   base_radius_mm: number;
   base_radius_range: Pair;
-  rig: Mass & {
+  rig: Bouncer & {
     name: string;
     title: string;
     two_masses: boolean;

@@ -205,6 +205,7 @@ class Board:
                 "damping": follower.damping,
                 "spring_stiffness": follower.spring_stiffness,
                 "preload": follower.preload,
+                "restitution": follower.restitution,
                 "two_masses": describe_follower(follower_of(self.rig)) == TWO_MASSES,
                 "from_rest_s": REST_DURATION_S,
                 "has_shaft": self.rig.shaft is not None,

@@ -1,10 +1,12 @@
 // Charts of the board: the law and its derivatives, the contact force over the turn, the spectrum.
+/** @import { Law } from "../core/law.js" */
 /** @import { DrawnLaw, Motion } from "./law.js" */
 /** @import { BoardState, SecondLaw } from "./main.js" */
 import { ANGLE_TICKS, Chart, extent, lineColour, union } from "../common/charts.js";
 import { $, setText } from "../common/dom.js";
 import { cached } from "../common/store.js";
 import { formatNumber, text } from "../common/texts.js";
+import { Flight } from "./flight.js";
 import { MOTION_POINTS, camTorque, contactForce, motionOf, spectrum } from "./law.js";
 import { curveSample } from "./tables.js";
 
@@ -25,9 +27,15 @@ export class BoardCharts {
   constructor(board, drawn) {
     this.board = board;
     this.step = 360 / MOTION_POINTS;
-    /** Motion of ordinates, and of the last law that can be made. */
-    this.motion = cached((/** @type {Numbers} */ ordinates) => motionOf(drawn.of(ordinates)));
-    this.makeableMotion = cached((/** @type {Numbers} */ ordinates) => motionOf(drawn.of(ordinates)));
+    const lawOf = () => cached((/** @type {Numbers} */ ordinates) => drawn.of(ordinates));
+    /** Law of ordinates, and of the last law that can be made. */
+    this.law = lawOf();
+    this.makeableLaw = lawOf();
+    /** Motion of both laws. */
+    this.motion = cached(motionOf);
+    this.makeableMotion = cached(motionOf);
+    /** Flight of the law of the displayed force. */
+    this.flight = cached((/** @type {Law} */ law, /** @type {number} */ rpm) => (board.cam.sprung ? new Flight(law, board.rig, rpm) : null));
     this.start = motionOf(drawn.start);
     const angle = { x: /** @type {Pair} */ ([0, 360]), xTicks: ANGLE_TICKS };
     this.laws = CURVES.map(([, title], i) => new Chart($(`chart${i}`), {
@@ -53,28 +61,38 @@ export class BoardCharts {
 
   /** Draw the state. Axes shrink only if `state.mayShrink`. @param {BoardState} state */
   draw(state) {
-    const { mayShrink, fast, makeable, rpm } = state;
+    const { mayShrink, rpm } = state;
     const second = state.second && state.second.motion;
     this.#drawLegend(state.second);
-    const law = this.motion(state.ordinates);
-    const isFaulty = Boolean(fast?.faults.length);
+    const law = this.motion(this.law(state.ordinates)), { forceLaw, isFaulty } = this.#forceLaw(state);
     this.laws.forEach((chart, order) => this.#drawLaw(chart, order, law, second, mayShrink));
     this.laws[0].paths.get("own")?.classList.toggle("bad", isFaulty);
-    // The force of a law that cannot be made is replaced by that of the last law that can.
-    const forceLaw = isFaulty && makeable ? this.makeableMotion(makeable) : law;
-    const laws = [forceLaw, this.start, second];
-    const forces = laws.map((each, i) => this.forces[i](each, rpm));
-    const [low, high] = extent(forces);
+    const laws = [forceLaw === this.law(state.ordinates) ? law : this.makeableMotion(forceLaw), this.start, second];
+    const forces = laws.map((each, i) => this.forces[i](each, rpm)), flight = this.flight(forceLaw, rpm);
+    const [low, high] = extent([...forces, flight?.force]);
     this.force.fit(Math.min(low, 0), Math.max(high, 0), mayShrink);
-    this.#drawCurves(this.force, forces, { colour: this.board.colours.force });
-    const torques = laws.map((each, i) => this.torques[i](each, forces[i]));
+    const shown = [flight?.force ?? forces[0], forces[1], forces[2]];
+    this.#drawCurves(this.force, shown, { colour: this.board.colours.force });
+    const torques = laws.map((each, i) => this.torques[i](each, shown[i]));
     this.torque.fit(...extent(torques), mayShrink);
     this.#drawCurves(this.torque, torques, { colour: this.board.colours.torque });
     this.#nameTorques(/** @type {Float64Array} */ (torques[0]));
-    this.#drawContact(/** @type {Float64Array} */ (forces[0]), isFaulty, Boolean(makeable));
+    this.#drawContact(/** @type {Float64Array} */ (forces[0]), flight, isFaulty, Boolean(state.makeable));
     const isOfForce = state.spectrum === "force";
     const spectra = laws.map((each, i) => this.spectra[i](isOfForce ? forces[i] : each && each[2], isOfForce ? 1 : MM));
     this.#drawSpectrum(spectra, isOfForce, mayShrink);
+  }
+
+  /** Return the law of the displayed force. That of a law that cannot be made is the last law that can. @param {BoardState} state */
+  #forceLaw({ ordinates, fast, makeable }) {
+    const isFaulty = Boolean(fast?.faults.length);
+    return { isFaulty, forceLaw: isFaulty && makeable ? this.makeableLaw(makeable) : this.law(ordinates) };
+  }
+
+  /** Return the motion of the follower at a cam angle (rad) if the cam can be made and contact is lost, otherwise null. @param {BoardState} state @param {number} angle */
+  flightAt(state, angle) {
+    const { forceLaw, isFaulty } = this.#forceLaw(state), flight = isFaulty ? null : this.flight(forceLaw, state.rpm);
+    return flight?.isLost ? flight.at(angle) : null;
   }
 
   /**
@@ -100,15 +118,19 @@ export class BoardCharts {
     this.#drawCurves(chart, curves, { colour: this.board.colours[CURVES[order][0]], scale: MM });
   }
 
-  /** Show the angles at which the force is below zero. @param {Float64Array} force @param {boolean} isFaulty @param {boolean} hasMakeable */
-  #drawContact(force, isFaulty, hasMakeable) {
+  /**
+   * Show the angles at which the force is below zero, and the lift-offs and landings.
+   * @param {Float64Array} force @param {Flight | null} flight @param {boolean} isFaulty @param {boolean} hasMakeable
+   */
+  #drawContact(force, flight, isFaulty, hasMakeable) {
     const first = force.findIndex((value) => value < 0), last = force.findLastIndex((value) => value < 0);
     const isLost = first >= 0;
     const [min] = extent([force]);
     this.force.drawCurve("lost", isLost ? force.map((value) => Math.min(value, 0)) : null, { step: this.step, kind: "bad" });
-    const contact = isLost
+    const lost = isLost
       ? text("contact_lost", { from: formatNumber(first * this.step), to: formatNumber(last * this.step) })
       : text("contact_kept", { min: formatNumber(min) });
+    const contact = flight?.isLost || (isLost && flight?.message) ? `${lost} ${flight.describe()}` : lost;
     setText("contact", isFaulty ? text(hasMakeable ? "force_kept" : "force_not_made", { contact }) : contact);
     $("contact").classList.toggle("fault", isLost || isFaulty);
   }

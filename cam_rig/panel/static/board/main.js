@@ -74,7 +74,7 @@ const peaks = {
 /** @param {BoardState} present */
 function render(present) {
   const { ordinates, rpm, fast } = present;
-  const motion = charts.motion(ordinates);
+  const motion = charts.motion(charts.law(ordinates));
   const speed = (rpm * 2 * Math.PI) / 60;
   charts.draw(present);
   present.mayShrink = false;
@@ -95,16 +95,16 @@ function render(present) {
 /** Show one cam angle in all charts, and turn the cam to it. @param {Motion} motion @param {number} angleDeg @param {number} speed */
 function renderCursor(motion, angleDeg, speed) {
   const k = Math.round((angleDeg / 360) * MOTION_POINTS) % MOTION_POINTS;
-  const point = motion.map((curve) => curve.subarray(k, k + 1));
-  const [[lift], [slope], [curvature]] = point;
-  const [force] = contactForce(point, board.rig, state.rpm);
-  contour.setPose((angleDeg * Math.PI) / 180, lift * 1e3);
+  const point = motion.map((curve) => curve.subarray(k, k + 1)), [[lift], [slope], [curvature]] = point;
+  const onCam = { y: lift, velocity: slope * speed, acceleration: curvature * speed ** 2, force: contactForce(point, board.rig, state.rpm)[0] };
+  const { y, velocity, acceleration, force } = charts.flightAt(state, (angleDeg * Math.PI) / 180) ?? onCam;
+  contour.setPose((angleDeg * Math.PI) / 180, y * 1e3);
   for (const chart of charts.overAngle) chart.drawCursor(angleDeg);
   setText("at_cursor", text("cursor_words", {
     angle: angleDeg,
-    lift: formatNumber(lift * 1e3),
-    velocity: formatNumber(slope * speed, 3),
-    acceleration: formatNumber(curvature * speed ** 2, 3),
+    lift: formatNumber(y * 1e3),
+    velocity: formatNumber(velocity, 3),
+    acceleration: formatNumber(acceleration, 3),
     force: formatNumber(force, 3),
     torque: formatNumber(force * slope, 3),
   }));
@@ -160,7 +160,7 @@ const handles = new Handles(charts.laws[0], handleData, {
   limit: MAX_ORDINATE * liftMm,
   begin: () => history.begin(),
   move(handle, lift) {
-    const present = charts.motion(state.ordinates)[0][handle.k];
+    const present = charts.motion(charts.law(state.ordinates))[0][handle.k];
     const effect = weightsOf(handle).reduce((sum, [{ index }, weight]) => sum + weight * drawnLaw.sensitivity(handle.k, index), 0);
     pull(handle, () => (lift - present) / effect);
   },

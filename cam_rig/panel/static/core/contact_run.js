@@ -18,7 +18,7 @@ const END_ANGLE = 1e-9;
 const MAX_EVENTS = 10000;
 
 /** Contact or flight from `start` to `end`, s. @typedef {{start: number, end: number, flight: FreeFlight | null}} Phase */
-/** Lift-off or landing. `impulse` (N·s) is 0 at a lift-off. @typedef {{isLanding: boolean, time: number, angle: number, impulse: number}} ContactChange */
+/** Lift-off or landing at a time (s) and a cam angle (rad). `velocity` (m/s) is that towards the cam, and `impulse` (N·s) that of the landing, both 0 at a lift-off. @typedef {{isLanding: boolean, time: number, angle: number, velocity: number, impulse: number}} ContactChange */
 
 export class ContactRun {
   /** Phases and events in the order of time. @type {Phase[]} */
@@ -56,10 +56,10 @@ export class ContactRun {
     }
   }
 
-  /** Return lift (m), velocity (m/s) and contact force (N) of the cam, after a jump at this time. @param {number} time */
+  /** Return the motion of a mass on the cam, after a jump at this time (s). @param {number} time */
   #cam(time) {
-    const motion = this.law.at(this.speed * time, 2, SAME_ANGLE);
-    return { s: motion[0], velocity: motion[1] * this.speed, force: forceAt(motion, this.rig, this.speed) };
+    const motion = this.law.at(this.speed * time, 2, SAME_ANGLE), [y, slope, curvature] = motion;
+    return { y, velocity: slope * this.speed, acceleration: curvature * this.speed ** 2, force: forceAt(motion, this.rig, this.speed) };
   }
 
   /** Time (s) at which the present phase ends at the latest: the next velocity jump, or the end of the run. */
@@ -100,14 +100,14 @@ export class ContactRun {
 
   /** Leave the cam with its velocity, or with that before a downward jump (m/s). @param {number} step */
   #liftOff(step) {
-    this.events.push({ isLanding: false, time: this.time, angle: this.speed * this.time, impulse: 0 });
+    this.events.push({ isLanding: false, time: this.time, angle: this.speed * this.time, velocity: 0, impulse: 0 });
     this.#launch(step);
   }
 
   /** Start a flight from the cam with a velocity (m/s) relative to it. @param {number} rate */
   #launch(rate) {
-    const { s, velocity } = this.#cam(this.time);
-    this.flying = { flight: new FreeFlight(this.rig, s, velocity + rate), gap: 0, rate };
+    const { y, velocity } = this.#cam(this.time);
+    this.flying = { flight: new FreeFlight(this.rig, y, velocity + rate), gap: 0, rate };
   }
 
   /** Fly up to the landing. @param {{flight: FreeFlight, gap: number, rate: number}} flying */
@@ -127,17 +127,15 @@ export class ContactRun {
     const deceleration = this.#cam(time).force / mass;
     const rebounds = rebound > 0 && !(deceleration > 0 && (0.5 * rebound * rebound) / deceleration <= this.minBounce);
     const impulse = mass * (1 + (rebounds ? restitution : 0)) * approach;
-    this.events.push({ isLanding: true, time, angle: this.speed * time, impulse });
+    this.events.push({ isLanding: true, time, angle: this.speed * time, velocity: approach, impulse });
     this.flying = null;
     if (rebounds) this.#launch(rebound);
   }
 
-  /** Return displacement (m), velocity (m/s) and contact force (N) at a time (s) of the run. @param {number} time */
+  /** Return displacement (m), velocity (m/s), acceleration (m/s²) and contact force (N) at a time (s) of the run. @param {number} time */
   at(time) {
-    const phase = this.phases.find(({ end }) => time < end) ?? this.phases[this.phases.length - 1];
-    if (phase.flight) return { ...phase.flight.at(time - phase.start), force: 0 };
-    const { s, velocity, force } = this.#cam(time);
-    return { y: s, velocity, force };
+    const { start, flight } = this.phases.find(({ end }) => time < end) ?? this.phases[this.phases.length - 1];
+    return flight ? { ...flight.at(time - start), force: 0 } : this.#cam(time);
   }
 }
 
