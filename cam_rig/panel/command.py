@@ -37,6 +37,10 @@ Lang = Annotated[
     str | None, typer.Option(help="Language of the pages, en or es (default: the browser's).")
 ]
 NoRerun = Annotated[bool, typer.Option("--no-rerun", help="Disable recording in Rerun.")]
+Export = Annotated[
+    Path | None,
+    typer.Option(metavar="FOLDER", help="Folder for a static drawing board, without a server."),
+]
 Open = Annotated[bool, typer.Option("--open", help="Open the browser.")]
 
 
@@ -49,6 +53,7 @@ def panel(
     lang: Lang = None,
     no_rerun: NoRerun = False,
     open_browser: Open = False,
+    export: Export = None,
 ) -> None:
     """Turn the rig by hand in a browser, and draw the laws of its cams.
 
@@ -60,13 +65,37 @@ def panel(
     Rerun's. ROS programs on this machine can reach the nodes of the bench, as those of every run.
     `cam-rig lab` serves lab sheets.
 
+    With --export the command writes a static drawing board instead and ends. It is one HTML file
+    that a browser opens without a server.
+
     Examples
     --------
     cam-rig panel --open
 
+    cam-rig panel --export out/board
+
     cam-rig panel bezier15 --rig tm21 --out cams
     """
+    if export is not None:
+        write_static_board(cam, rig, export, lang)
+        return
     serve_panel([cam], rig, port, out, not no_rerun, open_browser, None, lang)
+
+
+def write_static_board(cam: str, rig: str | None, folder: Path, language: str | None) -> None:
+    """Write the static drawing board into a folder, and print its path and its size."""
+    from cam_rig.extras import require
+
+    require("starlette")
+    from cam_rig.panel.board.board import Board
+    from cam_rig.panel.export.page import export_board
+    from cam_rig.schema.load import cam_path
+    from cam_rig.simulation.inputs import default_rig, resolve_cam, resolve_rig
+
+    rig_config = resolve_rig(rig or str(default_rig([cam_path(cam)])), cam)
+    path = export_board(folder, Board(resolve_cam(cam), rig_config, folder), language)
+    print(path)
+    say(f"{path.stat().st_size / 1e3:.0f} kB; a browser opens it without a server")
 
 
 def serve_panel(

@@ -148,8 +148,21 @@ def languages() -> list[str]:
     return sorted(path.stem for path in (STATIC / "texts").glob("*.json"))
 
 
+def require_language(language: str | None) -> None:
+    """Raise ConfigError unless the pages have texts in a language, or it is None."""
+    if language is not None and language not in languages():
+        raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")
+
+
 #: Names in `looks` of the colours that are sent to the pages.
 COLOURS = ("LIFT", "VELOCITY", "ACCELERATION", "FORCE", "GAP", "LANDING", "LIFT_OFF", "FOLLOWER")
+
+
+def style_variables() -> str:
+    """Return the colours and sizes of pages and figures as CSS variables."""
+    values = ((name.lower().replace("_", "-"), getattr(looks, name)) for name in COLOURS)
+    colours = "".join(f"--of-{name}:{web(value)};" for name, value in values)
+    return f"{looks.tokens()}:root{{{colours}}}"
 
 
 def application(*pages: PanelPages, language: str | None = None) -> Starlette:
@@ -165,19 +178,13 @@ def application(*pages: PanelPages, language: str | None = None) -> Starlette:
                 await stack.enter_async_context(part.alive())
             yield
 
-    def variables() -> Response:
-        """Return the colours and sizes of pages and figures as CSS variables."""
-        values = ((name.lower().replace("_", "-"), getattr(looks, name)) for name in COLOURS)
-        colours = "".join(f"--of-{name}:{web(value)};" for name, value in values)
-        return Response(f"{looks.tokens()}:root{{{colours}}}", media_type="text/css")
-
     page_routes = [route for part in pages for route in part.routes]
     paths = [route.path for route in page_routes if isinstance(route, Route)]
     offer = {"language": language, "languages": languages(), "pages": paths}
     routes = [
         *page_routes,
         get("/languages", lambda _: offer),
-        get("/looks.css", lambda _: variables()),
+        get("/looks.css", lambda _: Response(style_variables(), media_type="text/css")),
         Mount("/static", StaticFiles(directory=STATIC)),
     ]
     gzip = Middleware(GZipMiddleware, compresslevel=5)
@@ -217,8 +224,7 @@ def serve(
     ConfigError
         If the pages have no texts in the language.
     """
-    if language is not None and language not in languages():
-        raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")
+    require_language(language)
     app = application(*pages, language=language)
     with serve_application(app, home, POLICY, port, host) as served:
         yield served

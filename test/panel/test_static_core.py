@@ -14,9 +14,13 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.dynamics.kinetostatic import loss_intervals
 from cam_rig.errors import CamRigError
+from cam_rig.laws import build_law
 from cam_rig.laws.bernstein import EPS
+from cam_rig.panel.board.drawable import with_base_radius
 from cam_rig.panel.board.drawn_law import DrawnLaw
-from cam_rig.panel.export.data import follower_sizes
+from cam_rig.panel.board.evaluation import evaluate_fast
+from cam_rig.panel.board.figures import find_rise, law_figures
+from cam_rig.panel.export.page import follower_sizes
 from cam_rig.panel.server import STATIC
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.disc import Contour, discs
@@ -38,10 +42,11 @@ TURNS = 4
 PROBE = 1e-9
 #: Amplification of errors above which events are not compared. Rebounds amplify without limit.
 MAX_AMPLIFICATION = 1e5
-CORE = """async ([law, ordinates, follower, rig, speeds, turns]) => {
+CORE = """async ([law, ordinates, cam, rig, speeds, turns]) => {
   const load = (name) => import(`/core/${name}.js`);
   const { Law, pieceOrdinates, readPieces } = await load("law");
   const { contours } = await load("contour");
+  const { evaluateFast } = await load("results");
   const { jumpSpeed } = await load("jump_speed");
   const { lossIntervals } = await load("force");
   const { ContactRun } = await load("contact_run");
@@ -57,7 +62,8 @@ CORE = """async ([law, ordinates, follower, rig, speeds, turns]) => {
   };
   return {
     motion: drawn.sample(720).map((curve) => [...curve]),
-    contours: attempt(() => contours(follower, drawn)),
+    contours: attempt(() => contours(cam.follower, drawn)),
+    fast: evaluateFast(cam, drawn, rig),
     jump: attempt(() => jumpSpeed(drawn, rig)),
     losses: speeds.map((speed) => lossIntervals(drawn, rig, speed)),
     runs: speeds.map((speed) => attempt(() => new ContactRun(drawn, rig, speed, turns).events)),
@@ -88,11 +94,14 @@ class Case:
 
     def __init__(self, core, name, seed):
         rng = np.random.default_rng([seed, CAM_NAMES.index(name)])
-        self.cam = cam_rig.load_cam(name)
-        drawn, rig = DrawnLaw.of(self.cam), cam_rig.load_rig("paper_table2")
+        file_cam = cam_rig.load_cam(name)
+        drawn, rig = DrawnLaw.of(file_cam), cam_rig.load_rig("paper_table2")
         ordinates, free = drawn.ordinates.copy(), [handle.index for handle in drawn.handles]
         ordinates[free] += 0.02 * rng.uniform() * rng.standard_normal(len(free))
         self.law = drawn.law(ordinates, name)
+        base = rng.choice([1.0, rng.uniform(0.2, 2.0)]) * file_cam.follower.base_radius.si
+        self.cam = with_base_radius(file_cam, 1e3 * base, name)
+        self.rise = find_rise(file_cam, build_law(file_cam))
         changes = {
             "mass": 1.3 * 10.0 ** rng.uniform(-1.0, 1.0),
             "spring_stiffness": 4030.0 * 10.0 ** rng.uniform(-1.0, 1.0),
@@ -108,9 +117,12 @@ class Case:
         names = ("mass", "damping", "spring_stiffness", "preload", "restitution")
         follower = {name: getattr(self.mass, name) for name in names}
         data = drawn.page_data | {"name": name}
-        sizes = follower_sizes(self.cam, self.law)
+        sizes = follower_sizes(file_cam, self.law) | {
+            "base_radius": self.cam.follower.base_radius.si
+        }
+        static = {"follower": sizes, "picture": {}, "rise": self.rise and vars(self.rise)}
         speeds = [rpm * RPM for rpm in self.rpm]
-        self.js = core(data, ordinates.tolist(), sizes, follower, speeds, TURNS)
+        self.js = core(data, ordinates.tolist(), static, follower, speeds, TURNS)
 
     def at_joints(self, points):
         """Return equally spaced angles (rad). An angle just before a joint is moved to it."""
@@ -147,18 +159,6 @@ def test_law_contour_and_jump_speed_are_those_of_the_package(core, name, seed):
     case = Case(core, name, seed)
     for order, curve in enumerate(case.js["motion"]):
         assert_close(curve, case.law(case.at_joints(POINTS), order), case.scale(order))
-    angles = np.linspace(0.0, TURN, CONTOUR_POINTS, endpoint=False)
-    curves = (case.law(case.at_joints(CONTOUR_POINTS), order) for order in range(3))
-    motion = Motion(angles, *curves)
-    for disc, actual in zip(discs(case.cam.follower, case.law), case.js["contours"], strict=True):
-        contour = Contour.of(disc, motion)
-        size = np.abs(contour.points).max()
-        assert_close(actual["points"], contour.points, size)
-        assert (actual["pitch"] is None) == (contour.pitch is None)
-        if contour.pitch is not None:
-            assert_close(actual["pitch"], contour.pitch, size)
-        assert_close(actual["rate"], contour.rate, max(size, np.abs(contour.rate).max()))
-        assert_close(actual["pressure"], np.abs(contour.pressure), 1.0)
     try:
         jump = rigid_jump_speed(case.law, case.mass)
     except CamRigError as error:
@@ -170,6 +170,23 @@ def test_law_contour_and_jump_speed_are_those_of_the_package(core, name, seed):
         assert len(losses) == len(ranges)
         for actual, angles in zip(losses, ranges, strict=True):
             assert actual == pytest.approx(angles, abs=root_atol(case, angles, rpm * RPM))
+    angles = np.linspace(0.0, TURN, CONTOUR_POINTS, endpoint=False)
+    curves = (case.law(case.at_joints(CONTOUR_POINTS), order) for order in range(3))
+    motion = Motion(angles, *curves)
+    try:
+        plates = discs(case.cam.follower, case.law)
+    except CamRigError as error:
+        assert case.js["contours"] == f"RefusedError: {error}"
+        return
+    for disc, actual in zip(plates, case.js["contours"], strict=True):
+        contour = Contour.of(disc, motion)
+        size = np.abs(contour.points).max()
+        assert_close(actual["points"], contour.points, size)
+        assert (actual["pitch"] is None) == (contour.pitch is None)
+        if contour.pitch is not None:
+            assert_close(actual["pitch"], contour.pitch, size)
+        assert_close(actual["rate"], contour.rate, max(size, np.abs(contour.rate).max()))
+        assert_close(actual["pressure"], np.abs(contour.pressure), 1.0)
 
 
 def root_atol(case, angles, speed):
@@ -181,6 +198,44 @@ def root_atol(case, angles, speed):
     size = np.dot(weights, case.law.bounds) + case.mass.preload
     slope = sum(w * np.abs(case.law(np.array(angles), k + 1)) for k, w in enumerate(weights))
     return RTOL * max(TURN, size / max(slope.min(), 1e-300))
+
+
+@pytest.mark.variants(10)
+@CASES
+@pytest.mark.parametrize("seed", range(3))
+def test_fast_results_are_those_of_the_server(core, name, seed):
+    """Faults, warnings, pressure angle, follower, peaks and continuity are those of the server."""
+    case = Case(core, name, seed)
+    expected = evaluate_fast(case.cam, case.law, case.rig)
+    actual = case.js["fast"]
+    for key in ("faults", "warnings", "jump_rigid", "pressure"):
+        assert_same(actual[key], expected[key])
+    for disc, message in zip(actual["discs"], expected["discs"], strict=True):
+        assert np.allclose(disc["points"], np.array(message["points"]), rtol=0, atol=6e-5)
+        assert (disc["undercut"], disc["steep"]) == (message["undercut"], message["steep"])
+    assert (actual["follower"] is None) == (expected["follower"] is None)
+    for key, value in (actual["follower"] or {}).items():
+        assert value == pytest.approx(expected["follower"][key], rel=RTOL, abs=6e-5)
+    figures, message = actual["figures"], law_figures(case.law, case.rise)
+    assert figures["continuity"] == message["continuity"]
+    for order, (peak, other) in enumerate(zip(figures["peaks"], message["peaks"], strict=True), 1):
+        for end in ("largest", "least"):
+            assert abs(peak[end]["value"] - other[end]["value"]) <= RTOL * case.scale(order)
+        assert_same(peak["coefficient"], other["coefficient"])
+
+
+def assert_same(actual, expected):
+    """Assert that values of a message are equal, numbers to nine digits."""
+    if isinstance(expected, dict):
+        assert actual.keys() == expected.keys()
+        for key, value in expected.items():
+            assert_same(actual[key], value)
+    elif isinstance(expected, list):
+        for pair in zip(actual, expected, strict=True):
+            assert_same(*pair)
+    else:
+        is_number = isinstance(expected, float)
+        assert actual == (pytest.approx(expected, rel=1e-9, abs=1e-9) if is_number else expected)
 
 
 @pytest.mark.variants(12)

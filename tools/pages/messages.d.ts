@@ -130,6 +130,33 @@ interface LawData {
   ordinates: number[][];
 }
 
+/** Rise of a cam: start and span (rad), and height (m). */
+interface Rise {
+  start: number;
+  span: number;
+  height: number;
+}
+
+/** Data of a cam for the core: sizes of its follower, the follower's picture at the start, and the highest rise. */
+interface StaticCam {
+  follower: FollowerSizes;
+  picture: FollowerPicture;
+  rise: Rise | null;
+}
+
+/** Fields of the board that the cam determines, and the data for the core. */
+type CamData = Omit<Board, "rig" | "rigs" | "cams" | "rpm" | "rpm_range" | "colours"> & { static: StaticCam };
+
+/** Data in the file of the static board. The texts have the paths below /static. */
+interface StaticData {
+  languages: { language: string | null; languages: string[]; pages: string[] };
+  texts: Record<string, Record<string, string>>;
+  board: Pick<Board, "rigs" | "cams" | "rpm" | "rpm_range" | "colours">;
+  cams: Record<string, CamData>;
+  rigs: Record<string, Board["rig"]>;
+  first: { cam: string; rig: string };
+}
+
 /** Polynomial pieces of a law: `matrices` times `count` ordinates from `first` on, or the constant `dwell` (m). */
 interface BoardLaw {
   breaks: number[];

@@ -1,7 +1,8 @@
 // Flight of the follower at a speed above its jump speed: one rigid mass from rest, in its last turn.
 /** @import { ContactChange } from "../core/contact_run.js" */
 import { ContactRun } from "../core/contact_run.js";
-import { RefusedError, TURN } from "../core/law.js";
+import { RefusedError } from "../core/refusal.js";
+import { DEGREE, RPM, TURN } from "../core/units.js";
 /** @import { Law } from "../core/law.js" */
 import { errorText, formatNumber, text } from "../common/texts.js";
 import { MOTION_POINTS } from "./law.js";
@@ -15,7 +16,7 @@ const MAX_STATED = 6;
 export class Flight {
   /** @param {Law} law @param {Bouncer} rig @param {number} rpm */
   constructor(law, rig, rpm) {
-    this.speed = (rpm * TURN) / 60;
+    this.speed = rpm * RPM;
     this.mass = rig.mass;
     this.message = "";
     /** @type {ContactRun | null} */
@@ -48,6 +49,6 @@ export class Flight {
 
 /** @param {ContactChange} event @param {number} start cam angle at the start of the turn */
 function describeEvent({ isLanding, angle, velocity }, start) {
-  const values = { angle: formatNumber(((angle - start) * 360) / TURN), velocity: formatNumber(velocity, 3) };
+  const values = { angle: formatNumber((angle - start) * DEGREE), velocity: formatNumber(velocity, 3) };
   return text(isLanding ? "landing_at" : "lift_off_at", values);
 }

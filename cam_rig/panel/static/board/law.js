@@ -1,8 +1,9 @@
 // The law in the page: polynomial pieces whose ordinates are fixed matrices times those of the board,
 // its curves over a turn, and their contact force. All values are in SI units.
 import { forceAt } from "../core/force.js";
-import { Law, TURN, pieceOrdinates, readPieces } from "../core/law.js";
+import { Law, pieceOrdinates, readPieces } from "../core/law.js";
 import { valueAt } from "../core/polynomials.js";
+import { RPM, TURN } from "../core/units.js";
 import { decodeBase64 } from "../common/dom.js";
 
 /** Number of equal steps of a turn at which the curves are drawn. */
@@ -12,7 +13,7 @@ export const MOTION_POINTS = 720;
 
 /** Law of a cam for any ordinates. */
 export class DrawnLaw {
-  /** @param {Board} board */
+  /** @param {Pick<Board, "cam" | "law" | "start">} board */
   constructor({ cam, law, start }) {
     this.name = cam.name;
     this.breaks = law.breaks;
@@ -41,8 +42,7 @@ export const readLaw = ({ name, breaks, ordinates }) => new Law(name, breaks, or
 
 /** Return the contact force (N) of a mass that follows the cam. @param {Motion} law @param {Mass} rig @param {number} rpm */
 export function contactForce([lift, slope, curvature], rig, rpm) {
-  const speed = (rpm * TURN) / 60;
-  return lift.map((s, i) => forceAt([s, slope[i], curvature[i]], rig, speed));
+  return lift.map((s, i) => forceAt([s, slope[i], curvature[i]], rig, rpm * RPM));
 }
 
 /** Return the torque (N·m) of the contact force on the cam: F s'. @param {Motion} law @param {Numbers} force */

@@ -231,7 +231,7 @@ const showSecond = (second) => store.update({ second, mayShrink: true });
 listenForChoices(board);
 listenForSecond(board, showSecond);
 $("spectrum_of").addEventListener("change", () => store.update({ spectrum: field("spectrum_of").value, mayShrink: true }));
-listenForFiles(readDrawing);
+if ($("save")) listenForFiles(readDrawing); // the static page has no files
 
 // -- the server -----------------------------------------------------------------------------------
 

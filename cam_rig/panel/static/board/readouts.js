@@ -7,6 +7,9 @@ import { renderChecks } from "./tables.js";
 /** Smallest magnitude of a readout, in its unit. */
 const RESOLUTION = 1e-3;
 
+/** Return true if the page displays the results of a server, as the static page does not. */
+const hasServer = () => Boolean($("jump"));
+
 /** Fill the parts that do not change. @param {Board} board */
 export function fillHeading({ rig, cam, b_splines: splines }) {
   setText("title", cam.title);
@@ -16,6 +19,7 @@ export function fillHeading({ rig, cam, b_splines: splines }) {
   const key = splines === null ? "own" : splines.exact ? "exact" : "nearest";
   const distance = splines && formatNumber(splines.distance_m * 1e6, 2);
   setText("class", text(key, { degree: splines?.degree, distance }));
+  if (!hasServer()) return;
   setText("jump_title", text(rig.two_masses ? "jump" : "jump_one", { seconds: formatNumber(rig.from_rest_s) }));
   setText("level_title", rig.calibrated_on ? text("level", { cam: rig.calibrated_on }) : text("level_relative"));
   setHidden("twist_of", !rig.has_shaft);
@@ -27,7 +31,6 @@ export function fillHeading({ rig, cam, b_splines: splines }) {
 export function renderReadouts({ fast, full, isFastCurrent }, isSprung) {
   if (!fast) return;
   const isFullCurrent = isFastCurrent && full?.version === fast.version;
-  renderChecks(full, isFullCurrent);
   const desmodromic = isSprung ? null : { message: text("desmodromic") };
   showValue("jump_rigid", desmodromic ?? fast.jump_rigid, 5, "rpm");
   $("jump_rigid").classList.toggle("stale", !isFastCurrent);
@@ -35,14 +38,7 @@ export function renderReadouts({ fast, full, isFastCurrent }, isSprung) {
   setText("pressure_angle", pressure === null ? "–"
     : text("of_allowed", { value: formatNumber(pressure.value_deg, 3), allowed: formatNumber(pressure.allowed_deg, 3) }));
   $("pressure_angle").classList.toggle("fault", pressure !== null && pressure.value_deg > pressure.allowed_deg);
-  for (const id of ["jump", "residual", "level", "twist", "fluctuation"]) $(id).classList.toggle("stale", !isFullCurrent);
-  if (full) {
-    showValue("jump", desmodromic ?? full.jump, 5, "rpm");
-    showValue("residual", full.residual_um, 4, "µm");
-    showValue("level", full.level_db, 4, "dB");
-    if (full.shaft) showValue("twist", full.shaft.twist_deg, 4, "°");
-    if (full.shaft?.fluctuation_percent) showValue("fluctuation", full.shaft.fluctuation_percent, 3, "%");
-  }
+  if (hasServer()) renderFull(full, isFullCurrent, desmodromic);
   const canBeMade = full?.version === fast.version ? full.can_be_made : fast.faults.length === 0;
   setHidden("not_made", canBeMade);
   $("results").classList.toggle("not_made", !canBeMade);
@@ -52,6 +48,18 @@ export function renderReadouts({ fast, full, isFastCurrent }, isSprung) {
   if ($("faults").textContent !== lines.join("")) {
     $("faults").replaceChildren(...lines.map((textContent) => create("li", { textContent })));
   }
+}
+
+/** Show the results that take longer, from the server. @param {FullResults | null} full @param {boolean} isCurrent @param {PageValue | null} desmodromic */
+function renderFull(full, isCurrent, desmodromic) {
+  renderChecks(full, isCurrent);
+  for (const id of ["jump", "residual", "level", "twist", "fluctuation"]) $(id).classList.toggle("stale", !isCurrent);
+  if (!full) return;
+  showValue("jump", desmodromic ?? full.jump, 5, "rpm");
+  showValue("residual", full.residual_um, 4, "µm");
+  showValue("level", full.level_db, 4, "dB");
+  if (full.shaft) showValue("twist", full.shaft.twist_deg, 4, "°");
+  if (full.shaft?.fluctuation_percent) showValue("fluctuation", full.shaft.fluctuation_percent, 3, "%");
 }
 
 /** @param {FullResults} full */

@@ -4,7 +4,8 @@
 import { forceAt, forceRounding, lossIntervals } from "./force.js";
 import { FreeFlight } from "./free_flight.js";
 import { SAME_ANGLE, findLanding } from "./landing.js";
-import { RefusedError, TURN, general } from "./law.js";
+import { RefusedError, general } from "./refusal.js";
+import { TURN } from "./units.js";
 
 /** Smallest range of the cam angle (rad) with a negative force that is a lift-off and not rounding. */
 const MIN_LOSS_ANGLE = 1e-9;

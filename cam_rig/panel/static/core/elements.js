@@ -1,7 +1,8 @@
 // Rollers, points and faces of followers, and their contact with the cam, as cam_rig/profile/faces.py.
 // Points are [x, y] in the frame of the follower's guide: the cam's axis is the origin, a guided
 // follower moves along y, and an arm has its pivot on x. Lengths in m, angles in rad.
-import { RefusedError, general } from "./law.js";
+import { RefusedError, general } from "./refusal.js";
+import { MM } from "./units.js";
 
 /** Product of curvature and distance from the axis at which a pitch curve counts as straight. */
 const STRAIGHT_CURVATURE = 1e-10;
@@ -12,12 +13,16 @@ const STRAIGHT_CURVATURE = 1e-10;
  * undercut. `centre` is that of the roller, or the point, null for a face.
  * @typedef {{contact: Pair, rate: number, pressure: number, centre: Pair | null}} Touch
  */
-/** Part of a follower that touches the cam. @typedef {{touch: (motion: MotionAt) => Touch}} Element */
+/**
+ * Part of a follower that touches the cam. `origin` (m) and `turn` are those of its outline at s = 0: the
+ * roller's centre or the point of the face in the guide, or the pivot and the direction of the arm.
+ * @typedef {{origin: Pair, turn: number, touch: (motion: MotionAt) => Touch}} Element
+ */
 
 // Complex numbers as pairs.
 
 /** @param {Pair} a @param {Pair} b @returns {Pair} */
-const times = ([a, b], [c, d]) => [a * c - b * d, a * d + b * c];
+export const times = ([a, b], [c, d]) => [a * c - b * d, a * d + b * c];
 /** @param {number} angle @param {number} [size] @returns {Pair} */
 export const polar = (angle, size = 1) => [size * Math.cos(angle), size * Math.sin(angle)];
 /** @param {Pair} a @param {Pair} b complex number, whose conjugate is the factor @returns {Pair} */
@@ -41,6 +46,8 @@ function offsetContact(centre, tangent, second, roller, pressure) {
 /** Roller or point in a guide (eq. 2.19-2.25). @param {number} roller @param {number} eccentricity @param {number} start height at s = 0 @returns {Element} */
 function guidedCentre(roller, eccentricity, start, side = 1) {
   return {
+    origin: [side * eccentricity, side * start],
+    turn: 0,
     touch([s, slope, curvature]) {
       const height = start + side * s, up = side * slope - eccentricity;
       return offsetContact(
@@ -54,10 +61,12 @@ function guidedCentre(roller, eccentricity, start, side = 1) {
   };
 }
 
-/** Face in a guide (eq. 2.14-2.18). @param {number} inclination @param {number} base distance of the face from the axis at s = 0 @returns {Element} */
-function guidedFace(inclination, base) {
+/** Face in a guide (eq. 2.14-2.18). @param {number} inclination @param {number} eccentricity @param {number} base distance of the face from the axis at s = 0 @returns {Element} */
+function guidedFace(inclination, eccentricity, base) {
   const cosine = Math.cos(inclination), along = polar(inclination);
   return {
+    origin: [eccentricity, (base + eccentricity * Math.sin(inclination)) / cosine],
+    turn: 0,
     touch([s, slope, curvature]) {
       const distance = base + cosine * s;
       return { contact: times(along, [cosine * slope, distance]), rate: distance + cosine * curvature, pressure: inclination, centre: null };
@@ -68,6 +77,8 @@ function guidedFace(inclination, base) {
 /** Roller or point at the end of an arm (eq. 2.26, 2.30-2.36). @param {number} roller @param {number} arm @param {number} pivot @param {number} start angle at s = 0 @returns {Element} */
 function swungCentre(roller, arm, pivot, start, side = 1) {
   return {
+    origin: [pivot, 0],
+    turn: -start,
     touch([s, slope, curvature]) {
       const turn = 1 + slope / arm, bend = curvature / arm;
       const out = polar(-side * (start + (side * s) / arm), arm);
@@ -82,6 +93,8 @@ function swungCentre(roller, arm, pivot, start, side = 1) {
 /** Face along an arm (eq. 2.26-2.29). @param {number} arm @param {number} offset @param {number} pivot @param {number} start angle at s = 0 @returns {Element} */
 function swungFace(arm, offset, pivot, start) {
   return {
+    origin: [pivot, 0],
+    turn: -start,
     touch([s, slope, curvature]) {
       const angle = start + s / arm, turn = 1 + slope / arm, swing = turn - 1, bend = curvature / arm;
       const high = pivot * Math.sin(angle), wide = pivot * Math.cos(angle), distance = high + offset;
@@ -111,7 +124,7 @@ export function elements(follower, stroke) {
     case "flat":
     case "inclined_flat":
     case "constant_breadth":
-      return [guidedFace(inclination, base)];
+      return [guidedFace(inclination, eccentricity, base)];
     case "oscillating_point":
     case "oscillating_roller":
       return [swungCentre(roller, arm, pivot, armOnBase(base + roller, arm, pivot))];
@@ -129,7 +142,7 @@ export function elements(follower, stroke) {
 }
 
 /** @param {number} length in m */
-const mm = (length) => general(length * 1e3, 6);
+const mm = (length) => general(length * MM, 6);
 
 /** Return the height of a guided centre at s = 0 (eq. 2.19). @param {number} prime @param {number} eccentricity */
 function heightOnBase(prime, eccentricity) {

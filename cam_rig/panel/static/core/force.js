@@ -1,8 +1,8 @@
 // Contact force m s'' Ω² + c s' Ω + k s + preload of one rigid mass that follows the cam.
 /** @import { Law } from "./law.js" */
-import { TURN } from "./law.js";
 import { EPS } from "./polynomials.js";
 import { negativeIntervals } from "./roots.js";
+import { TURN } from "./units.js";
 
 /** Rounding error of a force, as a multiple of the float epsilon of the sum of its largest terms. */
 const ROUNDING_ERRORS = 16;

@@ -2,8 +2,10 @@
 // Branch and bound over parts of the law: a part is discarded if its ordinates prove that the force is
 // not negative in it, up to the lowest speed so far ((37) of docs/proofs.md).
 /** @import { Law } from "./law.js" */
-import { RefusedError, TIE_RTOL, general, largest } from "./law.js";
-import { halve } from "./polynomials.js";
+import { TIE_RTOL } from "./figures.js";
+import { halve, largest } from "./polynomials.js";
+import { RefusedError, general } from "./refusal.js";
+import { DEGREE } from "./units.js";
 
 /** Largest number of halvings of a piece, and of all pieces. */
 const MAX_HALVINGS = 40, MAX_PARTS = 1 << 16;
@@ -24,7 +26,7 @@ export function jumpSpeed(law, rig) {
 function requireSmooth(law) {
   const [jump] = law.velocityJumps().sort((a, b) => Math.abs(b.step) - Math.abs(a.step));
   if (!jump) return;
-  const step = general(jump.step, 3), angle = general((jump.angle * 180) / Math.PI, 3);
+  const step = general(jump.step, 3), angle = general(jump.angle * DEGREE, 3);
   throw new RefusedError(`law '${law.name}': velocity jumps by ${step} m/rad at ${angle}°, an infinite force in this model; `
     + "allowed: segments that join with one slope");
 }

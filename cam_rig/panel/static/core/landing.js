@@ -3,9 +3,9 @@
 // At a lift-off both are known exactly, and the zero there is divided out. So no landing is missed.
 /** @import { Law } from "./law.js" */
 /** @import { FreeFlight } from "./free_flight.js" */
-import { TURN, largest } from "./law.js";
-import { EPS, elevate, integrate, restrict, valueAt } from "./polynomials.js";
+import { EPS, elevate, integrate, largest, restrict, valueAt } from "./polynomials.js";
 import { findFall } from "./roots.js";
+import { TURN } from "./units.js";
 
 /** Rounding errors of an acceleration or a gap, and of a cam angle, as multiples of the float epsilon. */
 const ACCELERATION_ROUNDING_ERRORS = 64, ANGLE_ROUNDING_ERRORS = 4;

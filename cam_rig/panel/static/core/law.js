@@ -1,13 +1,11 @@
 // Motion law of a cam: s (m) over one turn, as polynomial pieces in Bernstein form, and its derivatives
 // by the cam angle. Each piece is a fixed matrix times the ordinates of the drawing board.
-import { derivative, elevate, valueAt } from "./polynomials.js";
-import { crossings } from "./roots.js";
+import { extremes, jumps } from "./figures.js";
+import { derivative, elevate, largest, valueAt } from "./polynomials.js";
+import { TURN } from "./units.js";
 
-export const TURN = 2 * Math.PI;
 /** Smallest jump of s' that is not rounding: relative to the lift, and to the slopes on both sides. */
 const VELOCITY_JUMP = 1e-9, SLOPE_ROUNDING = 1e-12;
-/** Difference of extreme values that counts as rounding, relative to the largest ordinate. */
-export const TIE_RTOL = 1e-12;
 /** Distance of a sample from a joint at which it counts as on the joint, relative to the step of the samples. */
 const AT_SAMPLE = 1e-6;
 
@@ -41,15 +39,15 @@ export class Law {
     this.breaks = Float64Array.from(breaks);
     this.spans = Float64Array.from(ordinates, (_, i) => breaks[i + 1] - breaks[i]);
     this.size = ordinates[0].length;
-    /** Ordinates of s to s''' of each piece, of the degree of s. @type {Float64Array[][]} */
+    /** Ordinates of s and its first four derivatives in each piece, of the degree of s. @type {Float64Array[][]} */
     this.orders = [];
-    for (let order = 0, of = ordinates; order < 4; order += 1) {
+    for (let order = 0, of = ordinates; order <= 4; order += 1) {
       this.orders.push(of.map((values) => elevate(values, this.size)));
       of = of.map((values, i) => derivative(values).map((value) => value / this.spans[i]));
     }
     /** Bounds of |s| (m), |s'| (m/rad) and |s''| (m/rad²). */
     this.bounds = this.orders.slice(0, 3).map((pieces) => Math.max(...pieces.map(largest)));
-    const [low, high] = this.#extremes();
+    const [low, high] = extremes(this, 0);
     /** Smallest and largest s with their angles. */
     this.low = low;
     this.high = high;
@@ -88,41 +86,12 @@ export class Law {
     return curves;
   }
 
-  /** Return the smallest and the largest s (m) with their angles (rad), the first of equal ones. */
-  #extremes() {
-    const [lift, slope] = this.orders, tie = TIE_RTOL * this.bounds[0];
-    let low = { value: lift[0][0], angle: 0 }, high = low;
-    lift.forEach((ordinates, i) => {
-      for (const u of [0, ...crossings(slope[i]), 1]) {
-        const extreme = { value: valueAt(ordinates, u), angle: this.breaks[i] + u * this.spans[i] };
-        if (extreme.value < low.value - tie) low = extreme;
-        if (extreme.value > high.value + tie) high = extreme;
-      }
-    });
-    return [low, high];
-  }
-
   /** Return the joints at which s' jumps: cam angle (rad) and step (m/rad). */
   velocityJumps() {
     const slopes = this.orders[1], last = slopes.length - 1;
-    return slopes.flatMap((piece, i) => {
-      const before = slopes[i ? i - 1 : last], step = piece[0] - before[before.length - 1];
-      const rounding = SLOPE_ROUNDING * Math.max(largest(piece), largest(before));
+    return jumps(this, 1).flatMap((step, i) => {
+      const rounding = SLOPE_ROUNDING * Math.max(largest(slopes[i]), largest(slopes[i ? i - 1 : last]));
       return Math.abs(step) - rounding > VELOCITY_JUMP * this.lift ? [{ angle: this.breaks[i], step }] : [];
     });
   }
-}
-
-/** Error of a law or a follower, with a message as that of the server. */
-export class RefusedError extends Error {}
-
-/** Return the largest magnitude. @param {Float64Array} values */
-export const largest = (values) => values.reduce((max, value) => Math.max(max, Math.abs(value)), 0);
-
-/** Return a number as Python's format g with significant digits, as in the messages of the server. @param {number} value @param {number} digits */
-export function general(value, digits) {
-  const [mantissa, power] = value.toExponential(digits - 1).split("e"), exponent = Number(power);
-  const trim = (/** @type {string} */ text) => (text.includes(".") ? text.replace(/\.?0+$/, "") : text);
-  if (exponent >= -4 && exponent < digits) return trim(value.toFixed(digits - 1 - exponent));
-  return `${trim(mantissa)}e${exponent < 0 ? "-" : "+"}${String(Math.abs(exponent)).padStart(2, "0")}`;
 }

@@ -18,6 +18,9 @@ export function binomials(n) {
   return row;
 }
 
+/** Return the largest magnitude. @param {Float64Array} values */
+export const largest = (values) => values.reduce((max, value) => Math.max(max, Math.abs(value)), 0);
+
 /** Return the weighted ordinates. @param {Float64Array} ordinates */
 const weighted = (ordinates) => {
   const weights = binomials(ordinates.length - 1);

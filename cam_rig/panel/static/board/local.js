@@ -1,0 +1,110 @@
+// Stand-in for the server on the static board: it answers the requests of the page from the data in the
+// file, and computes the fast results by the core. It replaces connection.js in the exported file.
+import { $, decodeBase64 } from "../common/dom.js";
+import { lawFigures } from "../core/figures.js";
+import { evaluateFast } from "../core/results.js";
+import { MM } from "../core/units.js";
+import { DrawnLaw } from "./law.js";
+
+/** Cam, rig and drawing that a reloaded page keeps. @typedef {{cam: string, rig: string, drawing: Drawn | null}} Choice */
+/** @typedef {{ordinates: number[], rpm: number, base_radius_mm: number}} Drawn */
+
+/** Key of sessionStorage with the choice. */
+const CHOICE = "board";
+
+const packed = new Blob([decodeBase64($("data").textContent ?? "")]);
+/** @type {StaticData} */
+const data = await new Response(packed.stream().pipeThrough(new DecompressionStream("gzip"))).json();
+/** @type {Choice} */
+const choice = { ...data.first, drawing: null, ...JSON.parse(sessionStorage.getItem(CHOICE) ?? "{}") };
+addEventListener("pagehide", () => sessionStorage.setItem(CHOICE, JSON.stringify(choice)));
+
+// What needs a server is not on the static page.
+for (const element of document.querySelectorAll("[data-server]")) element.remove();
+$("expert_title").dataset.text = "expert_static";
+$("more_results").setAttribute("open", "");
+$("controls").addEventListener("submit", (event) => event.preventDefault());
+
+/** @param {string} name */
+const drawnLaw = (name) => new DrawnLaw(data.cams[name]);
+
+/** Answers to the requests of the page, by the start of their path. @type {Record<string, (name: string, body: any) => unknown>} */
+const ANSWERS = {
+  "/languages": () => data.languages,
+  "/static/": (name) => data.texts[name],
+  "/board": readBoard,
+  "/other/": readOther,
+  "/choose": (_, { cam, rig }) => {
+    if (cam !== undefined) [choice.cam, choice.drawing] = [cam, null];
+    if (rig !== undefined) choice.rig = rig;
+    onOpened();
+    return choice;
+  },
+};
+
+/** Return the data of the board for the chosen cam and rig. */
+function readBoard() {
+  const cam = data.cams[choice.cam], { drawing } = choice;
+  return { ...data.board, ...cam, rig: data.rigs[choice.rig], ...drawing };
+}
+
+/** Return the start law of a cam for comparison. @param {string} name @returns {OtherLaw} */
+function readOther(name) {
+  const { cam, static: { rise } } = data.cams[name], { start, breaks } = drawnLaw(name);
+  const law = { name, breaks, ordinates: start.orders[0].map((piece) => Array.from(piece)) };
+  return { title: cam.title, law, figures: lawFigures(start, rise) };
+}
+
+/** Lets the page reload. */
+let onOpened = () => {};
+
+/** @param {RequestInfo | URL} path @param {RequestInit} [options] */
+globalThis.fetch = async (path, options = {}) => {
+  const start = Object.keys(ANSWERS).find((key) => String(path).startsWith(key)) ?? "";
+  return Response.json(ANSWERS[start](String(path).slice(start.length), options.body && JSON.parse(String(options.body))));
+};
+
+/** Connection to the core in the page. A change is evaluated after the events that caused it. */
+export class Connection {
+  isPending = false;
+  number = 0;
+  version = 0;
+
+  /**
+   * @param {(number: number) => Drawn} read returns the change of a number
+   * @param {(message: BoardMessage, isPending: boolean) => void} onMessage
+   */
+  constructor(read, onMessage) {
+    this.read = read;
+    this.onMessage = onMessage;
+    this.law = drawnLaw(choice.cam);
+    onOpened = () => onMessage({ type: "opened" }, false);
+    const { ordinates, rpm, base_radius_mm } = readBoard();
+    const drawing = { ordinates, rpm, base_radius_mm };
+    setTimeout(() => onMessage({ type: "changed", number: null, ...drawing, ...this.#evaluate(drawing) }, false));
+  }
+
+  /** Evaluate the drawing soon. */
+  change() {
+    if (this.isPending) return;
+    this.isPending = true;
+    setTimeout(() => this.flush());
+  }
+
+  /** Evaluate the newest drawing. */
+  flush() {
+    if (!this.isPending) return;
+    this.isPending = false;
+    this.number += 1;
+    const drawing = this.read(this.number);
+    choice.drawing = drawing;
+    this.onMessage({ type: "fast", number: this.number, ...this.#evaluate(drawing) }, false);
+  }
+
+  /** @param {Drawn} drawing */
+  #evaluate({ ordinates, base_radius_mm: base }) {
+    const cam = data.cams[choice.cam].static, follower = { ...cam.follower, base_radius: base / MM };
+    this.version += 1;
+    return { version: this.version, ...evaluateFast({ ...cam, follower }, this.law.of(ordinates), data.rigs[choice.rig]) };
+  }
+}
