@@ -72,21 +72,29 @@ def panel(
     --------
     cam-rig panel --open
 
-    cam-rig panel --export out/board
-
     cam-rig panel bezier15 --rig tm21 --out cams
+
+    cam-rig panel --export out/board
     """
     if export is not None:
+        served_only = {"--port": port, "--no-rerun": no_rerun, "--open": open_browser}
+        for name in (name for name, value in served_only.items() if value):
+            raise ConfigError(f"--export cannot be combined with {name}")
         write_static_board(cam, rig, export, lang)
         return
     serve_panel([cam], rig, port, out, not no_rerun, open_browser, None, lang)
 
 
-def write_static_board(cam: str, rig: str | None, folder: Path, language: str | None) -> None:
-    """Write the static drawing board into a folder, and print its path and its size."""
+def _require_libraries() -> None:
     from cam_rig.extras import require
 
-    require("starlette")
+    for library in ("starlette", "uvicorn", "websockets"):
+        require(library)
+
+
+def write_static_board(cam: str, rig: str | None, folder: Path, language: str | None) -> None:
+    """Write the static drawing board into a folder, and print its path and its size."""
+    _require_libraries()
     from cam_rig.panel.board.board import Board
     from cam_rig.panel.export.page import export_board
     from cam_rig.schema.load import cam_path
@@ -112,14 +120,12 @@ def serve_panel(
 
     With an address of the network, only the lab sheets are served.
     """
-    from cam_rig.extras import require
     from cam_rig.files import temporary_folder
     from cam_rig.panel.board.board import Board
     from cam_rig.schema.load import cam_path
     from cam_rig.simulation.inputs import default_rig, resolve_cam, resolve_rig
 
-    for library in ("starlette", "uvicorn", "websockets"):
-        require(library)
+    _require_libraries()
     from cam_rig.live.sockets import LOOPBACK
     from cam_rig.panel.bench.pages import BenchPages
     from cam_rig.panel.bench.runner import BenchRunner

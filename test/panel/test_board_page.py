@@ -596,6 +596,7 @@ def test_contour_has_axis_base_circle_and_undercut(page, board):
     assert name == "Undercut: no cam has this part of the contour."
     shown.select_option("#second", label="Cycloidal")
     assert shown.locator("#second").input_value() == "cycloidal"
+    page.until(lambda: shown.locator("#key li").count() == 3)  # the new legend
     colours = [
         shown.locator(where).first.evaluate("e => getComputedStyle(e).stroke")
         for where in ("#key path", "#spectrum .curve:not(.ghost):not(.second)")

@@ -2,16 +2,19 @@
 
 import math
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 import cam_rig
+from cam_rig.cli.main import app
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.export.bundle import collect_modules
-from cam_rig.panel.export.page import REPLACED, export_board
+from cam_rig.panel.export.page import FILE, REPLACED, export_board
 from cam_rig.panel.server import STATIC
 from cam_rig.units import RPM, TURN
 from tools.docs.browser import TIMEOUT_S
@@ -90,6 +93,19 @@ def test_the_file_is_small_and_is_not_overwritten(file):
         export_board(file.parent / "more", Board(cam, rig, file.parent), "fr")
 
 
+def test_the_command_prints_the_path_and_refuses_options_of_the_server(tmp_path):
+    """The command prints the path of the file and ends. Options of the server are refused."""
+    done = CliRunner().invoke(app, ["panel", "bezier15", "--export", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert Path(done.stdout.splitlines()[0]) == tmp_path / FILE
+    for option in ("--open", "--no-rerun", "--port=8000"):
+        refused = CliRunner().invoke(app, ["panel", "--export", str(tmp_path / "more"), option])
+        name = option.partition("=")[0]
+        assert refused.exit_code != 0
+        assert f"--export cannot be combined with {name}" in refused.output
+        assert not (tmp_path / "more").exists()
+
+
 def test_the_file_contains_every_module_that_it_imports():
     """Each import in the file is a module of the file. The connection is the local stand-in."""
     modules = collect_modules("board/main.js", REPLACED)
@@ -156,6 +172,7 @@ def test_a_second_law_and_a_link_need_no_server(page, file):
     """A second law is drawn, and a link contains the drawing."""
     page.page.locator("#second").select_option("cycloidal")
     page.until(lambda: page.path("chart0", "second"))
+    assert "39.478" in page.text("second_peaks")  # the coefficient of the file's law
     page.page.locator(".handle").nth(4).press("PageUp")
     page.page.locator("#expert summary").click()
     page.page.locator("#link").click()
@@ -167,6 +184,8 @@ def test_a_second_law_and_a_link_need_no_server(page, file):
     page.page.goto(link)
     page.ready()
     page.until(lambda: page.page.locator(".handle").nth(4).get_attribute("aria-valuenow") == value)
+    page.choose("cam", "tm21")
+    assert "ordinates" not in page.page.url
 
 
 def test_a_dragged_handle_makes_the_contour_red(page):

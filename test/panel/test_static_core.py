@@ -245,7 +245,8 @@ def test_lift_offs_and_landings_are_those_of_the_package(core, name, seed):
     """Angles of lift-offs and landings agree to 1e-12 of a turn, impulses to 1e-12 of m v.
 
     v is the largest change of the cam's velocity in a turn. An error grows in flights and rebounds.
-    The tolerance grows by the same factor, which is that of a small change of the speed.
+    The tolerance grows by the same factor, which is that of a small change of the speed, and by the
+    rounding of s'' in short pieces.
     """
     case, compared = Case(core, name, seed), 0
     for rpm, events in zip(case.rpm, case.js["runs"], strict=True):
@@ -256,6 +257,7 @@ def test_lift_offs_and_landings_are_those_of_the_package(core, name, seed):
         speed = rpm * RPM
         momentum = case.mass.mass * speed * case.law.bounds[2] * TURN
         amplification = 1.0
+        law_rounding = case.scale(2) / np.abs(case.law.motion[2]).max()
         for i, event in enumerate(expected):
             if i >= len(probe) or probe[i].kind != event.kind:
                 break
@@ -266,7 +268,7 @@ def test_lift_offs_and_landings_are_those_of_the_package(core, name, seed):
                 break
             actual = events[i]
             assert actual["isLanding"] == (event.kind == "landing")
-            tolerance = RTOL * amplification
+            tolerance = RTOL * amplification * law_rounding
             assert abs(actual["angle"] - event.angle) <= tolerance * TURN
             assert abs(actual["impulse"] - event.impulse) <= tolerance * momentum
             compared += 1

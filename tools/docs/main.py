@@ -23,7 +23,7 @@ from cam_rig.studies.simulate import figures as noise
 from cam_rig.studies.simulate.recorded import read_recording
 from tools.docs import bench_picture, course_pictures, panel_picture
 from tools.docs.bench_picture import photograph_bench
-from tools.docs.panel_picture import photograph_lab, photograph_panel
+from tools.docs.panel_picture import photograph_lab, photograph_panel, photograph_static
 from tools.docs.pictures import draw_pictures
 from tools.docs.screenshot import SHORT_BAG, TABS, photograph_tab, photograph_viewer
 from tools.docs.turn_archive import TurnArchive, read_turns
@@ -66,6 +66,7 @@ def _draw(bag: Path, to: Path) -> None:
             VIEWER: partial(photograph_viewer, bag),
             **{name: partial(photograph_tab, SHORT_BAG, *tab) for name, tab in TABS.items()},
             panel_picture.BOARD.name: photograph_panel,
+            panel_picture.STATIC.name: photograph_static,
             BENCH: photograph_bench,
             panel_picture.LAB.name: photograph_lab,
         }

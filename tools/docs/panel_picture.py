@@ -12,6 +12,7 @@ from pathlib import Path
 from cam_rig.files import temporary_folder
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.pages import BoardPages
+from cam_rig.panel.export.page import export_board
 from cam_rig.panel.lab.labs import JumpSheet
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.server import serve
@@ -21,6 +22,12 @@ from tools.docs.browser import new_page, open_browser, save_picture, until
 
 #: File of the picture of the drawing board.
 BOARD = Path("docs/panel.png")
+#: File of the picture of the static board.
+STATIC = Path("docs/static_board.png")
+#: Cam speed of the static board (rpm), at which the follower flies.
+FLIGHT_RPM = 900
+#: Cam angle of the static board (deg), at which the follower is in flight.
+FLIGHT_DEG = 150
 #: File of the picture of the lab sheet.
 LAB = Path("docs/lab.png")
 #: Cam of the drawing board.
@@ -70,6 +77,21 @@ def photograph_panel(path: Path) -> None:
         page.screenshot(path=path)
 
 
+def photograph_static(path: Path) -> None:
+    """Write a picture of the exported board, opened as a file, with a follower in flight."""
+    with temporary_folder() as folder, open_browser(webgl=False) as browser:
+        board = Board(load_cam(cam_path(CAM)), load_rig(rig_path(RIG)), folder)
+        page = new_page(browser)
+        page.set_viewport_size({"width": 1280, "height": 800})
+        page.goto(export_board(folder, board, "en").as_uri())
+        page.locator("#contour .body").wait_for(state="attached")
+        page.locator("#rpm").fill(str(FLIGHT_RPM))
+        page.locator("#rpm").press("Enter")
+        page.locator("#cursor").fill(str(FLIGHT_DEG))
+        until(page, "() => document.getElementById('contact').textContent.includes('landing')")
+        page.screenshot(path=path)
+
+
 def photograph_lab(path: Path) -> None:
     """Write a picture of a lab sheet with readings and the theoretical curve.
 
@@ -98,4 +120,5 @@ def photograph_lab(path: Path) -> None:
 
 if __name__ == "__main__":
     save_picture(BOARD, photograph_panel)
+    save_picture(STATIC, photograph_static)
     save_picture(LAB, photograph_lab)

@@ -144,8 +144,8 @@ interface StaticCam {
   rise: Rise | null;
 }
 
-/** Fields of the board that the cam determines, and the data for the core. */
-type CamData = Omit<Board, "rig" | "rigs" | "cams" | "rpm" | "rpm_range" | "colours"> & { static: StaticCam };
+/** Fields of the board that the cam determines, the data for the core, and the law of the file for comparison. */
+type CamData = Omit<Board, "rig" | "rigs" | "cams" | "rpm" | "rpm_range" | "colours"> & { static: StaticCam & { second: OtherLaw } };
 
 /** Data in the file of the static board. The texts have the paths below /static. */
 interface StaticData {

@@ -82,12 +82,16 @@ def page_data(board: Board, language: str | None) -> dict[str, Any]:
 
 
 def core_data(board: Board, cam: CamConfig) -> dict[str, Any]:
-    """Return the data of a cam from which a page computes contour and figures."""
+    """Return the data of a cam from which a page computes contour and figures.
+
+    ``second`` is the law of the file, for comparison with other cams.
+    """
     law, rise = board.law(), find_rise(cam, build_law(cam))
     return {
         "follower": follower_sizes(cam, law),
         "picture": follower_picture(cam, law, follower_shape(cam, law)),
         "rise": None if rise is None else vars(rise),
+        "second": board.second_law(cam.name),
     }
 
 

@@ -1,7 +1,6 @@
 // Stand-in for the server on the static board: it answers the requests of the page from the data in the
 // file, and computes the fast results by the core. It replaces connection.js in the exported file.
 import { $, decodeBase64 } from "../common/dom.js";
-import { lawFigures } from "../core/figures.js";
 import { evaluateFast } from "../core/results.js";
 import { MM } from "../core/units.js";
 import { DrawnLaw } from "./law.js";
@@ -9,10 +8,9 @@ import { DrawnLaw } from "./law.js";
 /** Cam, rig and drawing that a reloaded page keeps. @typedef {{cam: string, rig: string, drawing: Drawn | null}} Choice */
 /** @typedef {{ordinates: number[], rpm: number, base_radius_mm: number}} Drawn */
 
-/** Key of sessionStorage with the choice. */
-const CHOICE = "board";
-
 const packed = new Blob([decodeBase64($("data").textContent ?? "")]);
+/** Key of sessionStorage with the choice. Another file in the same tab has another key. */
+const CHOICE = `board ${location.pathname} ${packed.size}`;
 /** @type {StaticData} */
 const data = await new Response(packed.stream().pipeThrough(new DecompressionStream("gzip"))).json();
 /** @type {Choice} */
@@ -25,15 +23,12 @@ $("expert_title").dataset.text = "expert_static";
 $("more_results").setAttribute("open", "");
 $("controls").addEventListener("submit", (event) => event.preventDefault());
 
-/** @param {string} name */
-const drawnLaw = (name) => new DrawnLaw(data.cams[name]);
-
 /** Answers to the requests of the page, by the start of their path. @type {Record<string, (name: string, body: any) => unknown>} */
 const ANSWERS = {
   "/languages": () => data.languages,
   "/static/": (name) => data.texts[name],
   "/board": readBoard,
-  "/other/": readOther,
+  "/other/": (name) => data.cams[name].static.second,
   "/choose": (_, { cam, rig }) => {
     if (cam !== undefined) [choice.cam, choice.drawing] = [cam, null];
     if (rig !== undefined) choice.rig = rig;
@@ -46,13 +41,6 @@ const ANSWERS = {
 function readBoard() {
   const cam = data.cams[choice.cam], { drawing } = choice;
   return { ...data.board, ...cam, rig: data.rigs[choice.rig], ...drawing };
-}
-
-/** Return the start law of a cam for comparison. @param {string} name @returns {OtherLaw} */
-function readOther(name) {
-  const { cam, static: { rise } } = data.cams[name], { start, breaks } = drawnLaw(name);
-  const law = { name, breaks, ordinates: start.orders[0].map((piece) => Array.from(piece)) };
-  return { title: cam.title, law, figures: lawFigures(start, rise) };
 }
 
 /** Lets the page reload. */
@@ -77,7 +65,7 @@ export class Connection {
   constructor(read, onMessage) {
     this.read = read;
     this.onMessage = onMessage;
-    this.law = drawnLaw(choice.cam);
+    this.law = new DrawnLaw(data.cams[choice.cam]);
     onOpened = () => onMessage({ type: "opened" }, false);
     const { ordinates, rpm, base_radius_mm } = readBoard();
     const drawing = { ordinates, rpm, base_radius_mm };

@@ -43,13 +43,15 @@ export class FreeFlight {
   accelerationOrdinates(time, duration) {
     const { window, damping, stiffness } = this, state = this.at(time);
     const terms = new Float64Array(SERIES_DEGREE + 1), ordinates = new Float64Array(SERIES_DEGREE + 1);
+    const weights = binomials(SERIES_DEGREE);
     for (let j = 0, { velocity, acceleration } = state; j <= SERIES_DEGREE; j += 1) {
-      terms[j] = acceleration / binomials(SERIES_DEGREE)[j];
+      terms[j] = acceleration / weights[j];
       const factor = window / (j + 1);
       [velocity, acceleration] = [acceleration * factor, -(stiffness * velocity + damping * acceleration) * factor];
     }
     for (let i = 0; i <= SERIES_DEGREE; i += 1) {
-      for (let j = 0; j <= i; j += 1) ordinates[i] += binomials(i)[j] * terms[j];
+      const row = binomials(i);
+      for (let j = 0; j <= i; j += 1) ordinates[i] += row[j] * terms[j];
     }
     return duration < window ? restrict(ordinates, 0, duration / window) : ordinates;
   }
