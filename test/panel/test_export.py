@@ -14,13 +14,13 @@ from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.export.bundle import collect_modules
-from cam_rig.panel.export.page import FILE, REPLACED, export_board
+from cam_rig.panel.export.page import FILE, REPLACED, export_board, page_data
 from cam_rig.panel.server import STATIC
 from cam_rig.units import RPM, TURN
 from tools.docs.browser import TIMEOUT_S
 
 from .conftest import BrowserPage, in_browser
-from .test_page_tools import AXE, SHOW_HIDDEN, VIOLATIONS
+from .test_page_tools import AXE, SHOW_HIDDEN, TSC, VIOLATIONS, wrong_types
 
 pytestmark = pytest.mark.slow
 #: Largest time (ms) from the start of loading to the first contour. It is 0.6 s on two busy cores.
@@ -118,6 +118,17 @@ def test_the_file_contains_every_module_that_it_imports():
     assert set(imported) == modules.keys() - {"board/main.js"}
     assert "WebSocket" not in "".join(modules.values())
     assert "WebSocket" in (STATIC / "board/connection.js").read_text("utf-8")
+
+
+@pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
+def test_the_data_have_their_declared_type(tmp_path):
+    """The data in the file have the type `StaticData` of messages.d.ts."""
+    board = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("tm21"), tmp_path)
+    data = page_data(board, None)
+    data["cams"] = {name: data["cams"][name] for name in ("poly345", "oscillating_conjugate")}
+    assert wrong_types(tmp_path, {"data": ("StaticData", data)}) == ""
+    del data["first"]
+    assert "'first' is missing" in wrong_types(tmp_path, {"data": ("StaticData", data)})
 
 
 def test_the_first_picture_appears_at_once(chromium, file):

@@ -49,7 +49,8 @@ let onOpened = () => {};
 /** @param {RequestInfo | URL} path @param {RequestInit} [options] */
 globalThis.fetch = async (path, options = {}) => {
   const start = Object.keys(ANSWERS).find((key) => String(path).startsWith(key)) ?? "";
-  return Response.json(ANSWERS[start](String(path).slice(start.length), options.body && JSON.parse(String(options.body))));
+  const answer = ANSWERS[start](String(path).slice(start.length), options.body && JSON.parse(String(options.body)));
+  return new Response(JSON.stringify(answer));
 };
 
 /** Connection to the core in the page. A change is evaluated after the events that caused it. */
