@@ -253,8 +253,10 @@ def in_browser(chromium, kind, **context):
     """
     page = chromium.new_context(**context).new_page() if context else new_page(chromium)
     shown = kind(page)
-    yield shown
-    page.context.close()
+    try:
+        yield shown
+    finally:
+        page.context.close()
     assert shown.errors == [] and shown.outside == []
 
 

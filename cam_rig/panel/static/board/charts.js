@@ -126,7 +126,7 @@ export class BoardCharts {
     const first = force.findIndex((value) => value < 0), last = force.findLastIndex((value) => value < 0);
     const isLost = first >= 0;
     const [min] = extent([force]);
-    this.force.drawCurve("lost", isLost ? force.map((value) => Math.min(value, 0)) : null, { step: this.step, kind: "bad" });
+    this.force.drawCurve("lost", isLost ? force.map((value) => (value < 0 ? value : NaN)) : null, { step: this.step, kind: "bad" });
     const lost = isLost
       ? text("contact_lost", { from: formatNumber(first * this.step), to: formatNumber(last * this.step) })
       : text("contact_kept", { min: formatNumber(min) });

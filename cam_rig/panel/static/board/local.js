@@ -68,9 +68,9 @@ export class Connection {
     this.onMessage = onMessage;
     this.law = new DrawnLaw(data.cams[choice.cam]);
     onOpened = () => onMessage({ type: "opened" }, false);
-    const { ordinates, rpm, base_radius_mm } = readBoard();
+    const { ordinates, rpm, base_radius_mm, generation } = readBoard();
     const drawing = { ordinates, rpm, base_radius_mm };
-    setTimeout(() => onMessage({ type: "changed", number: null, ...drawing, ...this.#evaluate(drawing) }, false));
+    setTimeout(() => onMessage({ type: "changed", number: null, generation, ...drawing, ...this.#evaluate(drawing) }, false));
   }
 
   /** Evaluate the drawing soon. */

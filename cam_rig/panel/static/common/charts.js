@@ -208,7 +208,7 @@ export class Chart {
   }
 
   /**
-   * Draw a curve of values at equal steps of x, or remove it if there are no values.
+   * Draw a curve of values at equal steps of x, with gaps at NaN, or remove it if there are no values.
    * @param {string} key @param {Numbers | null | undefined} values
    * @param {{colour?: string, kind?: string, scale?: number, step: number}} style
    */
@@ -216,10 +216,12 @@ export class Chart {
     const path = this.#changedPath(key, values, colour, kind);
     if (!path || !values) return;
     const points = new Array(values.length);
-    for (let i = 0; i < values.length; i += 1) {
-      points[i] = `${this.xPixel(this.x[0] + i * step).toFixed(1)} ${this.yPixel(values[i] * scale).toFixed(1)}`;
+    for (let i = 0, pen = "M"; i < values.length; i += 1) {
+      const y = this.yPixel(values[i] * scale);
+      points[i] = Number.isNaN(y) ? "" : `${pen}${this.xPixel(this.x[0] + i * step).toFixed(1)} ${y.toFixed(1)}`;
+      pen = Number.isNaN(y) ? "M" : "L";
     }
-    path.setAttribute("d", `M${points.join("L")}`);
+    path.setAttribute("d", points.join(""));
   }
 }
 
