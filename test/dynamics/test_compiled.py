@@ -238,6 +238,17 @@ def test_damaged_code_is_removed(process, tmp_path, capsys, damage):
     assert not list(tmp_path.iterdir())
 
 
+def test_plain_python_if_the_code_cannot_be_loaded(process, monkeypatch, capsys, tmp_path):
+    """If the compiled code is valid but cannot be loaded, the reason is printed once."""
+    expected = process()
+    store_library(tmp_path, b"no extension module")
+    monkeypatch.setenv(VARIABLE, COMPILED)
+    assert process() == expected
+    line = capsys.readouterr().err
+    assert line.startswith("events: using plain Python, because the compiled code cannot be loaded")
+    assert line.count("\n") == 1
+
+
 def test_plain_python_without_numba(process, monkeypatch, capsys):
     """Without numba, plain Python is used, and nothing is printed."""
     expected = process()

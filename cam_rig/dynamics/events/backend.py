@@ -90,7 +90,12 @@ def _library(is_requested: bool) -> ModuleType | None:
     If they are missing, they are built if ``is_requested`` is True or plain Python has taken long.
     """
     if not _state.has_loaded:
-        _state.library, _state.has_loaded = load(), True
+        _state.has_loaded = True
+        try:
+            _state.library = load()
+        except ImportError as error:  # for example from a folder without the right to execute
+            _state.has_built = True  # another file would not load either
+            _print(f"using plain Python, because the compiled code cannot be loaded ({error})")
     is_due = is_requested or _state.plain_s >= BUILD_AFTER_S
     if _state.library is None and is_due and not _state.has_built:
         _state.has_built = True
