@@ -20,7 +20,7 @@ from benchmark.speed.event_cost import event_costs, event_table
 from benchmark.speed.report import MeasuredPoint, figure, measure, notes
 from benchmark.speed.start_up import command_table, command_times, node_starts, node_table
 from benchmark.speed.steady_cost import RTOL, steady_costs, steady_table
-from benchmark.speed.study import FULL
+from benchmark.speed.study import FULL, NEARLY_BEST
 from cam_rig.show.figure import write
 from cam_rig.show.tables import to_markdown
 
@@ -40,7 +40,8 @@ Error relative to a 50-digit reference, and wall time, of the rig and of other s
 
 {table}
 
-The table contains the fastest of the other solvers, the figure all solvers. Error: the largest
+The table contains the fastest of the other solvers, or of the most accurate ones if none is as
+accurate as the rig, the figure all solvers. Error: the largest
 error of displacement or velocity, relative to the largest value. Events: the largest time to the
 nearest event of the same kind, including missed events. Time: median on one of {cores} cores
 ({machine}), without cached data of a law.
@@ -198,17 +199,27 @@ def samples() -> str:
 def quickest(points: Iterable[MeasuredPoint]) -> list[MeasuredPoint]:
     """Return the points of cam_rig and of the fastest peer in each case.
 
-    The figure has all peers.
+    If no peer is as accurate as cam_rig, it is the fastest of the most accurate peers. The figure
+    has all peers.
     """
     of_case = defaultdict[str, list[MeasuredPoint]](list)
     for point in points:
         if point.compared:
             of_case[point.case].append(point)
-    return [
-        point
-        for rig, *peers in of_case.values()
-        for point in (rig, min(peers, key=lambda peer: peer.ratio or math.inf))
-    ]
+    chosen = []
+    for rig, *peers in of_case.values():
+        limit = NEARLY_BEST * min(_error(peer) for peer in peers)
+
+        def rank(peer: MeasuredPoint, limit: float = limit) -> tuple[bool, bool, float]:
+            is_less_accurate = peer.only_a_bound and _error(peer) > limit
+            return peer.only_a_bound, is_less_accurate, peer.ratio or math.inf
+
+        chosen += [rig, min(peers, key=rank)]
+    return chosen
+
+
+def _error(peer: MeasuredPoint) -> float:
+    return math.inf if peer.point is None else peer.point.error
 
 
 def main() -> None:

@@ -71,7 +71,8 @@ CONDITIONS = (Column("quick"), Column("cores"), Column("took", "s", of="took_s")
 #: Notes for the readers of the table.
 KEY = (
     "Each peer at its fastest setting with an error no larger than the rig's. If no setting "
-    "reaches this error, the most accurate setting is used, and the ratio, marked >, is a bound."
+    "reaches this error, the fastest setting within ten times the smallest error of the peer is "
+    "used, and the ratio, marked >, is a bound."
 )
 
 RIG_NAME = "rig"

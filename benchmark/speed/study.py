@@ -55,6 +55,10 @@ class Sweep:
     notes: list[str] = field(default_factory=list)
 
 
+#: Ratio of two errors that counts as equal accuracy, if a peer does not reach the error of cam_rig.
+NEARLY_BEST = 10.0
+
+
 @dataclass
 class CaseResult:
     """Results of a case: point of cam_rig or reason for its absence, and sweeps."""
@@ -67,7 +71,8 @@ class CaseResult:
     def best(self, peer: str) -> tuple[Sweep, WorkPrecisionPoint] | None:
         """Return the fastest point of the peer that is as accurate as cam_rig.
 
-        If there is no such point, it is the most accurate point.
+        If there is no such point, it is the fastest point whose error is at most `NEARLY_BEST`
+        times the smallest error of the peer.
         """
         all_points = [(s, p) for s in self.sweeps if s.peer.name == peer for p in s.points]
         if not all_points:
@@ -75,7 +80,9 @@ class CaseResult:
         good = [pair for pair in all_points if self.as_good(pair[1])]
         if good:
             return min(good, key=lambda pair: pair[1].time_s)
-        return min(all_points, key=lambda pair: (pair[1].error, pair[1].time_s))
+        limit = NEARLY_BEST * min(point.error for _, point in all_points)
+        nearly_best = [pair for pair in all_points if pair[1].error <= limit]
+        return min(nearly_best, key=lambda pair: pair[1].time_s)
 
     def as_good(self, point: WorkPrecisionPoint) -> bool:
         """Return True if the error of a point is at most that of cam_rig."""
