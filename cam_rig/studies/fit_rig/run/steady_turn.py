@@ -54,9 +54,10 @@ class OneMassTurn:
         motion = _motion_at(law, inside.tobytes())
         lift, force = motion[0].copy(), force_weights(p, speed) @ motion + p.preload
         times = self.begin + inside / speed
-        is_flying, starts, since = trajectory.flights_at(times)
-        lift[is_flying] = trajectory.system.motion(starts, since)[0]
-        force[is_flying] = 0.0
+        if trajectory.events:
+            is_flying, starts, since = trajectory.flights_at(times)
+            lift[is_flying] = trajectory.system.motion(starts, since)[0]
+            force[is_flying] = 0.0
         return lift, force
 
 
