@@ -107,7 +107,7 @@ The search gives the same bits in plain Python and compiled by numba (`cam_rig[f
 solution includes the tables of cam and follower. The compiled search is an extension module in the
 user's cache. Loading it takes a millisecond and does not import numba. `make setup` and
 `python -m cam_rig.dynamics.events` build it, once per user, in about a minute. If it is missing, it
-is built after 10 s in plain Python. `CAM_RIG_EVENTS=plain` or `=compiled` selects the search.\
+is built after a minute in plain Python. `CAM_RIG_EVENTS=plain` or `=compiled` selects the search.\
 """
 
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: Name of the default cam of board and bench.
 DEFAULT_CAM = "poly345"
+#: Default folder for cam files, bags and sheets.
+DEFAULT_OUT = Path("out")
 #: Largest length of the path of a Unix socket, bytes, see unix(7).
 MAX_SOCKET_PATH_BYTES = 107
 
@@ -49,7 +51,7 @@ def panel(
     cam: OneCam = DEFAULT_CAM,
     rig: RigOfCam = None,
     port: Port = 0,
-    out: Out = Path("out"),
+    out: Out = DEFAULT_OUT,
     lang: Lang = None,
     no_rerun: NoRerun = False,
     open_browser: Open = False,
@@ -77,7 +79,12 @@ def panel(
     cam-rig panel --export out/board
     """
     if export is not None:
-        served_only = {"--port": port, "--no-rerun": no_rerun, "--open": open_browser}
+        served_only = {
+            "--port": port,
+            "--no-rerun": no_rerun,
+            "--open": open_browser,
+            "--out": out != DEFAULT_OUT,
+        }
         for name in (name for name, value in served_only.items() if value):
             raise ConfigError(f"--export cannot be combined with {name}")
         write_static_board(cam, rig, export, lang)

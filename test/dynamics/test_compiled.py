@@ -12,6 +12,7 @@ import time
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from cam_rig.dynamics.jump.rigid_mass import rigid_jump
 from cam_rig.dynamics.jump.two_masses import find_two_mass_jump, force_run
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.dynamics.two_mass import Separation, first_lift_off
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, vectors
 from cam_rig.units import NS, RPM, TURN
 
@@ -206,11 +208,12 @@ def test_compiled_code_is_used_from_the_first_call(process, tmp_path, monkeypatc
 
 @pytest.mark.parametrize("requested", [True, False])
 def test_missing_code_is_built_once(laws, process, tmp_path, monkeypatch, requested):
-    """Missing code is built on request, or after 10 s in plain Python, and once per process."""
+    """Missing code is built on request, or after a minute in plain Python, once per process."""
     builds = []
 
     def build():
         builds.append(store_library(tmp_path))
+        return True
 
     monkeypatch.setattr(backend, "build", build)
     process()
@@ -250,12 +253,50 @@ def test_plain_python_if_the_code_cannot_be_loaded(process, monkeypatch, capsys,
 
 
 def test_plain_python_without_numba(process, monkeypatch, capsys):
-    """Without numba, plain Python is used, and nothing is printed."""
+    """Without numba, plain Python is used. The remedy is printed if compiled code is requested."""
     expected = process()
     monkeypatch.setenv(VARIABLE, COMPILED)
     monkeypatch.setattr(backend, "find_spec", lambda _: None)
     assert process() == expected
-    assert capsys.readouterr().err == ""
+    line = (
+        "events: using plain Python, because numba is not installed (pip install 'cam_rig[fast]')"
+    )
+    assert capsys.readouterr().err == f"{line}\n"
+
+
+def test_plain_python_without_a_compiler(process, monkeypatch, capsys):
+    """Without a C compiler, plain Python is used, and the compiler is named."""
+    expected = process()
+    monkeypatch.setenv(VARIABLE, COMPILED)
+    monkeypatch.setenv("CC", "no_compiler -O2")
+    assert process() == expected
+    line = "events: using plain Python, because there is no C compiler (no_compiler)\n"
+    assert capsys.readouterr().err == line
+
+
+@pytest.mark.parametrize("broken", ["home", "directory", "after the build"])
+def test_plain_python_if_the_cache_cannot_be_used(process, monkeypatch, capsys, tmp_path, broken):
+    """A cache that cannot be used is reported in one line, and plain Python is used."""
+    expected = process()
+    monkeypatch.setenv(VARIABLE, COMPILED)
+    if broken == "home":
+        error = RuntimeError("Could not determine home directory.")
+        monkeypatch.setattr(backend, "cache_folder", Mock(side_effect=error))
+    elif broken == "directory":
+        (tmp_path / f"{backend.LIBRARY}-x").mkdir()
+    else:
+        monkeypatch.setattr(backend, "build", lambda: store_library(tmp_path, b"x") is None)
+    assert process() == expected
+    line = capsys.readouterr().err
+    assert line.startswith("events: using plain Python, because the compiled code cannot be loaded")
+    assert line.count("\n") == 1
+
+
+def test_an_unknown_backend_is_refused(process, monkeypatch):
+    """A value of the environment variable that is not a backend is refused."""
+    monkeypatch.setenv(VARIABLE, "Compiled")
+    with pytest.raises(ConfigError, match="must be plain or compiled, got 'Compiled'"):
+        process()
 
 
 def test_plain_python_if_the_compiler_fails(process, monkeypatch, capsys, tmp_path):

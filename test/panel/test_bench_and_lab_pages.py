@@ -167,7 +167,7 @@ def test_the_rig_and_its_prediction_are_drawn_before_it_turns(chromium, served):
 
 #: Script that is true if the displayed turn has the selected speed.
 SHOWN = """() => JSON.parse(document.body.dataset.shown || "{}").rpm
-  === document.getElementById("rpm").valueAsNumber"""
+  === Number(document.getElementById("rpm").value)"""
 
 
 class LabPage(BrowserPage):

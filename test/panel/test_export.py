@@ -192,6 +192,9 @@ def test_a_second_law_and_a_link_need_no_server(page, file):
     link = page.page.url
     page.page.goto("about:blank")
     page.page.evaluate("() => undefined")
+    page.page.goto(file.as_uri())
+    page.page.evaluate("() => sessionStorage.clear()")  # as in a new tab
+    page.page.goto("about:blank")
     page.page.goto(link)
     page.ready()
     page.until(lambda: page.page.locator(".handle").nth(4).get_attribute("aria-valuenow") == value)
@@ -213,6 +216,51 @@ def test_a_dragged_handle_makes_the_contour_red(page):
     page.page.locator("#undo").click()
     page.until(lambda: page.text("faults") == "")
     assert page.page.locator("#contour .curve.bad").count() == 0
+
+
+def test_the_scale_of_the_contour_returns_after_a_large_drag(page):
+    """After a pull by ten lifts and *Undo* the contour has its first scale again."""
+    scale = page.page.locator("#contour text").first
+    first = scale.text_content()
+    box = page.page.locator(".handle").nth(7).bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.page.mouse.move(x, y)
+    page.page.mouse.down()
+    page.page.mouse.move(x, y + 3000, steps=3)
+    page.until(lambda: scale.text_content() != first)
+    page.page.mouse.up()
+    page.page.locator("#undo").click()
+    page.until(lambda: scale.text_content() == first)
+
+
+def test_a_speed_with_a_decimal_comma_is_read(page):
+    """A decimal comma is a decimal point, and a text that is not a number is refused."""
+    page.page.fill("#rpm", "412,5")
+    page.page.press("#rpm", "Enter")
+    page.page.press("#rpm", "Tab")
+    page.until(lambda: page.page.input_value("#rpm") == "412.5")
+    page.page.fill("#rpm", "1.234,5")
+    page.page.press("#rpm", "Tab")
+    page.until(lambda: "1.234,5" in page.text("status"))
+
+
+@pytest.mark.parametrize(
+    ("cam", "rpm", "words"),
+    [
+        ("conjugate", "900", "guides the follower on both sides"),
+        ("worked_example_constant_velocity", "900", "Turn 6 from rest"),
+        ("quiet", "900", "40° to "),
+    ],
+)
+def test_the_sentence_on_contact_agrees_with_the_results(page, cam, rpm, words):
+    """A guided follower never leaves, flights exclude "kept", and ranges are separate."""
+    page.choose("cam", cam)
+    page.page.fill("#rpm", rpm)
+    page.page.press("#rpm", "Tab")
+    page.until(lambda: words in page.text("contact"))
+    assert "Contact is kept" not in page.text("contact")
+    if cam == "quiet":
+        assert page.text("contact").split(":")[0].count(" to ") >= 2
 
 
 def test_the_base_radius_changes_contour_and_faults(page):

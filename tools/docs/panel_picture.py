@@ -57,7 +57,7 @@ SIZE = {"width": 1600, "height": 792}
 BESIDE = (1.0, 0.0, 2.0)
 #: JavaScript condition that the displayed force is that of the set speed.
 SHOWN = """() => JSON.parse(document.body.dataset.shown || "{}").rpm
-  === document.getElementById("rpm").valueAsNumber"""
+  === Number(document.getElementById("rpm").value)"""
 LINE = "() => document.querySelector('#plot .theory').getAttribute('d')"
 
 

@@ -2,14 +2,23 @@
 
 The compiled code is stored in the user's cache, so that later runs start without this delay.
 
-Usage: ``python -m cam_rig.dynamics.events``
+Usage: ``python -m cam_rig.dynamics.events``. The exit code is 1 if nothing can be compiled.
 """
 
 from __future__ import annotations
 
-from importlib.util import find_spec
+import sys
 
 from cam_rig.dynamics.events.backend import build, load
 
-if __name__ == "__main__" and find_spec("numba") is not None and load() is None:
-    build()
+
+def main() -> int:
+    """Build the compiled code unless it exists, and return 1 if it cannot be built."""
+    try:
+        return 0 if load() or (build() and load()) else 1
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

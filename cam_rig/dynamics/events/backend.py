@@ -15,7 +15,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import sys
+import sysconfig
 import time
 from collections.abc import Callable
 from functools import cache
@@ -27,6 +29,7 @@ from typing import Any
 
 import numpy as np
 
+from cam_rig.errors import ConfigError
 from cam_rig.laws import vectors
 
 #: Modules whose functions compiled code may call, as paths relative to ``cam_rig``.
@@ -42,14 +45,16 @@ MODULES = (
 #: Further modules whose sources determine the compiled code, as paths relative to ``cam_rig``.
 OTHER_SOURCES = ("units", "dynamics.velocity_jumps", "dynamics.events.compiler")
 #: Time (s) that a process spends in kernels in plain Python before missing compiled code is built.
-#: The build takes about a minute, and later processes use its result.
-BUILD_AFTER_S = 10.0
+#: The build takes as long, and later processes use its result.
+BUILD_AFTER_S = 60.0
 #: Environment variable that selects the backend of the event search.
 VARIABLE = "CAM_RIG_EVENTS"
 #: Value of `VARIABLE` that selects plain Python for all calls.
 PLAIN = "plain"
 #: Value of `VARIABLE` that selects compiled code from the first call on, and builds it if needed.
 COMPILED = "compiled"
+#: Start of the names of the folders of builds in the cache.
+BUILD_PREFIX = ".build-"
 #: Name of the extension module with the compiled kernels.
 LIBRARY = "cam_rig_kernels"
 
@@ -75,6 +80,8 @@ def dispatch(kernel: Kernel, *arguments: Any) -> Any:
     Returns the result of ``kernel(*arguments)``, which is the same with both backends.
     """
     requested = os.environ.get(VARIABLE, "")
+    if requested not in ("", PLAIN, COMPILED):
+        raise ConfigError(f"{VARIABLE} must be {PLAIN} or {COMPILED}, got {requested!r}")
     if requested != PLAIN and (library := _library(requested == COMPILED)) is not None:
         return getattr(library, kernel.__name__)(*arguments)
     start = time.perf_counter()
@@ -91,18 +98,26 @@ def _library(is_requested: bool) -> ModuleType | None:
     """
     if not _state.has_loaded:
         _state.has_loaded = True
-        try:
-            _state.library = load()
-        except ImportError as error:  # for example from a folder without the right to execute
-            _state.has_built = True  # another file would not load either
-            _print(f"using plain Python, because the compiled code cannot be loaded ({error})")
+        _load_or_report()
     is_due = is_requested or _state.plain_s >= BUILD_AFTER_S
     if _state.library is None and is_due and not _state.has_built:
         _state.has_built = True
-        if find_spec("numba") is not None:
-            build()
-            _state.library = load()
+        if build():
+            _load_or_report()
     return _state.library  # type: ignore[no-any-return]
+
+
+def _load_or_report() -> None:
+    """Load the compiled kernels, or report why they cannot be loaded.
+
+    The cause is for example a folder that cannot be read, or without the right to execute. The user
+    may have no folder for a cache, which is a RuntimeError.
+    """
+    try:
+        _state.library = load()
+    except (ImportError, OSError, RuntimeError) as error:
+        _state.has_built = True  # another file would not load either
+        _print(f"using plain Python, because the compiled code cannot be loaded ({error})")
 
 
 def load() -> ModuleType | None:
@@ -129,19 +144,22 @@ def library_name(content: bytes) -> str:
     return f"{LIBRARY}-{hashlib.sha256(content).hexdigest()[:16]}{EXTENSION_SUFFIXES[0]}"
 
 
-def build() -> None:
+def build() -> bool:
     """Build the extension module in another process, and store it in the user's cache.
 
-    The other process can be interrupted, which a compilation in this process cannot. A failure is
-    reported on stderr.
+    The other process can be interrupted, which a compilation in this process cannot. Returns False
+    if it failed, after a report of the reason on stderr.
     """
     import subprocess
     from tempfile import TemporaryDirectory
 
+    if reason := _missing_tool():
+        _print(f"using plain Python, because {reason}")
+        return False
     _print("compiling, once (about a minute)")
     try:
         cache_folder().mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(prefix=".build-", dir=cache_folder()) as folder:
+        with TemporaryDirectory(prefix=BUILD_PREFIX, dir=cache_folder()) as folder:
             subprocess.run(
                 [sys.executable, "-m", "cam_rig.dynamics.events.compiler", folder],
                 check=True,
@@ -154,8 +172,19 @@ def build() -> None:
     except subprocess.CalledProcessError as error:
         lines = error.stderr.strip().splitlines()
         _print(f"using plain Python, because the compiler failed ({lines[-1] if lines else error})")
+        return False
     except OSError as error:
         _print(f"using plain Python, because nothing can be compiled ({error})")
+        return False
+    return True
+
+
+def _missing_tool() -> str:
+    """Return why nothing can be compiled, or an empty text."""
+    compiler = (os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc").split()[0]
+    if find_spec("numba") is None:
+        return "numba is not installed (pip install 'cam_rig[fast]')"
+    return "" if shutil.which(compiler) else f"there is no C compiler ({compiler})"
 
 
 def _print(message: str) -> None:

@@ -10,13 +10,17 @@ Usage: ``python -m cam_rig.dynamics.events.compiler FOLDER`` with an empty folde
 from __future__ import annotations
 
 import fcntl
+import os
+import shutil
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from inspect import isfunction
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -24,6 +28,7 @@ import numpy as np
 from cam_rig.dynamics import turn_map, two_mass
 from cam_rig.dynamics.events import backend, trajectory
 from cam_rig.dynamics.events.backend import (
+    BUILD_PREFIX,
     LIBRARY,
     MODULES,
     Kernel,
@@ -41,6 +46,8 @@ from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.laws import Law, vectors
 from cam_rig.units import NS, TURN
 
+#: Time (s) between two checks if the process that started this one is running.
+PARENT_PERIOD_S = 0.5
 #: Modules that call kernels.
 CALLERS = (trajectory, rigid_mass, run, turn_map, two_mass)
 
@@ -155,12 +162,24 @@ def register() -> None:
 
 def main() -> None:
     """Compile the kernels and store them in the user's cache, unless another process did so."""
+    Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     folder = Path(sys.argv[1])
     with Path(cache_folder() / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
+        for path in cache_folder().glob(f"{BUILD_PREFIX}*"):
+            # The folders of waiting processes are empty. The others are of killed processes.
+            if path != folder and any(path.iterdir()):
+                shutil.rmtree(path, ignore_errors=True)
         if load() is None:
             built = compile_kernels(folder)
             built.replace(cache_folder() / library_name(built.read_bytes()))
+
+
+def _end_with_parent(parent: int) -> None:
+    """End this process when the process that started it has ended."""
+    while os.getppid() == parent:
+        time.sleep(PARENT_PERIOD_S)
+    os._exit(1)
 
 
 if __name__ == "__main__":

@@ -261,10 +261,11 @@ def _modes(matrix: FloatArray, rates: FloatArray, duration: float, bound: float)
     with the ``duration`` T in s.
     """
     n, empty = matrix.shape[0], np.empty((0, 0))
-    if _have_similar_rates(rates):
-        # The matrix itself, because a transformation would add rounding.
-        if float(rates.min()) * duration < bound:
-            return Modes(matrix, empty, np.eye(n), float(rates.max()))
+    # The matrix itself where possible, because a transformation would add rounding.
+    are_similar = _have_similar_rates(rates)
+    if n <= 2 and float((rates.min() if are_similar else rates.max()) * duration) < bound:
+        return Modes(matrix, empty, np.eye(n), float(rates.max()))
+    if are_similar:
         return Modes(empty, matrix, np.eye(n), 0.0)
     overdamped = _overdamped_modes(matrix)
     if overdamped is not None:

@@ -1,5 +1,5 @@
 // Live bench: every control is a parameter or a service of a node, and displays the value that the node reports.
-import { $, create, field, post, setDisabled, setHidden, setText, setValue, showStatus } from "../common/dom.js";
+import { $, create, field, post, readNumber, setDisabled, setHidden, setText, setValue, showStatus } from "../common/dom.js";
 import { Knob, typedNumber } from "../common/knob.js";
 import { LatestSender } from "../common/latest.js";
 import { formatGap } from "../common/rig.js";
@@ -203,7 +203,7 @@ function renderPrediction(prediction) {
 
 /** Request the prediction of the set-up on the page at the speed of the knob. @param {Live} live */
 function requestPrediction(live) {
-  const rpm = field("rpm").valueAsNumber;
+  const rpm = readNumber(field("rpm"));
   if (!(rpm >= about.speeds[0] && rpm <= about.speeds[1])) return;
   const setup = { cam: mountedCam(live), rpm, ...readSetup() };
   const requested = JSON.stringify(setup);
@@ -220,7 +220,7 @@ const predictionSender = new LatestSender(async (/** @type {object} */ setup) =>
 
 /** Return the set-up on the page. */
 function readSetup() {
-  return Object.fromEntries(SETUP.map((id) => [id, id === "model" ? field(id).value : field(id).valueAsNumber]));
+  return Object.fromEntries(SETUP.map((id) => [id, id === "model" ? field(id).value : readNumber(field(id))]));
 }
 
 // -- commands -------------------------------------------------------------------------------------

@@ -123,16 +123,18 @@ export class BoardCharts {
    * @param {Float64Array} force @param {Flight | null} flight @param {boolean} isFaulty @param {boolean} hasMakeable
    */
   #drawContact(force, flight, isFaulty, hasMakeable) {
-    const first = force.findIndex((value) => value < 0), last = force.findLastIndex((value) => value < 0);
-    const isLost = first >= 0;
-    const [min] = extent([force]);
+    const ranges = this.board.cam.sprung ? negativeRanges(force).map(([from, to]) => (
+      text("angle_range", { from: formatNumber(from * this.step), to: formatNumber(to * this.step) }))) : [];
+    const isLost = ranges.length > 0, hasFlights = Boolean(flight?.isLost);
     this.force.drawCurve("lost", isLost ? force.map((value) => (value < 0 ? value : NaN)) : null, { step: this.step, kind: "bad" });
-    const lost = isLost
-      ? text("contact_lost", { from: formatNumber(first * this.step), to: formatNumber(last * this.step) })
-      : text("contact_kept", { min: formatNumber(min) });
-    const contact = flight?.isLost || (isLost && flight?.message) ? `${lost} ${flight.describe()}` : lost;
+    const sentences = [];
+    if (!this.board.cam.sprung) sentences.push(text("contact_guided"));
+    else if (isLost) sentences.push(text("contact_lost", { ranges: ranges.join(", ") }));
+    else if (!hasFlights) sentences.push(text("contact_kept", { min: formatNumber(extent([force])[0]) }));
+    if (hasFlights || (isLost && flight?.message)) sentences.push(/** @type {Flight} */ (flight).describe());
+    const contact = sentences.join(" ");
     setText("contact", isFaulty ? text(hasMakeable ? "force_kept" : "force_not_made", { contact }) : contact);
-    $("contact").classList.toggle("fault", isLost || isFaulty);
+    $("contact").classList.toggle("fault", isLost || hasFlights || isFaulty);
   }
 
   /** Show the largest, the least and the mean torque. @param {Float64Array} torque */
@@ -174,4 +176,17 @@ export class BoardCharts {
       return item;
     }));
   }
+}
+
+/** Return first and last index of each range of negative values. @param {Numbers} values */
+function negativeRanges(values) {
+  /** @type {Pair[]} */
+  const ranges = [];
+  values.forEach((value, i) => {
+    const last = ranges.at(-1);
+    if (value >= 0) return;
+    if (last && last[1] === i - 1) last[1] = i;
+    else ranges.push([i, i]);
+  });
+  return ranges;
 }

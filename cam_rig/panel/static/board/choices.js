@@ -15,11 +15,11 @@ export function listenForChoices({ cam, rig, cams, rigs }) {
     field(id).value = present;
     $(id).addEventListener("change", async () => {
       sessionStorage.setItem(CHOSEN, id);
-      const answer = await post("/choose", { [id]: field(id).value });
-      if (answer.ok) return;
+      const answer = await post("/choose", { [id]: field(id).value }).catch(() => null); // null without a connection
+      if (answer?.ok) return;
       sessionStorage.removeItem(CHOSEN);
       field(id).value = present;
-      showRefusal("not_chosen", await answer.json());
+      if (answer) showRefusal("not_chosen", await answer.json());
     });
   }
   $(sessionStorage.getItem(CHOSEN) ?? "")?.focus(); // the reloaded page keeps the focus
@@ -31,7 +31,7 @@ export function listenForSecond(board, show) {
   for (const [name, title] of Object.entries(board.cams)) $("second").append(new Option(title, name));
   $("second").addEventListener("change", async () => {
     const name = field("second").value;
-    const answer = name ? await fetch(`/other/${name}`) : null;
+    const answer = name ? await fetch(`/other/${name}`).catch(() => null) : null; // null without a connection
     const law = await answer?.json();
     if (field("second").value !== name) return; // another law has been selected meanwhile
     if (answer && !answer.ok) showStatus(errorText(law.message));

@@ -21,6 +21,7 @@ addEventListener("pagehide", () => sessionStorage.setItem(CHOICE, JSON.stringify
 for (const element of document.querySelectorAll("[data-server]")) element.remove();
 $("expert_title").dataset.text = "expert_static";
 $("more_results").setAttribute("open", "");
+$("checks_static").hidden = false;
 $("controls").addEventListener("submit", (event) => event.preventDefault());
 
 /** Answers to the requests of the page, by the start of their path. @type {Record<string, (name: string, body: any) => unknown>} */
@@ -70,7 +71,10 @@ export class Connection {
     onOpened = () => onMessage({ type: "opened" }, false);
     const { ordinates, rpm, base_radius_mm, generation } = readBoard();
     const drawing = { ordinates, rpm, base_radius_mm };
-    setTimeout(() => onMessage({ type: "changed", number: null, generation, ...drawing, ...this.#evaluate(drawing) }, false));
+    setTimeout(() => {
+      if (this.isPending) return; // a link has changed the drawing meanwhile
+      onMessage({ type: "changed", number: null, generation, ...drawing, ...this.#evaluate(drawing) }, false);
+    });
   }
 
   /** Evaluate the drawing soon. */

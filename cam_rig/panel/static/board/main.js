@@ -77,9 +77,9 @@ function render(present) {
   const motion = charts.motion(charts.law(ordinates));
   const speed = (rpm * 2 * Math.PI) / 60;
   charts.draw(present);
-  present.mayShrink = false;
   handles.draw(motion[0], ordinates, liftMm);
-  if (fast?.follower) contour.draw(fast.discs, fast.follower);
+  if (fast?.follower) contour.draw(fast.discs, fast.follower, present.mayShrink);
+  present.mayShrink = false;
   peaks.own.draw(board.cam.title, fast?.figures, present.isFastCurrent);
   peaks.second.draw(present.second?.title ?? "", present.second?.figures, true);
   setText("acceleration", `${formatNumber(Math.max(...extent([motion[2]]).map(Math.abs)) * speed ** 2)} m/s²`);
@@ -92,6 +92,9 @@ function render(present) {
   setDisabled("redo", !history.future.length);
 }
 
+/** Return a number without digits below 1e-9, which are rounding errors of the law. @param {number} value */
+const withoutRounding = (value) => Number(value.toFixed(9)) || 0;
+
 /** Show one cam angle in all charts, and turn the cam to it. @param {Motion} motion @param {number} angleDeg @param {number} speed */
 function renderCursor(motion, angleDeg, speed) {
   const k = Math.round((angleDeg / 360) * MOTION_POINTS) % MOTION_POINTS;
@@ -102,9 +105,9 @@ function renderCursor(motion, angleDeg, speed) {
   for (const chart of charts.overAngle) chart.drawCursor(angleDeg);
   setText("at_cursor", text("cursor_words", {
     angle: angleDeg,
-    lift: formatNumber(y * 1e3),
-    velocity: formatNumber(velocity, 3),
-    acceleration: formatNumber(acceleration, 3),
+    lift: formatNumber(withoutRounding(y * 1e3)),
+    velocity: formatNumber(withoutRounding(velocity), 3),
+    acceleration: formatNumber(withoutRounding(acceleration), 3),
     force: formatNumber(force, 3),
     torque: formatNumber(force * slope, 3),
   }));
@@ -265,7 +268,6 @@ function receive(message, isPending) {
 /** @param {FastResults} fast @param {Float64Array | null} ordinates of the results @param {boolean} isFastCurrent */
 function receiveFast(fast, ordinates, isFastCurrent) {
   const isFaulty = fast.faults.length > 0;
-  const hasChanged = isFaulty !== Boolean(state.fast?.faults.length);
   // The contour of a law that has none is that of the last law with a contour.
   const discs = fast.discs.length ? fast.discs : state.fast?.discs ?? [];
   const follower = fast.follower ?? state.fast?.follower ?? null;
@@ -274,7 +276,7 @@ function receiveFast(fast, ordinates, isFastCurrent) {
     isFastCurrent,
     makeable: isFaulty ? state.makeable : ordinates ?? state.makeable,
     // Axes do not shrink during a gesture.
-    mayShrink: state.mayShrink || (hasChanged && !history.before),
+    mayShrink: state.mayShrink || !history.before,
   });
 }
 

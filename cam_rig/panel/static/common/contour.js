@@ -33,12 +33,12 @@ export class ContourChart {
   }
 
   /**
-   * Draw discs and follower, unless they are already displayed. The scale shrinks only with another base circle.
-   * @param {Disc[]} discs @param {FollowerPicture} picture
+   * Draw discs and follower, unless they are already displayed. The visible area shrinks only if it may.
+   * @param {Disc[]} discs @param {FollowerPicture} picture @param {boolean} mayShrink
    */
-  draw(discs, picture) {
-    if (discs === this.discs || !discs.length) return;
-    const box = bounds(discs, picture), previous = this.picture?.base === picture.base ? this.box : null;
+  draw(discs, picture, mayShrink) {
+    if ((discs === this.discs && !mayShrink) || !discs.length) return;
+    const box = bounds(discs, picture), previous = mayShrink ? null : this.box;
     this.box = previous ? { x: union(previous.x, box.x), y: union(previous.y, box.y) } : box;
     this.discs = discs;
     this.picture = picture;

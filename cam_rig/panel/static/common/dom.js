@@ -36,6 +36,11 @@ export function setValue(id, value) {
   if (field(id).value !== String(value)) field(id).value = String(value);
 }
 
+/** Return the number in a field, with a decimal point or comma, or NaN. @param {HTMLInputElement} input */
+export function readNumber({ value }) {
+  return value.trim() === "" ? NaN : Number(value.replace(",", "."));
+}
+
 /** Show the result of an action in the status line of the page. @param {string} message */
 export function showStatus(message, isFault = Boolean(message)) {
   setText("status", message);

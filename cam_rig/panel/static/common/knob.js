@@ -1,6 +1,6 @@
 // A speed knob with a logarithmic scale, turned by pointer or keys, and the field of a typed speed.
 import { svgElement } from "./charts.js";
-import { showStatus } from "./dom.js";
+import { readNumber, showStatus } from "./dom.js";
 import { formatNumber, text } from "./texts.js";
 
 /** Angle of the lowest speed from the top, and angle of the whole scale, deg. */
@@ -134,7 +134,7 @@ export class Knob {
  * @param {HTMLInputElement} input @param {Pair} range @param {string} rule key of the text of the rule
  */
 export function typedNumber(input, [low, high], rule = "speed_range") {
-  const number = input.valueAsNumber;
+  const number = readNumber(input);
   const isValid = number >= low && number <= high;
   const values = { value: input.value || "–", low: formatNumber(low, 6), high: formatNumber(high, 6) };
   showStatus(isValid ? "" : text(rule, values));
