@@ -235,13 +235,16 @@ def test_the_scale_of_the_contour_returns_after_a_large_drag(page):
 
 def test_a_speed_with_a_decimal_comma_is_read(page):
     """A decimal comma is a decimal point, and a text that is not a number is refused."""
+    before = page.text("acceleration")
     page.page.fill("#rpm", "412,5")
     page.page.press("#rpm", "Enter")
+    page.until(lambda: page.text("acceleration") != before)  # while the field has the focus
     page.page.press("#rpm", "Tab")
     page.until(lambda: page.page.input_value("#rpm") == "412.5")
     page.page.fill("#rpm", "1.234,5")
     page.page.press("#rpm", "Tab")
     page.until(lambda: "1.234,5" in page.text("status"))
+    page.until(lambda: page.page.input_value("#rpm") == "412.5")
 
 
 @pytest.mark.parametrize(

@@ -215,6 +215,9 @@ $("base_radius").addEventListener("change", () => {
   if (baseRadius !== null) changeAsStep({ baseRadius });
 });
 
+// A field that loses the focus shows the value of the board again.
+for (const id of ["rpm", "base_radius"]) $(id).addEventListener("blur", () => store.update());
+
 $("undo").addEventListener("click", () => history.undo());
 $("redo").addEventListener("click", () => history.redo());
 $("reset").addEventListener("click", () => changeAsStep({ ordinates: start, baseRadius: board.start_base_radius_mm }));
