@@ -212,7 +212,8 @@ def quickest(points: Iterable[MeasuredPoint]) -> list[MeasuredPoint]:
 
         def rank(peer: MeasuredPoint, limit: float = limit) -> tuple[bool, bool, float]:
             is_less_accurate = peer.only_a_bound and _error(peer) > limit
-            return peer.only_a_bound, is_less_accurate, peer.ratio or math.inf
+            has_reached = peer.point is not None and not peer.only_a_bound
+            return not has_reached, is_less_accurate, peer.ratio or math.inf
 
         chosen += [rig, min(peers, key=rank)]
     return chosen

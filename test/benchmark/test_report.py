@@ -108,6 +108,22 @@ def test_the_page_has_the_quickest_peer_of_a_case(study):
     ]  # fmt: skip
 
 
+def test_a_peer_without_results_is_listed_last(study):
+    """If no peer is as accurate, the page lists the fastest of the accurate ones.
+
+    A peer without results, or with an error above ten times the smallest, is listed only if there
+    is no other.
+    """
+    dop853, adams, bdf, *_ = PEERS
+    study.cases["resonance"].sweeps = [
+        Sweep(dop853),
+        Sweep(adams, [point(0.3, 1e-10, 1e-11)]),
+        Sweep(bdf, [point(0.1, 1e-4, 1e-11)]),
+    ]
+    shown = quickest(Comparison(study).tables()[0].records)
+    assert (shown[1].solver, shown[1].point.time_s) == ("CVODE Adams", 0.3)
+
+
 def test_a_ratio_that_is_only_a_bound_is_marked(study):
     """A time ratio is marked with ">" if the other solver is less accurate.
 
