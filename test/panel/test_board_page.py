@@ -266,7 +266,7 @@ def test_the_keyboard_moves_undoes_and_resets(page, board):
     page.until(lambda: board.rpm == 1e5)
     page.settled()
     assert not board.out.exists()  # Enter in the field of the speed does not save a file
-    assert "below zero" in page.text("contact")
+    page.until(lambda: "below zero" in page.text("contact"))
     assert np.array_equal(board.ordinates, board.drawn.ordinates)
 
 
