@@ -93,5 +93,6 @@ $(STAMP): requirements.lock package.xml setup.py setup.cfg | $(BIN)/pip
 	@$(PIP) install --require-hashes --requirement requirements.lock
 	@# a path, which checkers of types follow, in place of a finder, which costs each start 10 ms
 	@$(PIP) install --no-deps --no-build-isolation --config-settings editable_mode=compat --editable .
+	@# without a C compiler plain Python is used, and the command says so
 	@$(BIN)/python -m cam_rig.dynamics.events || true
 	@touch $@

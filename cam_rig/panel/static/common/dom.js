@@ -36,9 +36,15 @@ export function setValue(id, value) {
   if (field(id).value !== String(value)) field(id).value = String(value);
 }
 
-/** Return the number in a field, with a decimal point or comma, or NaN. @param {HTMLInputElement} input */
+/**
+ * Return the number in a field, with a decimal point or comma, or NaN.
+ *
+ * "1,000" is NaN, because it may be a thousand or one.
+ * @param {HTMLInputElement} input
+ */
 export function readNumber({ value }) {
-  return value.trim() === "" ? NaN : Number(value.replace(",", "."));
+  const number = value.trim();
+  return number === "" || /^[-+]?\d{1,3},\d{3}$/.test(number) ? NaN : Number(number.replace(",", "."));
 }
 
 /** Show the result of an action in the status line of the page. @param {string} message */
