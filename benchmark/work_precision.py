@@ -105,7 +105,7 @@ Time of a lift-off and its landing: wall time divided by the number of landings 
 
 The search gives the same bits in plain Python and compiled by numba (`cam_rig[fast]`). A whole
 solution includes the tables of cam and follower. The compiled search is an extension module in the
-user's cache. Loading it takes a millisecond and does not import numba. `make setup` and
+user's cache. Loading it takes 4 ms and does not import numba. `make setup` and
 `python -m cam_rig.dynamics.events` build it, once per user, in about a minute. If it is missing, it
 is built after a minute in plain Python. `CAM_RIG_EVENTS=plain` or `=compiled` selects the search.\
 """

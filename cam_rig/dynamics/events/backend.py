@@ -2,7 +2,7 @@
 
 A kernel is a function that either backend can run. `cam_rig.dynamics.events.compiler` compiles all
 kernels once, in advance, into one extension module in a folder of the user's cache. Loading it
-takes a millisecond and does not import numba. Without it kernels run in plain Python, until a
+takes 4 ms and does not import numba. Without it kernels run in plain Python, until a
 process has spent `BUILD_AFTER_S` in them. Then it is built. The environment variable
 ``CAM_RIG_EVENTS`` selects one backend for all calls. Both backends give bit-identical results.
 
